@@ -1,0 +1,46 @@
+# Everything from Debian's own packages: one solver stack, built and tested together. DEBIAN=sid builds too.
+ARG DEBIAN=trixie
+FROM debian:${DEBIAN}-slim AS environment
+
+# libopenblas0-pthread: python3-dolfinx alone brings the reference BLAS, which factorises five times slower.
+# gcc, g++, python3-dev: FFCx compiles each form on first use.
+# Check-Valid-Until: a mirror of sid may lag a few days behind its validity; the signatures are checked all the same.
+RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-mirror \
+ && apt-get update -q \
+ && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
+        python3-dolfinx python3-dolfinx-real python3-petsc4py-real libopenblas0-pthread \
+        openmpi-bin python3-mpi4py \
+        gmsh python3-gmsh python3-meshio python3-h5py \
+        python3-numpy python3-scipy python3-numexpr \
+        python3-pydantic python3-simpleeval python3-tomli-w python3-typer python3-rich \
+        python3-matplotlib fonts-dejavu-core fonts-dejavu-extra \
+        python3-pytest python3-pytest-timeout python3-pytest-cov python3-hypothesis mypy \
+        python3-pip python3-setuptools python3-wheel \
+        python3-cffi python3-dev gcc g++ libc6-dev make \
+ && rm -rf /var/lib/apt/lists/*
+
+# Ranks may outnumber cores, and none is tied to one: two runs side by side would both sit on the first core.
+# Without the choice of transports Open MPI warns about networks that one machine does not need.
+# HOME: the image runs as any user, with or without an entry in /etc/passwd.
+ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,sm \
+    PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe PRTE_MCA_hwloc_default_binding_policy=none \
+    OMP_NUM_THREADS=1 MPLBACKEND=Agg HOME=/tmp XDG_CACHE_HOME=/tmp/.cache
+
+# The checkout's own command, for as long as the package is not installed (./env sets PYTHONPATH); and what must hold.
+RUN printf '#!/bin/sh\nexec python3 -m signorini_fx "$@"\n' > /usr/local/bin/signorini-fx \
+ && chmod 755 /usr/local/bin/signorini-fx \
+ && readlink -f /usr/lib/*-linux-gnu/libblas.so.3 | grep openblas \
+ && python3 -B -c 'import dolfinx, petsc4py, gmsh, meshio, h5py; print(dolfinx.__version__, petsc4py.__version__)'
+
+
+FROM environment
+
+COPY . /opt/signorini_fx
+RUN cd /opt/signorini_fx \
+ && pip install --no-index --no-deps --no-build-isolation --no-cache-dir --break-system-packages . \
+ && rm -rf build ./*.egg-info \
+ && mkdir -m 1777 /results
+
+WORKDIR /results
+ENTRYPOINT ["signorini-fx"]
+CMD ["solve", "/opt/signorini_fx/demos/scenes/example1_tresca.toml", "--out", "/results"]

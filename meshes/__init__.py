@@ -1,0 +1,2 @@
+"""Mesh generators.  Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the
+``mesh.parameters`` of a scene."""

@@ -1,0 +1,48 @@
+"""Signorini contact with Tresca and Coulomb friction on FEniCSx, by the semi-smooth Newton method of Kunisch & Stadler.
+
+``from signorini_fx import Scene, read_scene, solve``.  dolfinx is imported when it is first needed, not before.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "errors": ("ConvergenceError", "MeshError", "SceneError", "SignoriniError"),
+    "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
+    "results": ("Status",),
+    "scene": (
+        "BodyForce",
+        "Box",
+        "CoulombFriction",
+        "Discretised",
+        "LinearElastic",
+        "MeshFile",
+        "MeshGenerator",
+        "NoFriction",
+        "PrescribedDisplacement",
+        "Scene",
+        "SolverSettings",
+        "SurfaceTraction",
+        "TrescaFriction",
+        "UnilateralContact",
+        "read_scene",
+    ),
+    "solve": ("Solution", "solve"),
+}
+_MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
+
+if TYPE_CHECKING:
+    from signorini_fx.errors import ConvergenceError as ConvergenceError
+    from signorini_fx.solve import solve as solve
+
+__all__ = sorted(_MODULE_OF)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULE_OF:
+        return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,205 @@
+"""Algorithm (SSN), section 4: semi-smooth Newton as an active-set method, driven by PETSc SNES."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.complementarity import ActiveSets, RegularisedData
+from signorini_fx.problem import RegularisedProblem
+from signorini_fx.results import IterationRecord, OuterRecord, Status
+from signorini_fx.rigid import RigidMotions
+
+OPTIONS_PREFIX = "sfx_"
+# The residual of a solved step is round-off; above this share of the forces it is not.
+RESIDUAL_TOLERANCE = 1e-8
+_SNES = PETSc.SNES.ConvergedReason
+
+
+@dataclass
+class History:
+    """What happened, in order.
+
+    Attributes:
+        iterations: one record a linear solve.
+        outer: one record a regularised problem.
+        observers: called with each new record, to show progress.
+    """
+
+    iterations: list[IterationRecord] = field(default_factory=list)
+    outer: list[OuterRecord] = field(default_factory=list)
+    observers: list[object] = field(default_factory=list)
+
+    @property
+    def linear_solves(self) -> int:
+        """Linear solves so far."""
+        return len(self.iterations)
+
+    def add(self, record: IterationRecord | OuterRecord) -> None:
+        """Keep a record and show it."""
+        if isinstance(record, IterationRecord):
+            self.iterations.append(record)
+        else:
+            self.outer.append(record)
+        for observer in self.observers:
+            observer(record)  # type: ignore[operator]
+
+
+class SemismoothNewton:
+    """Solves regularised problems on one elastic system; the solver objects are set up once and kept.
+
+    A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
+    is small.  Because an iterate depends on its sets alone, sets that were seen before mean a cycle.
+    PETSc options with the prefix ``sfx_`` reach the SNES, KSP and PC; where the user sets none, the defaults hold.
+
+    Args:
+        problem: residual and Jacobian.
+        motions: rigid motions of the body, to notice sets that do not hold it.
+        max_iterations: linear solves allowed for one problem.
+        history: where the records go.
+    """
+
+    def __init__(
+        self, problem: RegularisedProblem, motions: RigidMotions, max_iterations: int, history: History
+    ) -> None:
+        self.problem = problem
+        self.history = history
+        self.x = problem.system.start.copy()
+        self._motions = motions
+        self._residual = self.x.duplicate()
+        self._start_time = time.perf_counter()
+        comm = problem.system.comm
+        keys = np.random.default_rng(comm.rank).integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
+        self._keys = keys
+        self.snes = self._create(max_iterations)
+
+    def _create(self, max_iterations: int) -> PETSc.SNES:
+        snes = PETSc.SNES().create(self.problem.system.comm)
+        snes.setOptionsPrefix(OPTIONS_PREFIX)
+        snes.setType(PETSc.SNES.Type.NEWTONLS)
+        snes.setFunction(self.problem.residual, self._residual)
+        snes.setJacobian(self.problem.assemble_jacobian, self.problem.jacobian)
+        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=max_iterations)
+        snes.setConvergenceTest(self._test)
+        self.problem.system.configure(snes.getKSP(), symmetric=True)
+        # petsc4py 3.22 has no setter for the line search: a default option, set only if the user set none.
+        options = PETSc.Options(OPTIONS_PREFIX)
+        ours = not options.hasName("snes_linesearch_type")
+        if ours:
+            options["snes_linesearch_type"] = "basic"
+        snes.setFromOptions()
+        if ours:
+            options.delValue("snes_linesearch_type")
+        return snes
+
+    def solve(
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None = None,
+        *,
+        first_iteration: int = 1,
+        change: float | None = None,
+    ) -> Status:
+        """Solve one regularised problem; the iterate stays in ``x``, the sets in ``problem.sets``.
+
+        Args:
+            data: the problem.
+            first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
+            first_iteration: number of the first linear solve: 0 where it only makes the start (section 7).
+            change: figure of the outer algorithm to record with this problem.
+        """
+        self.problem.set_data(data, first_sets)
+        self._first_iteration = first_iteration
+        self._before = self.history.linear_solves
+        self._seen: set[int] = set()
+        self._stalls = 0
+        self._last_residual = np.inf
+        self._status: Status | None = None
+        try:
+            self.snes.solve(None, self.x)
+            status = self._status or _status(self.snes.getConvergedReason())
+        except PETSc.Error:
+            # Some factorisation packages raise where others set a reason; on one rank only they do.
+            if self.problem.system.comm.size > 1:
+                raise
+            status = Status.SINGULAR
+        solves = self.history.linear_solves - self._before
+        self.history.add(OuterRecord(len(self.history.outer), solves, change, status.value))
+        return status
+
+    def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
+        """Step 3, after linear solve k (k = 0: before the first)."""
+        problem = self.problem
+        sets, following = problem.sets, problem.next_sets
+        changed = sets.changed(following)
+        slip = sets.slip if problem.data.bound is None else np.where(problem.data.bound > 0, sets.slip, 0)
+        counts = parallel.global_sum(
+            problem.system.comm,
+            np.array(
+                [
+                    np.count_nonzero(sets.contact),
+                    np.count_nonzero(slip > 0),
+                    np.count_nonzero(slip < 0),
+                    np.count_nonzero(changed),
+                    self._fingerprint(following),
+                ],
+                dtype=np.uint64,
+            ),
+        )
+        active, plus, minus, changes, fingerprint = (int(count) for count in counts)
+        residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
+        if k > 0:
+            self._record(k, active, plus, minus, changes, residual)
+        if not np.isfinite(norms[2]):
+            return self._stop(Status.SINGULAR)
+        if k > 0 and changes == 0:
+            if residual <= snes.getTolerances()[0]:
+                return int(_SNES.CONVERGED_FNORM_RELATIVE)
+            # The sets are right, the linear solve was not exact: the next step with the same sets refines it.
+            self._stalls += 1
+            if self._stalls > 2 and residual > 0.5 * self._last_residual:
+                return self._stop(Status.ROUND_OFF)
+            self._last_residual = residual
+        elif fingerprint in self._seen:
+            return self._stop(Status.CYCLING)
+        self._seen.add(fingerprint)
+        stick = (following.slip == 0) if problem.data.has_friction else np.zeros_like(following.contact)
+        if not self._motions.held_by(problem.boundary, following.contact, stick):
+            return self._stop(Status.NOT_HELD)
+        return int(_SNES.CONVERGED_ITERATING)
+
+    def _stop(self, status: Status) -> int:
+        self._status = status
+        return int(_SNES.DIVERGED_LOCAL_MIN)
+
+    def _record(self, k: int, active: int, plus: int, minus: int, changed: int, residual: float) -> None:
+        self.history.add(
+            IterationRecord(
+                solve=self.history.linear_solves + 1,
+                outer=len(self.history.outer),
+                iteration=k - 1 + self._first_iteration,
+                active_contact=active,
+                slip_plus=plus,
+                slip_minus=minus,
+                changed=changed,
+                residual=residual,
+                seconds=time.perf_counter() - self._start_time,
+            )
+        )
+
+    def _fingerprint(self, sets: ActiveSets) -> int:
+        """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
+        state = 3 * sets.contact.astype(np.int64) + sets.slip + 1
+        return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))
+
+
+def _status(reason: int) -> Status:
+    if reason > 0:
+        return Status.CONVERGED
+    if reason == _SNES.DIVERGED_MAX_IT:
+        return Status.MAX_ITERATIONS
+    return Status.SINGULAR

@@ -1,0 +1,42 @@
+"""The few differences between dolfinx 0.9, 0.10 and 0.11.  Nowhere else is a version looked at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh
+from mpi4py import MPI
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+if VERSION < (0, 9):
+    raise ImportError(f"signorini_fx needs dolfinx >= 0.9, found {dolfinx.__version__}")
+
+
+def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
+    """Distribute the current gmsh model of rank 0: (mesh, cell tags, facet tags), tags possibly None."""
+    if VERSION >= (0, 10):
+        from dolfinx.io import gmsh as gmsh_io
+
+        data = gmsh_io.model_to_mesh(model, comm, 0, gdim=dim)
+        return data.mesh, data.cell_tags, data.facet_tags
+    from dolfinx.io import gmshio
+
+    result: tuple[mesh.Mesh, Any, Any] = gmshio.model_to_mesh(model, comm, 0, gdim=dim)
+    return result
+
+
+def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
+    """Reference points of ``element``: a method until 0.9, a property since."""
+    points = element.interpolation_points
+    return np.asarray(points() if callable(points) else points)
+
+
+def has_vtx() -> bool:
+    """Whether fields can be written with ADIOS2 (VTXWriter)."""
+    return bool(dolfinx.common.has_adios2)
+
+
+__all__ = ["VERSION", "gmsh_model_to_mesh", "has_vtx", "interpolation_points"]

@@ -1,0 +1,41 @@
+"""The three ways in which a request can fail, each with a sentence that says what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from signorini_fx.solve import Solution
+
+
+class SignoriniError(Exception):
+    """Base class: catch it to catch everything that this package raises on purpose."""
+
+
+class SceneError(SignoriniError):
+    """The scene is wrong.
+
+    Attributes:
+        problems: every mistake found, as (path of the key in the scene, what is wrong and what is allowed).
+    """
+
+    def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
+        self.problems = problems
+        self.source = source
+        super().__init__("\n".join(f"{source}: {path}: {message}" for path, message in problems))
+
+
+class MeshError(SignoriniError):
+    """The mesh cannot be read or generated, or lacks something that the scene needs."""
+
+
+class ConvergenceError(SignoriniError):
+    """No solution was reached.
+
+    Attributes:
+        solution: the last iterate with its status, history and certificate.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        super().__init__(f"{solution.status.value}: {solution.status.advice}")

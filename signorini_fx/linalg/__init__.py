@@ -1,0 +1,34 @@
+"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+
+class ElasticSystem(Protocol):
+    """A x = b for the elastic body without contact, and where the contact nodes sit in x.
+
+    Attributes:
+        comm: the ranks that share the system.
+        matrix: A, symmetric; the contact iteration adds to the blocks of the contact nodes only.
+        load: b.
+        start: a vector x that satisfies the prescribed displacements.
+        contact_dofs: positions of the contact nodes' displacement components in the local part of x, shape (n, 2).
+    """
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    contact_dofs: npt.NDArray[np.int32]
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """Set the default linear solver for A plus contact blocks; the user's options are applied later and win."""
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """All displacement dofs from x."""

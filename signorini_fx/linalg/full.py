@@ -1,0 +1,68 @@
+"""The elastic system with all displacement dofs: sparse, any number of ranks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.discretisation import Discretisation
+
+
+def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
+    """The fastest sparse direct solver that this PETSc has for the task.
+
+    CHOLMOD factorises several times faster than MUMPS on one rank, but only symmetric positive definite matrices.
+    """
+    probe = PETSc.Mat().createAIJ((1, 1), nnz=1, comm=MPI.COMM_SELF)
+    probe.setValue(0, 0, 1.0)
+    probe.assemble()
+    kind = "cholesky" if symmetric else "lu"
+    candidates = ["cholmod", "mumps"] if comm.size == 1 and symmetric else ["mumps", "superlu_dist"]
+    for package in [*candidates, "petsc"]:
+        pc = PETSc.PC().create(MPI.COMM_SELF)
+        pc.setOperators(probe)
+        pc.setType(kind)
+        try:
+            pc.setFactorSolverType(package)
+            pc.setFactorSetUpSolverType()
+        except PETSc.Error:
+            continue
+        finally:
+            pc.destroy()
+        return package
+    raise RuntimeError("PETSc has no direct solver")  # its own is always there
+
+
+@dataclass
+class FullSystem:
+    """See ``ElasticSystem``: x holds the displacement dofs themselves."""
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    contact_dofs: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, discretisation: Discretisation) -> FullSystem:
+        """The system as it was assembled."""
+        boundary = discretisation.boundary
+        nodes = boundary.nodes if boundary is not None else np.empty(0, dtype=np.int32)
+        dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
+        d = discretisation
+        return cls(d.tagged.mesh.comm, d.stiffness, d.load, d.start, dofs)
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """A direct factorisation: Cholesky where the matrix is symmetric."""
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+        pc.setFactorSolverType(factorisation_package(self.comm, symmetric=symmetric))
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """x itself."""
+        return x

@@ -1,0 +1,79 @@
+"""Every MPI reduction of the package, and everything that only the first rank does."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.errors import SignoriniError
+
+T = TypeVar("T")
+
+
+def is_root(comm: MPI.Comm) -> bool:
+    """Whether this rank prints and writes."""
+    return comm.rank == 0
+
+
+def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:
+    """Print ``text`` once."""
+    if is_root(comm):
+        print(text, file=sys.stderr if error else sys.stdout, flush=True)
+
+
+def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Sum over the ranks, entry by entry; shape and dtype of ``values`` are kept."""
+    local = np.ascontiguousarray(values)
+    total = np.empty_like(local)
+    comm.Allreduce(local, total, op=MPI.SUM)
+    return total
+
+
+def global_max(comm: MPI.Comm, value: float) -> float:
+    """Largest value over the ranks."""
+    return float(comm.allreduce(float(value), op=MPI.MAX))
+
+
+def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:
+    """Largest entry of an array that may be empty (a rank without contact nodes)."""
+    return float(values.max()) if values.size else default
+
+
+def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
+    """Run ``function`` on the first rank and give its result, or its error, to all ranks alike.
+
+    Raises:
+        SignoriniError: what ``function`` raised, the same on every rank, so that none waits for the others.
+    """
+    outcome: tuple[T | None, BaseException | None] = (None, None)
+    if is_root(comm):
+        try:
+            outcome = (function(), None)
+        except (SignoriniError, OSError) as error:
+            outcome = (None, error)
+    result, failure = comm.bcast(outcome)
+    if failure is not None:
+        raise failure
+    return result  # type: ignore[return-value]
+
+
+def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
+    """Raise on every rank if any rank brings an error: the one of the lowest such rank."""
+    first = next((e for e in comm.allgather(error) if e is not None), None)
+    if first is not None:
+        raise first
+
+
+def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Rows of all ranks stacked in rank order, on every rank."""
+    return np.concatenate(comm.allgather(rows), axis=0)
+
+
+def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
+    """Phase by phase the largest time over the ranks; the phases are the same on all ranks."""
+    return {name: global_max(comm, value) for name, value in seconds.items()}

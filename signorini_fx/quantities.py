@@ -1,0 +1,305 @@
+"""What is measured after a solve, the same way for every algorithm: contact state, certificate, forces, energy, zones."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from signorini_fx import forms, parallel
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.complementarity import Nodal
+from signorini_fx.discretisation import Discretisation
+
+# A violation above this share of the solution's own scale refuses the certificate.
+CERTIFICATE_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """The contact nodes of this rank after a solve, arrays of shape (n,).
+
+    Attributes:
+        boundary: nodes, weights and normals.
+        gap: d, length.
+        u_n: tau_N y, length; u_n - gap > 0 is penetration.
+        u_t: tau_T y, length.
+        pressure: lambda = -sigma_N, stress.
+        shear: mu = -sigma_T, stress.
+        bound: friction bound F g, stress; zero without friction.
+        in_contact: True on A_c.
+        slip: +1 on A_f,+; -1 on A_f,-; 0 on I_f.
+        has_friction: whether a friction law acts.
+    """
+
+    boundary: ContactBoundary
+    gap: Nodal
+    u_n: Nodal
+    u_t: Nodal
+    pressure: Nodal
+    shear: Nodal
+    bound: Nodal
+    in_contact: npt.NDArray[np.bool_]
+    slip: npt.NDArray[np.int8]
+    has_friction: bool
+
+    @cached_property
+    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape (2,); collective."""
+        nothing = np.zeros_like(self.pressure)
+        contact = -self.boundary.nodal_forces(self.pressure, nothing).sum(axis=0)
+        friction = -self.boundary.nodal_forces(nothing, self.shear).sum(axis=0)
+        comm = self.boundary.comm
+        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
+
+    def sliding_sign(self) -> npt.NDArray[np.int8]:
+        """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing slips as it moves."""
+        return np.where(self.bound == 0, np.where(self.u_t < 0, -1, 1), self.slip).astype(np.int8)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far the result is from the conditions of the unregularised problem; every figure is relative.
+
+    Stresses are relative to the largest pressure or shear, lengths to the largest displacement, forces to the internal
+    ones.  Pressure and shear are those of the nodal reactions, recomputed from the displacement by assembling a(y, .)
+    and L anew; they do not rely on what the solver says of them.
+
+    Attributes:
+        equilibrium: residual of (3.3a), reactions against multipliers included.
+        penetration: largest tau_N y - d; lambda / gamma by the regularisation, no error of the iteration.
+        negative_pressure: largest -lambda.
+        complementarity: largest |lambda (tau_N y - d)|.
+        friction_cone: largest |mu| - F g.
+        wrong_way_slip: largest -mu tau_T y: slip against mu, which (2.3e') excludes.
+        stick_slip: largest |tau_T y| at stick nodes; |mu| / gamma by the regularisation.
+    """
+
+    equilibrium: float
+    penetration: float
+    negative_pressure: float
+    complementarity: float
+    friction_cone: float
+    wrong_way_slip: float
+    stick_slip: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the iteration did what it promises; what the regularisation leaves is not its fault."""
+        judged = (self.equilibrium, self.negative_pressure, self.friction_cone, self.wrong_way_slip)
+        return all(value <= CERTIFICATE_TOLERANCE for value in judged)
+
+    def as_dict(self) -> dict[str, float | bool]:
+        """All figures and the verdict."""
+        return {**asdict(self), "holds": self.holds}
+
+
+def internal_forces(discretisation: Discretisation, displacement: fem.Function) -> PETSc.Vec:
+    """a(y, .) assembled anew from the displacement, prescribed dofs included; a force per dof."""
+    z = ufl.TestFunction(discretisation.space)
+    form = fem.form(forms.elastic_form(displacement, z, *discretisation.lame))
+    return _assembled(form)
+
+
+def external_forces(discretisation: Discretisation) -> PETSc.Vec | None:
+    """L assembled anew; None without loads."""
+    if discretisation.load_terms is None:
+        return None
+    return _assembled(fem.form(discretisation.load_terms))
+
+
+def _assembled(form: fem.Form) -> PETSc.Vec:
+    vector = fem_petsc.assemble_vector(form)
+    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    return vector
+
+
+def strain_energy(discretisation: Discretisation, displacement: fem.Function) -> float:
+    """a(y, y) / 2, an energy per thickness."""
+    return 0.5 * float(internal_forces(discretisation, displacement).dot(displacement.x.petsc_vec))
+
+
+def certify(discretisation: Discretisation, displacement: fem.Function, contact: ContactState | None) -> Certificate:
+    """Check the conditions of the problem independently of how the solution was found; collective."""
+    comm = discretisation.tagged.mesh.comm
+    reaction = internal_forces(discretisation, displacement)
+    scale = reaction.norm()
+    loads = external_forces(discretisation)
+    if loads is not None:
+        scale = max(scale, loads.norm())
+        reaction.axpy(-1.0, loads)
+    owned = reaction.getArray()
+    if contact is None:
+        residual = _norm(comm, owned[~discretisation.fixed])
+        return Certificate(_share(residual, scale), *[0.0] * 6)
+    boundary = contact.boundary
+    nodal = owned.reshape(-1, 2)
+    # The reactions become pressures only where no support takes a part of them and no second boundary shares the node.
+    unique, inverse, counts = np.unique(boundary.nodes, return_inverse=True, return_counts=True)
+    alone = (counts[inverse.ravel()] == 1) & boundary.free.all(axis=1)
+    nodal_reaction = -nodal[boundary.nodes] / boundary.weight[:, None]
+    normal, tangential = boundary.traces(nodal_reaction)
+    pressure = np.where(alone, normal, contact.pressure)
+    shear = np.where(alone, tangential, contact.shear)
+    np.add.at(nodal, boundary.nodes, boundary.nodal_forces(contact.pressure, contact.shear))
+    residual = _norm(comm, owned[~discretisation.fixed])
+    stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), np.abs(shear))))
+    length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
+    overlap = contact.u_n - contact.gap
+    figures = {
+        "penetration": (overlap, length),
+        "negative_pressure": (-pressure, stress),
+        "complementarity": (np.abs(pressure * overlap), stress * length),
+        "friction_cone": (np.abs(shear) - contact.bound, stress),
+        "wrong_way_slip": (-shear * contact.u_t, stress * length),
+        "stick_slip": (np.abs(contact.u_t)[(contact.slip == 0) & contact.has_friction], length),
+    }
+    values = {
+        name: _share(parallel.global_max(comm, max(0.0, parallel.local_max(violation))), unit)
+        for name, (violation, unit) in figures.items()
+    }
+    return Certificate(equilibrium=_share(residual, scale), **values)
+
+
+def _norm(comm: Any, values: npt.NDArray[np.float64]) -> float:
+    return float(np.sqrt(parallel.global_sum(comm, np.dot(values, values))))
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else part
+
+
+@dataclass(frozen=True)
+class ContactTable:
+    """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
+
+    Attributes:
+        columns: name -> one entry a node.  ``state`` is open, stick, slip+ or slip-; ``friction`` is stick, slip+, slip-
+            or none whether or not the node is in contact (Tresca friction acts on open nodes too).
+        chains: the connected pieces of the boundary, as ranges of rows.
+    """
+
+    columns: dict[str, npt.NDArray[Any]]
+    chains: list[range]
+
+    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
+        x, y = self.columns["x"], self.columns["y"]
+        runs = []
+        for chain in self.chains:
+            start = None
+            for row in [*chain, None]:
+                inside = row is not None and bool(mask[row])
+                if inside and start is None:
+                    start = row
+                if not inside and start is not None:
+                    last = row - 1 if row is not None else chain[-1]
+                    runs.append([[float(x[start]), float(y[start])], [float(x[last]), float(y[last])]])
+                    start = None
+        return runs
+
+
+def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
+    """Gather the contact nodes of all ranks and put them in order along the boundary; the same on every rank.
+
+    Args:
+        contact: the nodes of this rank.
+        names: name of the boundary of each effect in ``scene.contact``.
+    """
+    boundary = contact.boundary
+    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    local = np.column_stack(
+        [
+            boundary.x,
+            contact.gap,
+            contact.u_n,
+            contact.u_t,
+            contact.pressure,
+            contact.shear,
+            contact.bound,
+            contact.in_contact,
+            contact.sliding_sign(),
+            boundary.normal,
+            boundary.weight,
+        ]
+    )
+    rows = parallel.gather_rows(boundary.comm, local)
+    segments = parallel.gather_rows(boundary.comm, boundary.segments)
+    chains, order = _chains(numbers, segments, rows[:, :2])
+    rows, part = rows[order], numbers[order, 0]
+    x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, n_x, n_y, weight = rows.T
+    friction = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick")) if contact.has_friction else None
+    if friction is None:
+        friction = np.full(x.size, "none")
+        sliding = np.where(slip < 0, "slip-", "slip+")
+    else:
+        sliding = friction
+    along = np.zeros(x.size)
+    for chain in chains:
+        steps = np.hypot(np.diff(x[chain.start : chain.stop]), np.diff(y[chain.start : chain.stop]))
+        along[chain.start + 1 : chain.stop] = np.cumsum(steps)
+    columns = {
+        "x": x,
+        "y": y,
+        "gap": gap,
+        "u_n": u_n,
+        "u_t": u_t,
+        "pressure": pressure,
+        "shear": shear,
+        "bound": bound,
+        "state": np.where(touching > 0, sliding, "open"),
+        "friction": friction,
+        "boundary": np.array(names)[part.astype(int)],
+        "s": along,
+        "n_x": n_x,
+        "n_y": n_y,
+        "weight": weight,
+    }
+    return ContactTable(columns, chains)
+
+
+def _chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64]]:
+    """Connected pieces of the boundary and the order of the nodes along them.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does not
+    depend on the numbers of nodes and ranks.
+    """
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(numbers)}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[int(part), int(node)] for node in nodes]
+        for a, b in zip(path, path[1:], strict=False):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    chains: list[range] = []
+    order: list[int] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    rest = sorted(neighbours, key=key)
+    found: list[list[int]] = []
+    for start in [*ends, *rest]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)) is not None:
+            chain.append(following)
+            seen.add(following)
+        found.append(chain)
+    for chain in sorted(found, key=lambda rows: key(rows[0])):
+        chains.append(range(len(order), len(order) + len(chain)))
+        order += chain
+    return chains, np.array(order, dtype=np.int64)

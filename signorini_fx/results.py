@@ -1,0 +1,113 @@
+"""What a solve leaves behind: outcomes and records.  Plain data, no solver types."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from enum import Enum
+
+
+class Status(Enum):
+    """How a solve ended.  Every member carries the sentence that tells the user what to do."""
+
+    CONVERGED = "converged"
+    MAX_ITERATIONS = "maximum iterations reached"
+    OUTER_MAX_ITERATIONS = "maximum outer iterations reached"
+    CYCLING = "active sets cycle"
+    NOT_HELD = "body not held"
+    SINGULAR = "linear system singular"
+    ROUND_OFF = "residual stagnates"
+    NOT_CERTIFIED = "certificate does not hold"
+
+    @property
+    def advice(self) -> str:
+        """What to do about this outcome."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.CONVERGED: "the active sets repeat and the residual is small",
+    Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
+    Status.OUTER_MAX_ITERATIONS: (
+        "raise solver.max_outer_iterations; a fixed point that does not contract points to a friction coefficient "
+        "above the uniqueness bound"
+    ),
+    Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
+    Status.NOT_HELD: (
+        "a rigid motion is resisted neither by the prescribed displacements nor by the current contact: prescribe a "
+        "displacement, add friction, or check that the load presses the body against the foundation"
+    ),
+    Status.SINGULAR: "check that the prescribed displacements and the contact hold the body, and the mesh for slivers",
+    Status.NOT_CERTIFIED: (
+        "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
+        "summary; lower solver.gamma_n and solver.gamma_t, or check the mesh"
+    ),
+    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
+}
+
+
+@dataclass(frozen=True)
+class IterationRecord:
+    """One linear solve of the semi-smooth Newton iteration (Algorithm SSN, step 4).
+
+    Attributes:
+        solve: running number of the linear solve, from 1.
+        outer: running number of the outer iteration, from 0.
+        iteration: number k of the inner iteration, from 1.
+        active_contact: number of nodes in A_c of this solve.
+        slip_plus: number of nodes in A_f,+ of this solve.
+        slip_minus: number of nodes in A_f,- of this solve.
+        changed: number of nodes whose state changes by this solve, i.e. between sets k and k + 1.
+        residual: Euclidean norm of the residual before this solve, relative to the forces at work.
+        seconds: wall time since the solve began, largest over the ranks.
+    """
+
+    solve: int
+    outer: int
+    iteration: int
+    active_contact: int
+    slip_plus: int
+    slip_minus: int
+    changed: int
+    residual: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class OuterRecord:
+    """One outer iteration, that is one regularised problem solved.
+
+    Attributes:
+        outer: running number from 0.
+        linear_solves: inner linear solves that it took.
+        change: what the outer algorithm stops on (FP: d_g of section 7), None where it is not defined yet.
+        status: how the inner solve ended.
+    """
+
+    outer: int
+    linear_solves: int
+    change: float | None
+    status: str
+
+
+@dataclass
+class Timings:
+    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the time spent inside the ``with`` block to the phase ``name``."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def as_rows(records: list[IterationRecord] | list[OuterRecord]) -> list[dict[str, object]]:
+    """Records as dictionaries, in order, ready for CSV or JSON."""
+    return [asdict(record) for record in records]

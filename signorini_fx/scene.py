@@ -1,0 +1,351 @@
+"""The scene: which effects are on, and their data.  No mesh, no forms; nothing here imports dolfinx.
+
+A scene is a TOML file (``read_scene``) or built in Python (``Scene(...)``), validated the same way: unknown keys are
+refused, and all mistakes are reported at once, each with its path.
+
+A *value* is a number, an expression of ``x[0]`` and ``x[1]`` (``expressions.Expression``), or in Python also a callable
+``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces) a UFL expression.
+Units are the user's own as long as they agree: forces, lengths and stresses of one system.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    ValidationError,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
+
+from signorini_fx.errors import SceneError
+from signorini_fx.expressions import Expression
+
+
+def _value(given: Any) -> Any:
+    """A number, an expression, a callable or UFL; everything else is refused."""
+    if isinstance(given, bool):
+        raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
+    if isinstance(given, int | float):
+        if not math.isfinite(given):
+            raise ValueError("the number must be finite")
+        return float(given)
+    if isinstance(given, str):
+        return Expression(given)
+    if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
+        return given
+    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+
+
+def _not_negative(given: Any) -> Any:
+    if isinstance(given, float) and given < 0:
+        raise ValueError(f"must not be negative, got {given:g}")
+    return given
+
+
+Value = Annotated[Any, BeforeValidator(_value), WithJsonSchema({"type": ["number", "string"]})]
+NonNegativeValue = Annotated[
+    Any, BeforeValidator(lambda v: _not_negative(_value(v))), WithJsonSchema({"type": ["number", "string"]})
+]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Automatic = Annotated[float, Field(gt=0, allow_inf_nan=False)] | Literal["auto"]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class MeshFile(_Model):
+    """A mesh from a file, with named boundaries (physical groups)."""
+
+    file: Path
+
+
+class MeshGenerator(_Model):
+    """A mesh from one of the generators in ``meshes/``."""
+
+    generator: str
+    parameters: dict[str, float | int | str | bool] = {}
+
+
+class Discretised(_Model):
+    """The finite element: Lagrange of this degree on the cells that the mesh has."""
+
+    degree: Literal[1, 2] = 1
+
+
+class LinearElastic(_Model):
+    """Isotropic linear elasticity.
+
+    Attributes:
+        young: Young's modulus E > 0, stress.
+        poisson: Poisson's ratio nu in (-1, 0.5).
+        hypothesis: what becomes of the third dimension.
+    """
+
+    young: Positive
+    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
+    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+
+
+class BodyForce(_Model):
+    """Force per volume, f of (1.1a)."""
+
+    x: Value = 0.0
+    y: Value = 0.0
+
+
+class SurfaceTraction(_Model):
+    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary."""
+
+    boundary: str
+    x: Value = 0.0
+    y: Value = 0.0
+
+
+class PrescribedDisplacement(_Model):
+    """Displacement prescribed on a boundary; a component that is not named stays free."""
+
+    boundary: str
+    x: Value | None = None
+    y: Value | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.x is None and self.y is None:
+            raise ValueError("names no component: give x, y or both")
+        return self
+
+
+class NoFriction(_Model):
+    """Frictionless contact, said aloud."""
+
+    law: Literal["none"] = "none"
+
+
+class TrescaFriction(_Model):
+    """Given friction: |mu| <= bound (2.3d'), bound a stress."""
+
+    law: Literal["tresca"] = "tresca"
+    bound: NonNegativeValue
+
+
+class CoulombFriction(_Model):
+    """Coulomb friction: |mu| <= coefficient * lambda, (1.1e) and (1.1f), coefficient without unit."""
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: NonNegativeValue
+
+
+Friction = NoFriction | TrescaFriction | CoulombFriction
+
+
+class UnilateralContact(_Model):
+    """Signorini contact (1.1d) of a boundary with a rigid foundation.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along the outward normal, a length.
+        friction: the friction law.
+    """
+
+    boundary: str
+    gap: Value = 0.0
+    friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
+
+
+class Box(_Model):
+    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted."""
+
+    x: tuple[float, float] = (-math.inf, math.inf)
+    y: tuple[float, float] = (-math.inf, math.inf)
+
+
+class SolverSettings(_Model):
+    """How the scene is solved; every default works for every scale and unit.
+
+    Attributes:
+        algorithm: ``ssn`` (one regularised problem), ``fp`` (Coulomb by fixed point), ``auto`` (what the scene needs).
+        gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
+            Young's modulus over the size of the body.
+        gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
+        sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
+            slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
+        initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
+            problem; a box or an expression (true or > 0): a patch that is forced into contact.
+        max_iterations: linear solves allowed for one regularised problem.
+        max_outer_iterations: outer iterations allowed.
+        tolerance: the outer iteration stops when the friction bound changes relatively by no more than this.
+    """
+
+    algorithm: Literal["auto", "ssn", "fp"] = "auto"
+    gamma_n: Automatic = "auto"
+    gamma_t: Automatic = "auto"
+    sigma: Automatic = "auto"
+    initial_contact: Box | Literal["all"] | Value = "all"
+    max_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
+    max_outer_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
+    tolerance: Positive = 1e-7
+
+    @field_validator("initial_contact", mode="before")
+    @classmethod
+    def _region(cls, given: Any) -> Any:
+        if given == "all" or isinstance(given, Box):
+            return given
+        return Box.model_validate(given) if isinstance(given, Mapping) else _value(given)
+
+
+class TaggedMeshBase:
+    """What ``mesh.TaggedMesh`` derives from, so that a scene can hold one without importing dolfinx."""
+
+
+def _one_or_many(given: Any) -> Any:
+    return [given] if isinstance(given, Mapping | BaseModel) else given
+
+
+class Scene(_Model):
+    """An elastic body, its loads, its supports and its contact with a rigid foundation."""
+
+    title: str = ""
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    element: Discretised = Discretised()
+    material: LinearElastic
+    displacement: tuple[PrescribedDisplacement, ...] = ()
+    traction: tuple[SurfaceTraction, ...] = ()
+    body_force: BodyForce | None = None
+    contact: tuple[UnilateralContact, ...] = ()
+    solver: SolverSettings = SolverSettings()
+
+    _lists = field_validator("displacement", "traction", "contact", mode="before")(_one_or_many)
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, given: Any) -> Any:
+        """Decide by the key, so that a mistake is reported for the kind of mesh that was meant."""
+        if isinstance(given, Mapping):
+            if ("file" in given) == ("generator" in given):
+                raise ValueError("give either file or generator")
+            return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [effect.boundary for effect in self.contact]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
+        for effect in self.displacement:
+            if effect.boundary in names and effect.x is not None and effect.y is not None:
+                raise ValueError(
+                    f"boundary {effect.boundary!r} has its displacement prescribed in full and is in contact as well: "
+                    "choose one"
+                )
+        return self
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
+        return any(friction_acts(effect.friction) for effect in self.contact)
+
+    @property
+    def has_coulomb(self) -> bool:
+        """Whether any friction bound depends on the contact pressure."""
+        return any(isinstance(e.friction, CoulombFriction) and friction_acts(e.friction) for e in self.contact)
+
+
+def friction_acts(friction: Friction) -> bool:
+    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and takes its path."""
+    match friction:
+        case TrescaFriction(bound=amount) | CoulombFriction(coefficient=amount):
+            return not (isinstance(amount, float) and amount == 0.0)
+    return False
+
+
+def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
+    """A validated scene from plain data.
+
+    Args:
+        data: the scene as nested mappings, as ``tomllib`` gives them.
+        source: what to call it in messages.
+        folder: mesh files are looked up relative to it.
+
+    Raises:
+        SceneError: with every mistake at once.
+    """
+    try:
+        scene = Scene.model_validate(dict(data))
+    except ValidationError as error:
+        raise SceneError([_problem(detail, data) for detail in error.errors()], source) from None
+    if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
+        scene = scene.model_copy(update={"mesh": MeshFile(file=folder / scene.mesh.file)})
+    return scene
+
+
+def read_scene_text(path: Path) -> str:
+    """The text of a scene file.
+
+    Raises:
+        SceneError: the file cannot be read as text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
+
+
+def parse_scene_text(text: str, path: Path) -> Scene:
+    """A validated scene from the text of the TOML file at ``path``.
+
+    Raises:
+        SceneError: syntax error with line and column, or every mistake of the content at once.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError([("syntax", str(error))], str(path)) from None
+    except RecursionError:
+        raise SceneError([("syntax", "nested too deeply")], str(path)) from None
+    return parse_scene(data, str(path), path.parent)
+
+
+def read_scene(path: str | Path) -> Scene:
+    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors)."""
+    path = Path(path)
+    return parse_scene_text(read_scene_text(path), path)
+
+
+_MESSAGES: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "extra_forbidden": lambda detail: "unknown key",
+    "missing": lambda detail: "is missing",
+}
+
+
+def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
+    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
+    path = ""
+    node: Any = data
+    for part in detail["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]" if isinstance(node, Sequence) else ""
+            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
+        elif isinstance(node, Mapping) and part in node:
+            path += f".{part}" if path else part
+            node = node[part]
+        elif detail["type"] == "missing" and part == detail["loc"][-1]:
+            path += f".{part}" if path else part
+    message = _MESSAGES.get(detail["type"], lambda d: str(d["msg"]).removeprefix("Value error, "))(detail)
+    given = detail.get("input")
+    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and repr(given) not in message:
+        message += f", got {given!r}"
+    return path or "scene", message
