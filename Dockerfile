@@ -20,17 +20,22 @@ RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-m
  && rm -rf /var/lib/apt/lists/*
 
 # Ranks may outnumber cores, and none is tied to one: two runs side by side would both sit on the first core.
-# Without the choice of transports Open MPI warns about networks that one machine does not need.
-# HOME: the image runs as any user, with or without an entry in /etc/passwd.
-ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,sm \
-    PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe PRTE_MCA_hwloc_default_binding_policy=none \
-    OMP_NUM_THREADS=1 MPLBACKEND=Agg HOME=/tmp XDG_CACHE_HOME=/tmp/.cache
+# Open MPI 5 and 6 each read a file and names of their own.
+RUN printf '%s\n' 'rmaps_default_mapping_policy = :oversubscribe' 'hwloc_default_binding_policy = none' \
+        >> /etc/openmpi/prte-mca-params.conf \
+ && mkdir -p /etc/prrte \
+ && printf '%s\n' 'mapby = :oversubscribe' 'bindto = none' >> /etc/prrte/prte-mca-params.conf
 
 # The checkout's own command, for as long as the package is not installed (./env sets PYTHONPATH); and what must hold.
 RUN printf '#!/bin/sh\nexec python3 -m signorini_fx "$@"\n' > /usr/local/bin/signorini-fx \
  && chmod 755 /usr/local/bin/signorini-fx \
  && readlink -f /usr/lib/*-linux-gnu/libblas.so.3 | grep openblas \
  && python3 -B -c 'import dolfinx, petsc4py, gmsh, meshio, h5py; print(dolfinx.__version__, petsc4py.__version__)'
+
+# Without the choice of transports Open MPI warns about networks that one machine does not need.
+# HOME: the image runs as any user, with or without an entry in /etc/passwd.
+ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,sm \
+    OMP_NUM_THREADS=1 MPLBACKEND=Agg HOME=/tmp XDG_CACHE_HOME=/tmp/.cache
 
 
 FROM environment

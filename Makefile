@@ -3,6 +3,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-long lint format paper bench clean
 DEMOS := example1_tresca example1_coulomb
+RUFF := build/ruff-0.17.5
 
 help:       ## list these targets
 	@sed -nE 's/^([a-z-]+):.*## /\1\t/p' Makefile | expand -t 12
@@ -12,19 +13,19 @@ demo:       ## solve the paper's first example, Tresca and Coulomb, on two ranks
 
 test:       ## run the tests: all on one rank, those marked mpi on two and three
 	./env python3 -m pytest -q tests
-	for n in 2 3; do ./env mpirun -n $$n python3 -m pytest -q -m "mpi and not long" tests || exit; done
+	for n in 2 3; do ./env mpirun -n $$n python3 -m pytest -q --color=no -m "mpi and not long" tests || exit; done
 
 test-long:  ## run the tests marked long
 	./env python3 -m pytest -q -m long tests
 
-lint: build/ruff  ## check style (ruff) and types (mypy)
-	build/ruff/bin/ruff check
-	build/ruff/bin/ruff format --check
+lint: $(RUFF)  ## check style (ruff) and types (mypy)
+	$(RUFF) check
+	$(RUFF) format --check
 	./env mypy
 
-format: build/ruff  ## let ruff rewrite the files
-	build/ruff/bin/ruff check --fix
-	build/ruff/bin/ruff format
+format: $(RUFF)  ## let ruff rewrite the files
+	$(RUFF) check --fix
+	$(RUFF) format
 
 paper:      ## recompute the paper's tables
 	./env python3 demos/paper.py
@@ -36,7 +37,9 @@ clean:      ## remove what these targets made, but for the image
 	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-# Debian has no ruff; its own version decides how files are formatted, so it is pinned.
-build/ruff:
-	python3 -m pip install -q --no-deps --target $@.part ruff==0.17.5
-	mv $@.part $@
+# Debian stable has no ruff; its version decides how files are formatted, so one is pinned.
+$(RUFF):
+	rm -rf $@.d
+	python3 -m pip install -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)
+	mv $@.d/bin/ruff $@
+	rm -rf $@.d

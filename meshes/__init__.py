@@ -1,2 +1,3 @@
 """Mesh generators.  Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the
-``mesh.parameters`` of a scene."""
+``mesh.parameters`` of a scene.
+"""

@@ -39,7 +39,7 @@ def generate(
     cell: Literal["quadrilateral", "triangle"] = "quadrilateral",
     diagonal: Literal["left", "right", "left_right", "right_left", "crossed"] = "right",
 ) -> Any:
-    """nx by ny quadrilaterals, or each of them cut into triangles along the diagonal.
+    """Nx by ny quadrilaterals, or each of them cut into triangles along the diagonal.
 
     Args:
         comm: the ranks that share the mesh.

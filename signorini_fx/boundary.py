@@ -1,8 +1,8 @@
 """The contact boundary: its nodes with weights and directions, and the traces tau_N y and tau_T y.
 
 With the nodal rule of ``forms.py`` the products on Gamma_c are sums over nodes,
-(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that rank
-may own none of the facets around it.  A node of two contact boundaries is two entries here, one for each normal.
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
+rank may own none of the facets around it.  A node of two contact boundaries is two entries here, one for each normal.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ContactBoundary:
         return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ij->i", y, self.tangent)
 
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """w (lambda n + mu t), shape (n, 2): what (lambda, tau_N z) + (mu, tau_T z) tests with; minus it loads the body."""
+        """Nodal w (lambda n + mu t), shape (n, 2): (lambda, tau_N .) + (mu, tau_T .), minus of which loads the body."""
         return (self.weight * pressure)[:, None] * self.normal + (self.weight * shear)[:, None] * self.tangent
 
     def norm(self, values: Nodal) -> float:

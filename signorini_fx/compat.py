@@ -18,7 +18,7 @@ if VERSION < (0, 9):
 def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
     """Distribute the current gmsh model of rank 0: (mesh, cell tags, facet tags), tags possibly None."""
     if VERSION >= (0, 10):
-        from dolfinx.io import gmsh as gmsh_io
+        from dolfinx.io import gmsh as gmsh_io  # type: ignore[attr-defined,unused-ignore]
 
         data = gmsh_io.model_to_mesh(model, comm, 0, gdim=dim)
         return data.mesh, data.cell_tags, data.facet_tags

@@ -48,7 +48,9 @@ class RegularisedData:
         sigma: sigma of (3.3c), length per stress; infinite: a node passes through stick between the slip sets.
         lambda_hat: shift of the contact pressure, stress.
         mu_hat: shift of the shear, stress.
-        bound: F g, stress; None if there is no friction.
+        bound: given friction bound F g, stress; None if there is no friction.
+        coupling: F where the bound is F lambda(y) of the iterate itself (monolithic Coulomb friction), added to
+            ``bound``; None where the bound is given.
     """
 
     gap: Nodal
@@ -58,57 +60,86 @@ class RegularisedData:
     lambda_hat: Nodal
     mu_hat: Nodal
     bound: Nodal | None
+    coupling: Nodal | None = None
 
     @property
     def has_friction(self) -> bool:
         """Whether a friction condition is part of the problem."""
         return self.bound is not None
 
+    def friction_bound(self, pressure: Nodal) -> Nodal:
+        """The bound of |mu| at the contact pressure lambda, stress; zero without friction."""
+        if self.bound is None:
+            return np.zeros_like(pressure)
+        return self.bound if self.coupling is None else self.bound + self.coupling * np.maximum(pressure, 0.0)
 
-def contact_pressure(sets: ActiveSets, u_n: Nodal, data: RegularisedData) -> Nodal:
-    """lambda of step 4: lambda_hat + gamma_1 (tau_N y - d) on A_c, zero on I_c."""
-    return np.where(sets.contact, data.lambda_hat + data.gamma_n * (u_n - data.gap), 0.0)
+
+def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b)."""
+    return data.lambda_hat + data.gamma_n * (u_n - data.gap)
 
 
-def tangential_traction(sets: ActiveSets, u_t: Nodal, data: RegularisedData) -> Nodal:
-    """mu of step 4: mu_hat + gamma_2 tau_T y on I_f, -F g on A_f,-, F g on A_f,+; zero without friction."""
+def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) of step 4.
+
+    lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2 tau_T y on I_f, -F g on
+    A_f,- and F g on A_f,+, and zero without friction.
+    """
+    pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
-        return np.zeros_like(u_t)
-    return np.where(sets.slip == 0, data.mu_hat + data.gamma_t * u_t, sets.slip * data.bound)
+        return pressure, np.zeros_like(u_t)
+    # A node about to leave has a negative pressure for one step, and its bound follows: the map stays affine.
+    bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
+    return pressure, np.where(sets.slip == 0, data.mu_hat + data.gamma_t * u_t, sets.slip * bound)
 
 
-def slip_multiplier(sets: ActiveSets, u_t: Nodal, data: RegularisedData) -> Nodal:
-    """xi of step 5: tau_T y + (mu_hat -+ F g) / gamma_2 on A_f,+-, zero on I_f."""
+def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f."""
+    return np.where(sets.slip == 0, 0.0, u_t + (data.mu_hat - mu) / data.gamma_t)
+
+
+def next_sets(u_n: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN)."""
+    trial = trial_pressure(u_n, data)
+    contact = trial > 0
     if data.bound is None:
-        return np.zeros_like(u_t)
-    return np.where(sets.slip == 0, 0.0, u_t + (data.mu_hat - sets.slip * data.bound) / data.gamma_t)
-
-
-def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
-    """The active sets k + 1 from iterate k, which was computed with ``sets`` (step 2 of Algorithm SSN)."""
-    contact = data.lambda_hat + data.gamma_n * (u_n - data.gap) > 0
-    if data.bound is None:
-        return ActiveSets(contact, np.zeros_like(sets.slip))
-    mu = tangential_traction(sets, u_t, data)
-    xi = slip_multiplier(sets, u_t, data)
+        return ActiveSets(contact, np.zeros(contact.shape, dtype=np.int8))
+    bound = data.friction_bound(trial)
     if math.isinf(data.sigma):
-        # The limit of the tests below: where mu is inside the bounds or at the other one, sigma decides alone.
-        plus = (mu > data.bound) | ((mu == data.bound) & (xi > 0))
-        minus = (mu < -data.bound) | ((mu == -data.bound) & (xi < 0))
+        # The limit of the tests below: unless mu is at this bound, sigma decides alone.
+        plus = (mu > bound) | ((mu == bound) & (xi > 0))
+        minus = (mu < -bound) | ((mu == -bound) & (xi < 0))
     else:
-        plus = xi + data.sigma * (mu - data.bound) > 0
-        minus = xi + data.sigma * (mu + data.bound) < 0
+        plus = xi + data.sigma * (mu - bound) > 0
+        minus = xi + data.sigma * (mu + bound) < 0
     # Where nothing can be transmitted there is no stick and no side: one name for it, or the sets would never repeat.
-    slip = np.where(data.bound == 0, 1, plus.astype(np.int8) - minus.astype(np.int8))
+    slip = np.where(bound == 0, 1, plus.astype(np.int8) - minus.astype(np.int8))
     return ActiveSets(contact, slip.astype(np.int8))
 
 
-def tangent_coefficients(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal]:
-    """d lambda / d tau_N y and d mu / d tau_T y for fixed sets: the generalised derivative (1.5)."""
+def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
+    _, mu = multipliers(sets, u_n, u_t, data)
+    if data.coupling is not None:
+        # At slip nodes mu is at its bound by construction, also where the pressure changes sign.
+        mu = np.where(sets.slip == 0, mu, sets.slip * data.friction_bound(trial_pressure(u_n, data)))
+    return next_sets(u_n, slip_multiplier(sets, mu, u_t, data), mu, data)
+
+
+def tangent_coefficients(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal, Nodal | None]:
+    """Derivatives (1.5) for fixed sets: d lambda / d tau_N y, d mu / d tau_T y, d mu / d tau_N y (None if zero)."""
     normal = np.where(sets.contact, data.gamma_n, 0.0)
     if data.bound is None:
-        return normal, np.zeros_like(normal)
-    return normal, np.where(sets.slip == 0, data.gamma_t, 0.0)
+        return normal, np.zeros_like(normal), None
+    tangential = np.where(sets.slip == 0, data.gamma_t, 0.0)
+    return normal, tangential, None if data.coupling is None else sets.slip * data.coupling * normal
+
+
+def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
+    pressure = np.maximum(pressure, 0.0)
+    bound = data.friction_bound(pressure)
+    return pressure, np.clip(shear, -bound, bound)
 
 
 @dataclass(frozen=True)

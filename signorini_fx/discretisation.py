@@ -80,7 +80,8 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
     with timings.phase("compile"):
         space = fem.functionspace(mesh, ("Lagrange", scene.element.degree, (2,)))
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-        lame = tuple(fem.Constant(mesh, default_scalar_type(value)) for value in lame_parameters(scene.material))
+        first, second = lame_parameters(scene.material)
+        lame = fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
         stiffness_form = fem.form(forms.elastic_form(y, z, *lame))
         terms = _load_terms(scene, space, z, facets)
         load_form = fem.form(terms) if terms is not None else None
@@ -243,9 +244,7 @@ def _contact_part(
     )
 
 
-def _segments(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, degree: int
-) -> npt.NDArray[np.int64]:
+def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, degree: int) -> npt.NDArray[np.int64]:
     """The part and the global node numbers of each facet, in order along it, shape (facets, degree + 2)."""
     mesh = space.mesh
     dim = mesh.topology.dim
@@ -270,7 +269,9 @@ def _segments(
 def _check_finite(scene: Scene, load: PETSc.Vec, start: PETSc.Vec, comm: Any) -> None:
     problems = []
     if not np.isfinite(load.norm()):
-        problems.append(("traction, body_force", "an expression is not finite somewhere on its boundary or in the body"))
+        problems.append(
+            ("traction, body_force", "an expression is not finite somewhere on its boundary or in the body")
+        )
     if not np.isfinite(start.norm()):
         problems.append(("displacement", "an expression is not finite somewhere on its boundary"))
     if problems:

@@ -39,3 +39,7 @@ class ConvergenceError(SignoriniError):
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
         super().__init__(f"{solution.status.value}: {solution.status.advice}")
+
+
+class OutputError(SignoriniError):
+    """A result cannot be written."""

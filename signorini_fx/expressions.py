@@ -94,11 +94,14 @@ def _ufl_backend(mesh: Any) -> _Backend:
 class _Evaluator(SimpleEval):  # type: ignore[misc]
     """simpleeval restricted to the syntax above, with element-wise logic."""
 
+    nodes: dict[type, Callable[..., Any]]
+
     def __init__(self, backend: _Backend, position: Any) -> None:
         super().__init__(functions=dict(backend.functions), names={"x": position, "pi": math.pi})
         self._backend = backend
         self._position = position
-        self.nodes = {kind: handler for kind, handler in self.nodes.items() if kind in _SYNTAX}
+        for kind in self.nodes.keys() - set(_SYNTAX):
+            del self.nodes[kind]
         self.nodes[ast.Constant] = self._constant
         self.nodes[ast.Subscript] = self._component
         self.nodes[ast.BoolOp] = self._logic

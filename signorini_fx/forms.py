@@ -1,8 +1,8 @@
 """The weak forms, one function per effect, each returning its UFL terms.  Symbols as in the paper, equation by number.
 
 The contact terms are integrated with a rule whose points are the contact nodes (``nodal_rule``).  With it a nodal field
-is multiplied point by point, so that the terms of (3.3a) need to be assembled once, for unit multipliers, and everything
-after that is arithmetic on nodal values: ``regularised_contact_form`` below is what that arithmetic equals.
+is multiplied point by point, so that the terms of (3.3a) need to be assembled once, for unit multipliers, and
+everything after that is arithmetic on nodal values: ``regularised_contact_form`` below is what that arithmetic equals.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def regularised_contact_form(
 ) -> Any:
     """Contact and friction terms of (3.3a) with (3.3b) and (3.4) put in: the max/min form of the textbook.
 
-    Its UFL derivative is the generalised derivative (1.5).  The solver does not assemble it: it keeps the active sets as
-    nodal indicators, which sigma of (3.3c) needs and which this form cannot express.  It is the reference that the
+    Its UFL derivative is the generalised derivative (1.5).  The solver does not assemble it: it keeps the active sets
+    as nodal indicators, which sigma of (3.3c) needs and which this form cannot express.  It is the reference that the
     solver's residual and Jacobian are tested against.
     """
     t = ufl.as_vector((-n[1], n[0]))

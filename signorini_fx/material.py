@@ -10,7 +10,7 @@ from signorini_fx.scene import LinearElastic
 
 
 def lame_parameters(material: LinearElastic) -> tuple[float, float]:
-    """Lame parameters (lambda, mu) of section 2.1, stresses; for plane stress lambda is replaced by its reduced value."""
+    """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress."""
     young, poisson = material.young, material.poisson
     mu = young / (2 * (1 + poisson))
     if material.hypothesis == "plane stress":

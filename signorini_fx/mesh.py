@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.scene import MeshFile, Scene, TaggedMeshBase
+from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
 _GMSH_SUFFIXES = {".msh", ".geo"}
 
@@ -57,7 +57,9 @@ class TaggedMesh(TaggedMeshBase):
         low = x.min(axis=0) if x.size else np.full(self.mesh.geometry.dim, np.inf)
         high = x.max(axis=0) if x.size else np.full(self.mesh.geometry.dim, -np.inf)
         comm = self.mesh.comm
-        bounds = [(-parallel.global_max(comm, -a), parallel.global_max(comm, b)) for a, b in zip(low, high, strict=True)]
+        bounds = [
+            (-parallel.global_max(comm, -a), parallel.global_max(comm, b)) for a, b in zip(low, high, strict=True)
+        ]
         return float(np.hypot.reduce([b - a for a, b in bounds]))
 
 
@@ -68,12 +70,14 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         SceneError: unknown generator, or parameters that it refuses.
         MeshError: the file is no mesh.
     """
-    source = scene.mesh
-    if isinstance(source, TaggedMesh):
-        return source
-    if isinstance(source, MeshFile):
-        return read_mesh(source.file, comm)
-    return generate_mesh(source.generator, source.parameters, comm)
+    match scene.mesh:
+        case TaggedMesh() as tagged:
+            return tagged
+        case MeshFile(file=file):
+            return read_mesh(file, comm)
+        case MeshGenerator(generator=name, parameters=parameters):
+            return generate_mesh(name, parameters, comm)
+    raise TypeError(f"no mesh: {scene.mesh!r}")
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -59,7 +59,7 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     result, failure = comm.bcast(outcome)
     if failure is not None:
         raise failure
-    return result  # type: ignore[return-value]
+    return cast(T, result)
 
 
 def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:

@@ -1,11 +1,10 @@
-"""The regularised contact problem (3.3) on an elastic system: residual and active-set Jacobian as SNES callbacks."""
+"""The contact problem as SNES callbacks: residual and active-set Jacobian, regularised (3.3)."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.boundary import ContactBoundary
@@ -14,65 +13,102 @@ from signorini_fx.complementarity import (
     Nodal,
     RegularisedData,
     classify,
-    contact_pressure,
+    multipliers,
     tangent_coefficients,
-    tangential_traction,
 )
 from signorini_fx.linalg import ElasticSystem
 
 
-class RegularisedProblem:
-    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets.
+class ContactProblem(Protocol):
+    """What the semi-smooth Newton method needs of a problem.
 
-    For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.  ``sets`` are those
-    of the last linear solve; evaluating the residual classifies the nodes anew (``next_sets``) without touching them, so
-    that SNES may evaluate it as often as it likes; assembling the Jacobian takes the new sets over.
+    ``sets`` are those of the last linear solve; evaluating the residual classifies the nodes anew (``following``)
+    without touching them, so that SNES may evaluate it as often as it likes; assembling the Jacobian takes the new sets
+    over.
 
     Attributes:
         system: the elastic system.
         boundary: the contact nodes.
         data: what outer algorithms change.
         sets: active sets of the last linear solve.
-        next_sets: active sets of the last residual.
+        following: active sets of the last residual.
+        force_scale: size of the forces in the last residual.
+    """
+
+    system: ElasticSystem
+    boundary: ContactBoundary
+    data: RegularisedData
+    sets: ActiveSets
+    following: ActiveSets
+    force_scale: float
+
+    def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
+        """Begin a new problem.
+
+        Args:
+            data: its data.
+            first_sets: sets of the first linear solve; None: from the iterate and the sets of the problem before.
+        """
+
+    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y) at the contact nodes."""
+
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) at the contact nodes for given sets."""
+
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """A matrix with the pattern of the Jacobian."""
+
+    def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """The residual with the sets that follow from x."""
+
+    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+        """The Jacobian with the sets of the last residual, which become the current ones."""
+
+
+class RegularisedProblem:
+    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
+
+    For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
+    See ``ContactProblem``.
     """
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
-        self.sets = ActiveSets.all_in_contact(boundary.size)
-        self.next_sets = self.sets
-        self._forced_first = False
+        self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
-        self.jacobian = system.matrix.duplicate(copy=True)
+        self._forced_first = False
         self._blocks = _NodeBlocks(system, boundary)
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """Begin a new regularised problem.
-
-        Args:
-            data: its data.
-            first_sets: sets of the first linear solve; None: from the iterate and the sets of the problem before.
-        """
+        """See ``ContactProblem``."""
         self.data = data
         self._forced_first = first_sets is not None
         if first_sets is not None:
-            self.next_sets = first_sets
+            self.following = first_sets
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) at the contact nodes."""
+        """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
-        """(lambda, mu) at the contact nodes for given sets."""
-        u_n, u_t = self.traces(x)
-        return contact_pressure(sets, u_n, self.data), tangential_traction(sets, u_t, self.data)
+        """See ``ContactProblem``."""
+        return multipliers(sets, *self.traces(x), self.data)
+
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """See ``ContactProblem``: a copy of A, of which only the blocks of the contact nodes will change."""
+        jacobian = self.system.matrix.duplicate(copy=True)
+        if symmetric:
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+        return jacobian
 
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """R(x) with the sets that follow from x."""
+        """See ``ContactProblem``."""
         if not self._forced_first:
-            self.next_sets = classify(self.sets, *self.traces(x), self.data)
-        pressure, shear = self.multipliers(x, self.next_sets)
+            self.following = classify(self.sets, *self.traces(x), self.data)
+        pressure, shear = self.multipliers(x, self.following)
         self.system.matrix.mult(x, f)
         self.force_scale = max(f.norm(), self.system.load.norm())
         f.axpy(-1.0, self.system.load)
@@ -80,8 +116,8 @@ class RegularisedProblem:
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
-        """A plus the contact blocks of the sets of the last residual, which become the current sets."""
-        self.sets = self.next_sets
+        """See ``ContactProblem``."""
+        self.sets = self.following
         self._forced_first = False
         self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
 
@@ -91,21 +127,22 @@ class _NodeBlocks:
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
         first = system.matrix.getOwnershipRange()[0]
-        dofs, self._node = np.unique(system.contact_dofs, axis=0, return_inverse=True)
-        self._node = self._node.ravel()
+        dofs, node = np.unique(system.contact_dofs, axis=0, return_inverse=True)
+        self._node = node.ravel()
         self._rows = (first + dofs).astype(PETSc.IntType)
         self._elastic = np.array([system.matrix.getValues(rows, rows) for rows in self._rows]).reshape(-1, 2, 2)
         masked = boundary.free[:, :, None] & boundary.free[:, None, :]
         weight = boundary.weight[:, None, None] * masked
-        self._normal = weight * np.einsum("ij,ik->ijk", boundary.normal, boundary.normal)
-        self._tangential = weight * np.einsum("ij,ik->ijk", boundary.tangent, boundary.tangent)
+        n, t = boundary.normal, boundary.tangent
+        self._nn, self._tt, self._tn = (weight * np.einsum("ij,ik->ijk", a, b) for a, b in ((n, n), (t, t), (t, n)))
 
-    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal) -> None:
+    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> None:
+        """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix."""
+        contact = normal[:, None, None] * self._nn + tangential[:, None, None] * self._tt
+        if coupling is not None:
+            contact += coupling[:, None, None] * self._tn
         blocks = self._elastic.copy()
-        contact = normal[:, None, None] * self._normal + tangential[:, None, None] * self._tangential
         np.add.at(blocks, self._node, contact)
         if self._rows.size:
             matrix.setValuesRCV(self._rows, self._rows, blocks)
         matrix.assemble()
-
-

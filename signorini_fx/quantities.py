@@ -1,9 +1,10 @@
-"""What is measured after a solve, the same way for every algorithm: contact state, certificate, forces, energy, zones."""
+"""What is measured after a solve, the same way for every algorithm: state, certificate, forces, energy, zones."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ class ContactState:
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
     def sliding_sign(self) -> npt.NDArray[np.int8]:
-        """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing slips as it moves."""
+        """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
         return np.where(self.bound == 0, np.where(self.u_t < 0, -1, 1), self.slip).astype(np.int8)
 
 
@@ -142,7 +143,7 @@ def certify(discretisation: Discretisation, displacement: fem.Function, contact:
     boundary = contact.boundary
     nodal = owned.reshape(-1, 2)
     # The reactions become pressures only where no support takes a part of them and no second boundary shares the node.
-    unique, inverse, counts = np.unique(boundary.nodes, return_inverse=True, return_counts=True)
+    _, inverse, counts = np.unique(boundary.nodes, return_inverse=True, return_counts=True)
     alone = (counts[inverse.ravel()] == 1) & boundary.free.all(axis=1)
     nodal_reaction = -nodal[boundary.nodes] / boundary.weight[:, None]
     normal, tangential = boundary.traces(nodal_reaction)
@@ -181,8 +182,9 @@ class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
     Attributes:
-        columns: name -> one entry a node.  ``state`` is open, stick, slip+ or slip-; ``friction`` is stick, slip+, slip-
-            or none whether or not the node is in contact (Tresca friction acts on open nodes too).
+        columns: name -> one entry a node.  ``state`` is open, stick, slip+ or slip-; ``friction`` is stick, slip+,
+            slip- or, where the bound is 0, none, whether or not the node is in contact (Tresca friction acts on open
+            nodes too).
         chains: the connected pieces of the boundary, as ranges of rows.
     """
 
@@ -235,12 +237,8 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     chains, order = _chains(numbers, segments, rows[:, :2])
     rows, part = rows[order], numbers[order, 0]
     x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, n_x, n_y, weight = rows.T
-    friction = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick")) if contact.has_friction else None
-    if friction is None:
-        friction = np.full(x.size, "none")
-        sliding = np.where(slip < 0, "slip-", "slip+")
-    else:
-        sliding = friction
+    sliding = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick"))
+    friction = np.where(bound > 0, sliding, "none")
     along = np.zeros(x.size)
     for chain in chains:
         steps = np.hypot(np.diff(x[chain.start : chain.stop]), np.diff(y[chain.start : chain.stop]))
@@ -270,14 +268,14 @@ def _chains(
 ) -> tuple[list[range], npt.NDArray[np.int64]]:
     """Connected pieces of the boundary and the order of the nodes along them.
 
-    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does not
-    depend on the numbers of nodes and ranks.
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbers of nodes and ranks.
     """
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(numbers)}
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
     for part, *nodes in segments:
         path = [row_of[int(part), int(node)] for node in nodes]
-        for a, b in zip(path, path[1:], strict=False):
+        for a, b in pairwise(path):
             neighbours[a].append(b)
             neighbours[b].append(a)
 
@@ -295,7 +293,9 @@ def _chains(
             continue
         chain = [start]
         seen.add(start)
-        while (following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)) is not None:
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
             chain.append(following)
             seen.add(following)
         found.append(chain)

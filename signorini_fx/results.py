@@ -82,12 +82,14 @@ class OuterRecord:
     Attributes:
         outer: running number from 0.
         linear_solves: inner linear solves that it took.
+        gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
         change: what the outer algorithm stops on (FP: d_g of section 7), None where it is not defined yet.
         status: how the inner solve ended.
     """
 
     outer: int
     linear_solves: int
+    gamma_n: float
     change: float | None
     status: str
 

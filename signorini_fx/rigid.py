@@ -34,7 +34,7 @@ class RigidMotions:
         return _modes(x, self.centre, self.length)
 
     def held_by(self, boundary: ContactBoundary, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_]) -> bool:
-        """Whether contact at the nodes ``normal`` and stick at the nodes ``stick`` resist every free motion; collective."""
+        """Whether contact at ``normal`` nodes and stick at ``stick`` nodes resist every free motion; collective."""
         if self.free.shape[1] == 0:
             return True
         modes = self.at(boundary.x) * boundary.free[:, :, None]

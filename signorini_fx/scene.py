@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -175,7 +175,11 @@ class SolverSettings(_Model):
     """How the scene is solved; every default works for every scale and unit.
 
     Attributes:
-        algorithm: ``ssn`` (one regularised problem), ``fp`` (Coulomb by fixed point), ``auto`` (what the scene needs).
+        algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation`` (from a first gamma to
+            the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
+            (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
+        coulomb: how the friction bound meets the pressure: ``fp`` (fixed point of Tresca problems, section 6.3; with
+            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is fp.
         gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
             Young's modulus over the size of the body.
         gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
@@ -183,16 +187,26 @@ class SolverSettings(_Model):
             slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
         initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
             problem; a box or an expression (true or > 0): a patch that is forced into contact.
+        gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
+        gamma_factor: alm: growth of gamma from one problem to the next.
+        inner_iterations: alm: linear solves allowed for one problem (inexact); ``auto``: until its sets repeat.
+        regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
+            the discretisation error.
         max_iterations: linear solves allowed for one regularised problem.
         max_outer_iterations: outer iterations allowed.
         tolerance: the outer iteration stops when the friction bound changes relatively by no more than this.
     """
 
-    algorithm: Literal["auto", "ssn", "fp"] = "auto"
+    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
+    coulomb: Literal["auto", "fp", "newton"] = "auto"
     gamma_n: Automatic = "auto"
     gamma_t: Automatic = "auto"
     sigma: Automatic = "auto"
     initial_contact: Box | Literal["all"] | Value = "all"
+    gamma_first: Automatic = "auto"
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
+    inner_iterations: Annotated[int, Field(gt=0)] | Literal["auto"] = "auto"
+    regularisation_error: Automatic = "auto"
     max_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
     max_outer_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
     tolerance: Positive = 1e-7
@@ -325,10 +339,7 @@ def read_scene(path: str | Path) -> Scene:
     return parse_scene_text(read_scene_text(path), path)
 
 
-_MESSAGES: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "extra_forbidden": lambda detail: "unknown key",
-    "missing": lambda detail: "is missing",
-}
+_MESSAGES = {"extra_forbidden": "unknown key", "missing": "is missing"}
 
 
 def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
@@ -344,7 +355,7 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
             node = node[part]
         elif detail["type"] == "missing" and part == detail["loc"][-1]:
             path += f".{part}" if path else part
-    message = _MESSAGES.get(detail["type"], lambda d: str(d["msg"]).removeprefix("Value error, "))(detail)
+    message = _MESSAGES.get(detail["type"]) or str(detail["msg"]).removeprefix("Value error, ")
     given = detail.get("input")
     if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and repr(given) not in message:
         message += f", got {given!r}"

@@ -13,27 +13,19 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.fp import fixed_point
-from signorini_fx.algorithms.ssn import OPTIONS_PREFIX, History, SemismoothNewton
+from signorini_fx.algorithms.ssn import OPTIONS_PREFIX, History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import (
-    ActiveSets,
-    FrictionLaw,
-    Nodal,
-    RegularisedData,
-    contact_pressure,
-    tangential_traction,
-)
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, SceneError
+from signorini_fx.estimators import recovery_error
 from signorini_fx.expressions import sample
-from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
-from signorini_fx.problem import RegularisedProblem
-from signorini_fx.quantities import Certificate, ContactState, certify
+from signorini_fx.quantities import Certificate, ContactState, certify, strain_energy
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Box, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.strategy import Task, run
 
 # gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
 _AUTOMATIC_GAMMA = 1e5
@@ -46,7 +38,7 @@ class Solution:
     Attributes:
         scene: what was solved.
         status: how it ended; only ``Status.CONVERGED`` is a solution.
-        algorithm: ``linear``, ``ssn`` or ``fp``.
+        algorithm: the algorithms in force: ``linear``, ``ssn``, ``fp``, ...
         discretisation: mesh, space and operators.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
@@ -104,10 +96,11 @@ def solve(
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
     history = History(observers=list(observers))
+    parameters: dict[str, float] = {}
     with timings.phase("iterate"):
         if discretisation.boundary is None:
             status, x = _linear_solve(discretisation)
-            algorithm, contact, parameters = "linear", None, {}
+            algorithm, contact = "linear", None
         else:
             status, x, algorithm, contact, parameters = _contact_solve(discretisation, discretisation.boundary, history)
     with timings.phase("certify"):
@@ -142,34 +135,54 @@ def _contact_solve(
     discretisation: Discretisation, boundary: ContactBoundary, history: History
 ) -> tuple[Status, PETSc.Vec, str, ContactState, dict[str, float]]:
     scene = discretisation.scene
-    system: ElasticSystem = FullSystem.of(discretisation)
     law = _friction_law(scene, boundary)
-    data = _regularised_data(scene, discretisation, boundary, law)
-    problem = RegularisedProblem(system, boundary)
-    newton = SemismoothNewton(problem, discretisation.motions, scene.solver.max_iterations, history)
     first_sets, first_iteration = _first_sets(scene, boundary)
-    algorithm = _algorithm(scene)
-    start = data
-    if algorithm == "fp" and law is not None:
-        start = _fixed_point_start(discretisation, data, law)
-    status = newton.solve(start, first_sets, first_iteration=first_iteration)
-    if algorithm == "fp" and law is not None and status is Status.CONVERGED:
-        settings = scene.solver
-        status = fixed_point(
-            newton, data, law, tolerance=settings.tolerance, max_outer=settings.max_outer_iterations
-        )
-    contact = _contact_state(newton, boundary, problem.data)
+    task = Task(
+        settings=scene.solver,
+        system=FullSystem.of(discretisation),
+        boundary=boundary,
+        motions=discretisation.motions,
+        data=_regularised_data(scene, discretisation, boundary, law),
+        law=law,
+        has_coulomb=scene.has_coulomb,
+        first_sets=first_sets,
+        first_iteration=first_iteration,
+        natural_gamma=scene.material.young / discretisation.tagged.size,
+        history=history,
+        goal=lambda x: _allowed_regularisation_error(discretisation, x),
+    )
+    status = run(task)
+    data = task.problem.data
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
-    return status, newton.x, algorithm, contact, parameters
+    if task.regularisation_error is not None:
+        size = _energy_norm(discretisation, discretisation.function(task.displacement()))
+        parameters["regularisation_error"] = task.regularisation_error / size if size > 0 else 0.0
+    return status, task.displacement(), _algorithm_name(scene), _contact_state(task), parameters
 
 
-def _algorithm(scene: Scene) -> str:
-    """What the scene needs, or what it asks for if that can solve it."""
-    needed = "fp" if scene.has_coulomb else "ssn"
-    wanted = scene.solver.algorithm
-    if wanted == "ssn" and needed == "fp":
-        raise SceneError([("solver.algorithm", "ssn alone cannot solve Coulomb friction: use fp or auto")])
-    return needed
+def _algorithm_name(scene: Scene) -> str:
+    """The algorithms in force, in the paper's abbreviations."""
+    settings = scene.solver
+    outer = "ssn" if settings.algorithm == "auto" else settings.algorithm
+    if not scene.has_coulomb:
+        return outer
+    if settings.coulomb == "newton":
+        return "coulomb-newton" if outer == "ssn" else f"{outer}, coulomb-newton"
+    return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
+
+
+def _energy_norm(discretisation: Discretisation, displacement: fem.Function) -> float:
+    """sqrt(a(y, y))."""
+    return float(np.sqrt(max(0.0, 2.0 * strain_energy(discretisation, displacement))))
+
+
+def _allowed_regularisation_error(discretisation: Discretisation, x: PETSc.Vec) -> float:
+    """What path-following may leave, in the energy norm."""
+    displacement = discretisation.function(x)
+    wanted = discretisation.scene.solver.regularisation_error
+    if wanted == "auto":
+        return recovery_error(discretisation, displacement)
+    return wanted * _energy_norm(discretisation, displacement)
 
 
 def _friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
@@ -209,9 +222,7 @@ def _regularised_data(
     )
 
 
-def _nodal(
-    value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float
-) -> Nodal:
+def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
     """Values at the nodes ``here``, checked on all ranks together."""
     points = np.zeros((3, int(np.count_nonzero(here))))
     points[:2] = boundary.x[here].T
@@ -234,7 +245,7 @@ def _first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, in
         return every, 0
     if isinstance(region, Box):
         near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
-        inside = np.ones(boundary.size, dtype=bool)
+        inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
         for axis, (low, high) in enumerate((region.x, region.y)):
             inside &= (boundary.x[:, axis] >= low - near) & (boundary.x[:, axis] <= high + near)
     else:
@@ -246,30 +257,20 @@ def _first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, in
     return ActiveSets(inside, every.slip), 1
 
 
-def _fixed_point_start(discretisation: Discretisation, data: RegularisedData, law: FrictionLaw) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that only friction holds sideways starts from stick."""
-    from dataclasses import replace
-
-    boundary = discretisation.boundary
-    assert boundary is not None
-    everywhere = np.ones(boundary.size, dtype=bool)
-    if discretisation.motions.held_by(boundary, everywhere, ~everywhere):
-        return replace(data, bound=None)
-    return replace(data, bound=np.full(boundary.size, np.inf))
-
-
-def _contact_state(newton: SemismoothNewton, boundary: ContactBoundary, data: RegularisedData) -> ContactState:
-    sets = newton.problem.sets
-    u_n, u_t = newton.problem.traces(newton.x)
+def _contact_state(task: Task) -> ContactState:
+    problem, boundary = task.problem, task.boundary
+    sets = problem.sets
+    u_n, u_t = problem.traces(task.x)
+    pressure, shear = problem.multipliers(task.x, sets)
     return ContactState(
         boundary=boundary,
-        gap=data.gap,
+        gap=problem.data.gap,
         u_n=u_n,
         u_t=u_t,
-        pressure=contact_pressure(sets, u_n, data),
-        shear=tangential_traction(sets, u_t, data),
-        bound=data.bound if data.bound is not None else np.zeros(boundary.size),
+        pressure=pressure,
+        shear=shear,
+        bound=problem.data.friction_bound(pressure),
         in_contact=sets.contact,
         slip=sets.slip,
-        has_friction=data.has_friction,
+        has_friction=problem.data.has_friction,
     )

@@ -1,4 +1,4 @@
-"""Algorithm (FP), section 6.3: Coulomb friction as a fixed point of Tresca problems."""
+"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction as a fixed point of Tresca problems."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData, contact_pressure
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.results import Status
 
 
@@ -18,6 +18,7 @@ def fixed_point(
     *,
     tolerance: float,
     max_outer: int,
+    shift: bool = False,
 ) -> Status:
     """Iterate g <- lambda from the solution that ``newton`` holds, until g changes by no more than ``tolerance``.
 
@@ -28,28 +29,28 @@ def fixed_point(
         law: gives the bound from the contact pressure.
         tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c), section 7.
         max_outer: Tresca problems allowed.
+        shift: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised
+            solution.
     """
     problem = newton.problem
-    g = _pressure(newton, data)
+    g, shear = newton.multipliers()
     first_sets: ActiveSets | None = None
     if not problem.data.has_friction:
         # The start knows no slip: mu = xi = 0, hence stick everywhere.
-        first_sets = ActiveSets(problem.next_sets.contact, np.zeros_like(problem.next_sets.slip))
+        first_sets = ActiveSets(problem.following.contact, np.zeros_like(problem.following.slip))
     change = None
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
+        if shift:
+            data = replace(data, lambda_hat=g, mu_hat=shear)
         status = newton.solve(data, first_sets, change=change)
         if status is not Status.CONVERGED:
             return status
         first_sets = None
-        previous, g = g, _pressure(newton, data)
+        previous = g
+        g, shear = newton.multipliers()
         size = problem.boundary.norm(g)
         change = problem.boundary.norm(g - previous) / size if size > 0 else 0.0
         if change <= tolerance:
             return Status.CONVERGED
     return Status.OUTER_MAX_ITERATIONS
-
-
-def _pressure(newton: SemismoothNewton, data: RegularisedData) -> np.ndarray:
-    problem = newton.problem
-    return contact_pressure(problem.sets, problem.traces(newton.x)[0], data)

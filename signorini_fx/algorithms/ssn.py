@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.complementarity import ActiveSets, RegularisedData
-from signorini_fx.problem import RegularisedProblem
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
 from signorini_fx.rigid import RigidMotions
 
@@ -18,6 +19,7 @@ OPTIONS_PREFIX = "sfx_"
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _SNES = PETSc.SNES.ConvergedReason
+Observer = Callable[[IterationRecord | OuterRecord | str], None]
 
 
 @dataclass
@@ -27,30 +29,35 @@ class History:
     Attributes:
         iterations: one record a linear solve.
         outer: one record a regularised problem.
-        observers: called with each new record, to show progress.
+        events: decisions that a user should know of, such as a fall-back.
+        observers: called with each new record or event, to show progress.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
     outer: list[OuterRecord] = field(default_factory=list)
-    observers: list[object] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
+    observers: list[Observer] = field(default_factory=list)
 
     @property
     def linear_solves(self) -> int:
         """Linear solves so far."""
         return len(self.iterations)
 
-    def add(self, record: IterationRecord | OuterRecord) -> None:
-        """Keep a record and show it."""
-        if isinstance(record, IterationRecord):
-            self.iterations.append(record)
-        else:
-            self.outer.append(record)
+    def add(self, record: IterationRecord | OuterRecord | str) -> None:
+        """Keep a record or an event and show it."""
+        match record:
+            case IterationRecord():
+                self.iterations.append(record)
+            case OuterRecord():
+                self.outer.append(record)
+            case str():
+                self.events.append(record)
         for observer in self.observers:
-            observer(record)  # type: ignore[operator]
+            observer(record)
 
 
 class SemismoothNewton:
-    """Solves regularised problems on one elastic system; the solver objects are set up once and kept.
+    """Solves contact problems on one elastic system; the solver objects are set up once and kept.
 
     A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
     is small.  Because an iterate depends on its sets alone, sets that were seen before mean a cycle.
@@ -59,33 +66,42 @@ class SemismoothNewton:
     Args:
         problem: residual and Jacobian.
         motions: rigid motions of the body, to notice sets that do not hold it.
+        x: the iterate, which two methods may share.
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
+        symmetric: whether the Jacobian is; it is not where the friction bound follows the pressure.
     """
 
     def __init__(
-        self, problem: RegularisedProblem, motions: RigidMotions, max_iterations: int, history: History
+        self,
+        problem: ContactProblem,
+        motions: RigidMotions,
+        x: PETSc.Vec,
+        max_iterations: int,
+        history: History,
+        *,
+        symmetric: bool = True,
     ) -> None:
         self.problem = problem
         self.history = history
-        self.x = problem.system.start.copy()
+        self.x = x
         self._motions = motions
-        self._residual = self.x.duplicate()
+        self._residual = x.duplicate()
         self._start_time = time.perf_counter()
-        comm = problem.system.comm
-        keys = np.random.default_rng(comm.rank).integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
-        self._keys = keys
-        self.snes = self._create(max_iterations)
+        self._max_iterations = max_iterations
+        generator = np.random.default_rng(problem.system.comm.rank)
+        self._keys = generator.integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
+        self.snes = self._create(symmetric)
 
-    def _create(self, max_iterations: int) -> PETSc.SNES:
+    def _create(self, symmetric: bool) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.problem.system.comm)
         snes.setOptionsPrefix(OPTIONS_PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(self.problem.residual, self._residual)
-        snes.setJacobian(self.problem.assemble_jacobian, self.problem.jacobian)
-        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=max_iterations)
+        snes.setJacobian(self.problem.assemble_jacobian, self.problem.create_jacobian(symmetric=symmetric))
+        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self._max_iterations)
         snes.setConvergenceTest(self._test)
-        self.problem.system.configure(snes.getKSP(), symmetric=True)
+        self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         # petsc4py 3.22 has no setter for the line search: a default option, set only if the user set none.
         options = PETSc.Options(OPTIONS_PREFIX)
         ours = not options.hasName("snes_linesearch_type")
@@ -94,6 +110,7 @@ class SemismoothNewton:
         snes.setFromOptions()
         if ours:
             options.delValue("snes_linesearch_type")
+        self._max_iterations = snes.getTolerances()[3]
         return snes
 
     def solve(
@@ -102,14 +119,16 @@ class SemismoothNewton:
         first_sets: ActiveSets | None = None,
         *,
         first_iteration: int = 1,
+        max_iterations: int | None = None,
         change: float | None = None,
     ) -> Status:
-        """Solve one regularised problem; the iterate stays in ``x``, the sets in ``problem.sets``.
+        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
 
         Args:
             data: the problem.
             first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
             first_iteration: number of the first linear solve: 0 where it only makes the start (section 7).
+            max_iterations: linear solves allowed for this problem, where fewer than usual.
             change: figure of the outer algorithm to record with this problem.
         """
         self.problem.set_data(data, first_sets)
@@ -119,6 +138,7 @@ class SemismoothNewton:
         self._stalls = 0
         self._last_residual = np.inf
         self._status: Status | None = None
+        self.snes.setTolerances(max_it=min(self._max_iterations, max_iterations or self._max_iterations))
         try:
             self.snes.solve(None, self.x)
             status = self._status or _status(self.snes.getConvergedReason())
@@ -128,15 +148,20 @@ class SemismoothNewton:
                 raise
             status = Status.SINGULAR
         solves = self.history.linear_solves - self._before
-        self.history.add(OuterRecord(len(self.history.outer), solves, change, status.value))
+        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, change, status.value))
         return status
+
+    def multipliers(self) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) of the last iterate."""
+        return self.problem.multipliers(self.x, self.problem.sets)
 
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
-        sets, following = problem.sets, problem.next_sets
-        changed = sets.changed(following)
-        slip = sets.slip if problem.data.bound is None else np.where(problem.data.bound > 0, sets.slip, 0)
+        sets, following = problem.sets, problem.following
+        slip = sets.slip
+        if problem.data.has_friction:
+            slip = np.where(problem.data.friction_bound(self.multipliers()[0]) > 0, slip, 0)
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
@@ -144,19 +169,19 @@ class SemismoothNewton:
                     np.count_nonzero(sets.contact),
                     np.count_nonzero(slip > 0),
                     np.count_nonzero(slip < 0),
-                    np.count_nonzero(changed),
+                    np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
                 dtype=np.uint64,
             ),
         )
-        active, plus, minus, changes, fingerprint = (int(count) for count in counts)
+        active, plus, minus, changed, fingerprint = (int(count) for count in counts)
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
         if k > 0:
-            self._record(k, active, plus, minus, changes, residual)
+            self._record(k, active, plus, minus, changed, residual)
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
-        if k > 0 and changes == 0:
+        if k > 0 and changed == 0:
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right, the linear solve was not exact: the next step with the same sets refines it.

@@ -64,5 +64,5 @@ class FullSystem:
         pc.setFactorSolverType(factorisation_package(self.comm, symmetric=symmetric))
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """x itself."""
+        """X itself."""
         return x

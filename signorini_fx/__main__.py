@@ -1,0 +1,7 @@
+"""``python3 -m signorini_fx`` is the command ``signorini-fx``."""
+
+import sys
+
+from signorini_fx.cli import main
+
+sys.exit(main())

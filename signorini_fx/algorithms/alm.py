@@ -1,0 +1,71 @@
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method for Tresca friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, project, slip_multiplier
+from signorini_fx.results import Status
+
+
+def augmented_lagrangian(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    *,
+    first_iteration: int,
+    tolerance: float,
+    max_outer: int,
+    inner_iterations: int | None = None,
+    gamma_factor: float = 1.0,
+    watch: Callable[[Nodal, Nodal], bool] | None = None,
+) -> Status:
+    """Iterate lambda_hat <- lambda, mu_hat <- mu until they change by no more than ``tolerance``.
+
+    Each problem starts from the variables of the one before (section 7.1).
+
+    Args:
+        newton: the inner method.
+        data: the first problem; its gamma stays, or grows.
+        first_sets: sets of the very first linear solve.
+        first_iteration: number of the very first linear solve.
+        tolerance: for the change of lambda and of mu in the norm of L2(Gamma_c), relative to their own.
+        max_outer: regularised problems allowed.
+        inner_iterations: linear solves allowed for one problem (inexact ALM); None: until its sets repeat.
+        gamma_factor: growth of gamma_1 and gamma_2 from one problem to the next.
+        watch: called with (lambda, mu) after each problem; True ends the iteration as converged.
+    """
+    problem = newton.problem
+    before: tuple[Nodal, Nodal] | None = None
+    change = None
+    for _ in range(max_outer):
+        status = newton.solve(
+            data, first_sets, first_iteration=first_iteration, max_iterations=inner_iterations, change=change
+        )
+        inexact = inner_iterations is not None and status is Status.MAX_ITERATIONS
+        if status is not Status.CONVERGED and not inexact:
+            return status
+        u_n, u_t = problem.traces(newton.x)
+        pressure, shear = newton.multipliers()
+        xi = slip_multiplier(problem.sets, shear, u_t, data)
+        pressure, shear = project(pressure, shear, data)
+        if watch is not None and watch(pressure, shear):
+            return Status.CONVERGED
+        if before is not None:
+            norm = problem.boundary.norm
+            size = norm(pressure) + norm(shear)
+            change = (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0
+            if change <= tolerance and not inexact:
+                return Status.CONVERGED
+        before = pressure, shear
+        data = replace(
+            data,
+            lambda_hat=pressure,
+            mu_hat=shear,
+            gamma_n=data.gamma_n * gamma_factor,
+            gamma_t=data.gamma_t * gamma_factor,
+        )
+        first_sets, first_iteration = next_sets(u_n, xi, shear, data), 1
+    return Status.OUTER_MAX_ITERATIONS

@@ -1,0 +1,37 @@
+"""Continuation in gamma (section 7.1, Table 4): one regularised problem after the other, each from the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.complementarity import ActiveSets, RegularisedData
+from signorini_fx.results import Status
+
+
+def continuation(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    gammas: Sequence[tuple[float, float]],
+    *,
+    first_iteration: int,
+) -> Status:
+    """Solve for each (gamma_1, gamma_2) in turn.
+
+    Args:
+        newton: the inner method.
+        data: the problem apart from gamma.
+        first_sets: sets of the very first linear solve.
+        gammas: the regularisation parameters, smallest first.
+        first_iteration: number of the very first linear solve.
+    """
+    status = Status.CONVERGED
+    for gamma_n, gamma_t in gammas:
+        data = replace(data, gamma_n=gamma_n, gamma_t=gamma_t)
+        status = newton.solve(data, first_sets, first_iteration=first_iteration)
+        if status is not Status.CONVERGED:
+            return status
+        first_sets, first_iteration = None, 1
+    return status

@@ -1,0 +1,111 @@
+"""Automatic path-following in gamma (the wish of section 8): the smallest gamma that the asked accuracy needs.
+
+For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives along gamma cost a back
+substitution each, with the factor of the last linear solve:
+
+    J y' = -C (y - d),   J y'' = -2 C y',   J = A + gamma C,
+
+with C the contact blocks of the sets at gamma = 1.  One pole, y(gamma) = y_inf - c / (E + gamma), is fitted to them; it
+says both how far y is from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and at which gamma that distance
+will be what is wanted.  Nothing is left to tune: the start comes from the body, the goal from the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.results import Status
+
+
+@dataclass(frozen=True)
+class PathModel:
+    """The local model of the path gamma -> y(gamma).
+
+    Attributes:
+        gamma: gamma_1 where it was made.
+        pole: E > -gamma.
+        distance: energy norm of y_inf - y(gamma).
+    """
+
+    gamma: float
+    pole: float
+    distance: float
+
+    def gamma_for(self, distance: float) -> float:
+        """gamma_1 at which the model is ``distance`` away from its limit."""
+        return (self.pole + self.gamma) * self.distance / distance - self.pole
+
+
+def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
+    """Fit the model at the solution that ``newton`` holds; two back substitutions, collective."""
+    problem = newton.problem
+    boundary, system = problem.boundary, problem.system
+    sets = problem.sets
+    ratio = data.gamma_t / data.gamma_n
+    normal = sets.contact.astype(float)
+    tangential = (sets.slip == 0).astype(float) * ratio if data.has_friction else np.zeros_like(normal)
+
+    def contact_force(vector: PETSc.Vec, gap: Nodal) -> PETSc.Vec:
+        """C (vector - gap), with gamma_1 taken out."""
+        force = vector.duplicate()
+        force.set(0.0)
+        u_n, u_t = boundary.traces(vector.getArray(readonly=True)[system.contact_dofs])
+        nodal = boundary.nodal_forces(normal * (u_n - gap), tangential * u_t) * boundary.free
+        np.add.at(force.getArray(), system.contact_dofs, nodal)
+        return force
+
+    ksp = newton.snes.getKSP()
+    first, second = newton.x.duplicate(), newton.x.duplicate()
+    ksp.solve(-contact_force(newton.x, data.gap), first)
+    ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap)), second)
+    stretched = first.duplicate()
+    system.matrix.mult(first, stretched)
+    energy = stretched.dot(first)
+    curvature = -stretched.dot(second)
+    reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    return PathModel(data.gamma_n, reach - data.gamma_n, reach * float(np.sqrt(max(energy, 0.0))))
+
+
+def path_following(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    *,
+    first_iteration: int,
+    goal: Callable[[], float],
+    largest: float,
+    max_outer: int,
+) -> tuple[Status, RegularisedData, float]:
+    """Raise gamma until the regularisation error is below the goal.
+
+    Args:
+        newton: the inner method.
+        data: the first problem, with a small gamma; gamma_2 / gamma_1 is kept.
+        first_sets: sets of the very first linear solve.
+        first_iteration: number of the very first linear solve.
+        goal: the regularisation error that is allowed, in the energy norm, judged anew at each solution.
+        largest: gamma_1 above which round-off takes over; the path ends there.
+        max_outer: regularised problems allowed.
+
+    Returns:
+        How it ended, the last problem, and the regularisation error that is left, in the energy norm.
+    """
+    left = np.inf
+    for _ in range(max_outer):
+        status = newton.solve(data, first_sets, first_iteration=first_iteration)
+        if status is not Status.CONVERGED:
+            return status, data, left
+        model = path_model(newton, data)
+        allowed, left = goal(), model.distance
+        if left <= allowed or data.gamma_n >= largest:
+            return Status.CONVERGED, data, left
+        gamma = min(model.gamma_for(allowed), largest) if allowed > 0 else largest
+        data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
+        first_sets, first_iteration = None, 1
+    return Status.OUTER_MAX_ITERATIONS, data, left

@@ -1,0 +1,128 @@
+"""The unregularised limit, gamma = infinity: nodal complementarity solved by elimination of the active constraints.
+
+On A_c the normal displacement is set to the gap, on I_f the tangential one to zero, and lambda and mu are the nodal
+reactions: no penalty, hence no round-off of one.  The sets follow from (2.3b), (2.3c) and (2.8), which no longer depend
+on gamma.  It needs normals along the axes; ``linalg.rotated`` turns the contact nodes for other ones.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.linalg import ElasticSystem
+
+
+class ExactProblem:
+    """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see
+    ``problem.ContactProblem``.
+
+    x^ is x with the constraints of the current sets put in, so that a full Newton step solves the problem with these
+    sets exactly although the constrained columns of the Jacobian are empty.
+    """
+
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
+        self.system = system
+        self.boundary = boundary
+        self.data: RegularisedData
+        self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
+        self.force_scale = 0.0
+        self._forced_first = False
+        rows = np.arange(boundary.size)
+        axis = np.argmax(np.abs(boundary.normal), axis=1)
+        self._n = system.contact_dofs[rows, axis]
+        self._t = system.contact_dofs[rows, 1 - axis]
+        self._n_sign = boundary.normal[rows, axis]
+        self._t_sign = boundary.tangent[rows, 1 - axis]
+        self._n_free = boundary.free[rows, axis]
+        self._t_free = boundary.free[rows, 1 - axis]
+        self._work = system.load.duplicate()
+        diagonal = parallel.global_max(system.comm, parallel.local_max(system.matrix.getDiagonal().getArray()))
+        self._diagonal = diagonal
+
+    def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
+        """See ``ContactProblem``; gamma, sigma and the shifts of the data play no part."""
+        self.data = data
+        self._forced_first = first_sets is not None
+        if first_sets is not None:
+            self.following = first_sets
+
+    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+        return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
+        self.system.matrix.mult(x, self._work)
+        self._work.axpy(-1.0, self.system.load)
+        reaction = self._work.getArray(readonly=True)
+        weight = self.boundary.weight
+        pressure = np.where(sets.contact & self._n_free, -self._n_sign * reaction[self._n] / weight, 0.0)
+        if not self.data.has_friction:
+            return pressure, np.zeros_like(pressure)
+        stick = -self._t_sign * reaction[self._t] / weight
+        bound = self.data.friction_bound(pressure)
+        return pressure, np.where(sets.slip == 0, np.where(self._t_free, stick, 0.0), sets.slip * bound)
+
+    def _classify(self, x: PETSc.Vec) -> ActiveSets:
+        u_n, u_t = self.traces(x)
+        pressure, shear = self.multipliers(x, self.sets)
+        contact = np.where(self.sets.contact, pressure > 0, u_n > self.data.gap) & self._n_free
+        if not self.data.has_friction:
+            return ActiveSets(contact, np.zeros_like(self.sets.slip))
+        bound = self.data.friction_bound(pressure)
+        slip = self.sets.slip
+        # A node passes through stick: from slip it sticks where it would move against mu, from stick it slips.
+        from_stick = (shear > bound).astype(np.int8) - (shear < -bound).astype(np.int8)
+        from_slip = np.where(slip * u_t < 0, 0, slip)
+        following = np.where(slip == 0, from_stick, from_slip)
+        return ActiveSets(contact, np.where(bound == 0, 1, following).astype(np.int8))
+
+    def _constraints(self, sets: ActiveSets) -> tuple[Any, Nodal]:
+        """Constrained local dofs and the values that they are set to."""
+        normal = sets.contact & self._n_free
+        stick = (sets.slip == 0) & self._t_free if self.data.has_friction else np.zeros_like(normal)
+        dofs = np.concatenate([self._n[normal], self._t[stick]])
+        values = np.concatenate([self._n_sign[normal] * self.data.gap[normal], np.zeros(np.count_nonzero(stick))])
+        return dofs, values
+
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """See ``ContactProblem``."""
+        jacobian = self.system.matrix.duplicate(copy=True)
+        jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        if symmetric:
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+        return jacobian
+
+    def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """See ``ContactProblem``."""
+        if not self._forced_first:
+            self.following = self._classify(x)
+        dofs, values = self._constraints(self.following)
+        shear = np.zeros(self.boundary.size)
+        if self.data.has_friction:
+            pressure, _ = self.multipliers(x, self.following)
+            slipping = (self.following.slip != 0) & self._t_free
+            shear[slipping] = (self.following.slip * self.data.friction_bound(pressure))[slipping]
+        placed = x.copy()
+        placed.getArray()[dofs] = values
+        self.system.matrix.mult(placed, f)
+        self.force_scale = max(f.norm(), self.system.load.norm())
+        f.axpy(-1.0, self.system.load)
+        array = f.getArray()
+        np.add.at(array, self._t, self._t_sign * self.boundary.weight * shear)
+        array[dofs] = self._diagonal * (x.getArray(readonly=True)[dofs] - values)
+
+    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+        """See ``ContactProblem``."""
+        self.sets = self.following
+        self._forced_first = False
+        dofs, _values = self._constraints(self.sets)
+        self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first = self.system.matrix.getOwnershipRange()[0]
+        jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._diagonal)

@@ -1,0 +1,253 @@
+"""Result folders: written whole or not at all.
+
+Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
+a folder holds a whole result if and only if it holds summary.json.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem, io
+from pydantic import BaseModel
+
+from signorini_fx import compat, parallel
+from signorini_fx.errors import OutputError
+from signorini_fx.material import shear_energy_density, stress
+from signorini_fx.quantities import ContactTable, contact_table
+from signorini_fx.results import as_rows
+from signorini_fx.solve import Solution
+from signorini_fx.summary import summarise
+
+_PART = ".part"
+_SUMMARY = "summary.json"
+
+
+def prepare_folder(comm: Any, folder: Path) -> None:
+    """Make the result folder and find out early that it cannot be written; collective.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+
+    def prepare() -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            shutil.rmtree(folder / _PART, ignore_errors=True)
+            (folder / _PART).mkdir()
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+    parallel.on_root(comm, prepare)
+
+
+def discard_folder(comm: Any, folder: Path) -> None:
+    """Take back what ``prepare_folder`` made; older results stay."""
+
+    def discard() -> None:
+        shutil.rmtree(folder / _PART, ignore_errors=True)
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+    parallel.on_root(comm, discard)
+
+
+def write_results(solution: Solution, folder: Path, *, fields: bool = True, pictures: bool = True) -> dict[str, Any]:
+    """Write the result folder; collective.
+
+    Args:
+        solution: what to write, converged or not.
+        folder: as it was prepared.
+        fields: write the fields for ParaView.
+        pictures: draw the deformed mesh, the boundary profiles and the iteration history.
+
+    Returns:
+        The summary.
+
+    Raises:
+        OutputError: something could not be written; the folder then holds no summary.json.
+    """
+    comm = solution.comm
+    part = folder / _PART
+    names = [effect.boundary for effect in solution.scene.contact]
+    table = contact_table(solution.contact, names) if solution.contact is not None else None
+    summary = summarise(solution, table)
+    summary["scene"] = describe(solution.scene)
+    if fields:
+        summary["fields"] = write_fields(solution, part)
+    gathered = gather_cells(solution) if pictures else None
+
+    def write() -> None:
+        try:
+            write_csv(part / "history.csv", as_rows(solution.history.iterations))
+            write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            if table is not None:
+                rows = [dict(zip(table.columns, row, strict=True)) for row in zip(*table.columns.values(), strict=True)]
+                write_csv(part / "contact.csv", rows)
+            if gathered is not None:
+                _draw(solution, gathered, table, part)
+            text = json.dumps(summary, indent=2, allow_nan=False)
+            (part / _SUMMARY).write_text(text + "\n", encoding="utf-8")
+            _move_into_place(part, folder)
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+    parallel.on_root(comm, write)
+    return summary
+
+
+def _move_into_place(part: Path, folder: Path) -> None:
+    (folder / _SUMMARY).unlink(missing_ok=True)
+    for source in sorted(part.iterdir(), key=lambda path: path.name == _SUMMARY):
+        target = folder / source.name
+        if target.is_dir():
+            shutil.rmtree(target)
+        source.replace(target)
+    part.rmdir()
+
+
+def describe(value: Any) -> Any:
+    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type."""
+    if isinstance(value, BaseModel):
+        return {name: describe(getattr(value, name)) for name in type(value).model_fields}
+    if isinstance(value, Mapping):
+        return {str(key): describe(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [describe(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    if isinstance(value, Path):
+        return value.name
+    return getattr(value, "text", f"<{type(value).__name__}>")
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Rows with a header; numbers with all their digits."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        if rows:
+            writer = csv.DictWriter(file, rows[0].keys())
+            writer.writeheader()
+            writer.writerows({k: v.item() if isinstance(v, np.generic) else v for k, v in row.items()} for row in rows)
+
+
+def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
+    """Stress (xx, yy, xy) and shear energy density, discontinuous, of the degree that they have."""
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    y = solution.displacement
+    sigma = stress(y, *d.lame)
+    density = shear_energy_density(y, *d.lame, solution.scene.material.hypothesis)
+    degree = max(solution.scene.element.degree, 1)
+    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,))), name="stress")
+    scalar = fem.Function(fem.functionspace(mesh, ("DG", degree)), name="shear_energy_density")
+    for function, expression in (
+        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))),
+        (scalar, density),
+    ):
+        points = compat.interpolation_points(function.function_space.element)
+        function.interpolate(fem.Expression(expression, points, dtype=default_scalar_type))
+    return vector, scalar
+
+
+def write_fields(solution: Solution, folder: Path) -> list[str]:
+    """Displacement, stress and shear energy density for ParaView: VTX (ADIOS2), else XDMF; collective.
+
+    Returns:
+        Names of the files.
+    """
+    comm = solution.comm
+    stress_field, density = _stress_fields(solution)
+    if compat.has_vtx():
+        for name, functions in (
+            ("displacement", [solution.displacement]),
+            ("stress", [stress_field]),
+            ("density", [density]),
+        ):
+            with io.VTXWriter(comm, folder / f"{name}.bp", functions, engine="BP4") as file:
+                file.write(0.0)
+        return ["displacement.bp", "stress.bp", "density.bp"]
+    mesh = solution.discretisation.tagged.mesh
+    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))), name="displacement")
+    nodal.interpolate(solution.displacement)
+    with io.XDMFFile(comm, folder / "fields.xdmf", "w") as file:
+        file.write_mesh(mesh)
+        file.write_function(nodal)
+    return ["fields.xdmf", "fields.h5"]
+
+
+@dataclass(frozen=True)
+class GatheredCells:
+    """The whole mesh with its result on one rank, for a picture.
+
+    Attributes:
+        points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
+        cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
+        displacement: at the points, shape (n, 2).
+        density: shear energy density, one value a cell (at its midpoint), shape (m,).
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    displacement: npt.NDArray[np.float64]
+    density: npt.NDArray[np.float64]
+
+
+def gather_cells(solution: Solution) -> GatheredCells:
+    """Vertices, cells and their values from all ranks; collective."""
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    comm = solution.comm
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
+    linear.interpolate(solution.displacement)
+    constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material.hypothesis)
+    points = compat.interpolation_points(constant.function_space.element)
+    constant.interpolate(fem.Expression(density, points, dtype=default_scalar_type))
+    space = linear.function_space
+    cells = space.dofmap.list[:owned].astype(np.int64)
+    if cells.shape[1] == 4:
+        cells = cells[:, [0, 1, 3, 2]]
+    x = space.tabulate_dof_coordinates()[:, :2]
+    counts = comm.allgather(x.shape[0])
+    cells += sum(counts[: comm.rank])
+    per_cell = constant.x.array[constant.function_space.dofmap.list[:owned, 0]]
+    return GatheredCells(
+        parallel.gather_rows(comm, x),
+        parallel.gather_rows(comm, cells),
+        parallel.gather_rows(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
+        parallel.gather_rows(comm, per_cell),
+    )
+
+
+def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
+    from signorini_fx import plots  # matplotlib takes a while to import
+
+    title = solution.scene.title
+    gap = None
+    if table is not None:
+        c = table.columns
+        gap = np.column_stack((c["x"], c["y"])), np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
+    plots.deformed_mesh(
+        folder / "deformed",
+        gathered.points,
+        gathered.cells,
+        gathered.displacement,
+        gathered.density,
+        gap=gap,
+        title=title,
+    )
+    if table is not None:
+        plots.boundary_profiles(folder / "profiles", table.columns, title=title)
+        plots.iteration_history(folder / "history", as_rows(solution.history.iterations))

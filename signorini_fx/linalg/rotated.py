@@ -1,0 +1,84 @@
+"""An elastic system with the displacement of each contact node turned into its normal and tangential component."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.errors import SceneError
+from signorini_fx.linalg import ElasticSystem
+
+_ALONG_AXIS = 1e-12
+
+
+@dataclass
+class RotatedSystem:
+    """See ``ElasticSystem``: x = Q x~ with Q orthogonal, A~ = Q^T A Q, b~ = Q^T b."""
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    contact_dofs: npt.NDArray[np.int32]
+    inner: ElasticSystem
+    rotation: PETSc.Mat
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """As the system that is turned."""
+        self.inner.configure(ksp, symmetric=symmetric)
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """Q x~."""
+        result = x.duplicate()
+        self.rotation.mult(x, result)
+        return self.inner.displacement(result)
+
+
+def along_axes(boundary: ContactBoundary) -> bool:
+    """Whether every normal is along an axis; collective."""
+    off = np.abs(boundary.normal).min(axis=1, initial=1.0)
+    return parallel.global_max(boundary.comm, parallel.local_max(off)) < _ALONG_AXIS
+
+
+def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSystem, ContactBoundary]:
+    """The system and the boundary with all normals along an axis; unchanged where they are.
+
+    Raises:
+        SceneError: a contact node has two normals, or a prescribed component across its normal.
+    """
+    nodes, counts = np.unique(boundary.nodes, return_counts=True)
+    crossed = nodes[counts > 1].size > 0
+    aligned = along_axes(boundary)
+    mixed = not aligned and not boundary.free.all()
+    if parallel.global_max(boundary.comm, float(crossed or mixed)) > 0:
+        reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
+        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
+    if aligned:
+        return system, boundary
+    sizes = system.matrix.getSizes()
+    rotation = PETSc.Mat().createAIJ(sizes, nnz=(2, 0), comm=system.comm)
+    first, last = rotation.getOwnershipRange()
+    rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    for row in range(first, last):
+        rotation.setValue(row, row, 1.0)
+    rotation.assemble()
+    rows = (first + system.contact_dofs).astype(PETSc.IntType)
+    if rows.size:
+        blocks = np.stack([boundary.normal, boundary.tangent], axis=2)
+        rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks))
+    rotation.assemble()
+    load, start = system.load.duplicate(), system.start.duplicate()
+    rotation.multTranspose(system.load, load)
+    rotation.multTranspose(system.start, start)
+    turned = RotatedSystem(
+        system.comm, system.matrix.ptap(rotation), load, start, system.contact_dofs, system, rotation
+    )
+    normal = np.zeros_like(boundary.normal)
+    normal[:, 0] = 1.0
+    return turned, replace(boundary, normal=normal)

@@ -1,0 +1,154 @@
+"""The summary of a solve: one JSON-safe dictionary, and its rendering for a terminal."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import signorini_fx
+from signorini_fx import parallel
+from signorini_fx.quantities import ContactTable, strain_energy
+from signorini_fx.results import IterationRecord, OuterRecord
+from signorini_fx.solve import Solution
+
+_PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
+
+
+def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
+    """All figures of a solve, JSON-safe; collective, the same on every rank.
+
+    Args:
+        solution: what was solved.
+        table: its gathered contact boundary, None for a scene without contact.
+    """
+    history = solution.history
+    summary: dict[str, Any] = {
+        "title": solution.scene.title,
+        "status": solution.status.value,
+        "advice": solution.status.advice,
+        "converged": solution.converged,
+        "algorithm": solution.algorithm,
+        "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
+        "iterations": sum(record.iteration > 0 for record in history.iterations),
+        "linear_solves": history.linear_solves or 1,
+        "outer_iterations": len(history.outer),
+        "dofs": solution.discretisation.dofs,
+        "ranks": solution.comm.size,
+        "strain_energy": strain_energy(solution.discretisation, solution.displacement),
+    }
+    if solution.contact is not None and table is not None:
+        summary |= _contact_summary(solution, table)
+    summary["certificate"] = solution.certificate.as_dict()
+    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
+    summary["versions"] = versions()
+    return summary
+
+
+def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
+    contact = solution.contact
+    assert contact is not None
+    columns = table.columns
+    acting = columns["bound"] > 0
+    touching = columns["state"] != "open"
+    contact_force, friction_force = contact.forces
+    return {
+        "contact_nodes": int(columns["x"].size),
+        "contact_force": [float(f) + 0.0 for f in contact_force],
+        "friction_force": [float(f) + 0.0 for f in friction_force],
+        "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
+        "max_pressure": float(columns["pressure"].max()),
+        "max_shear": float(np.abs(columns["shear"]).max()),
+        "zones": {
+            "contact": table.zones(touching),
+            "stick": table.zones(acting & (columns["friction"] == "stick")),
+            "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-"])),
+        },
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that takes part, and the BLAS in use."""
+    import dolfinx
+    from petsc4py import PETSc
+
+    found = {"signorini_fx": signorini_fx.__version__, "python": platform.python_version()}
+    found["dolfinx"] = dolfinx.__version__
+    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    found["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
+    for package in _PACKAGES[1:]:
+        try:
+            found[package.removeprefix("fenics-")] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    found["blas"] = blas_in_use()
+    return found
+
+
+def blas_in_use() -> str:
+    """File name of the BLAS library that this process has loaded; a reference BLAS is several times slower."""
+    try:
+        maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return "unknown"
+    files = sorted({Path(line.split()[-1]) for line in maps if "/" in line and ".so" in line})
+    libraries = ("libblas", "openblas", "blis", "mkl_rt")
+    found = [file for file in files if any(word in file.name for word in libraries)]
+    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in found]
+    return ", ".join(dict.fromkeys(names)) or "unknown"
+
+
+_HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
+
+
+def table_row(record: IterationRecord | OuterRecord | str) -> str:
+    """One line of the iteration table, the first with its header; an outer record closes its regularised problem."""
+    if isinstance(record, str):
+        return f"       {record}"
+    if isinstance(record, OuterRecord):
+        change = "" if record.change is None else f", change of the friction bound {record.change:.2e}"
+        return f"       {record.outer:5d}  {record.status} after {record.linear_solves} linear solves{change}"
+    header = _HEADER if record.solve == 1 else ""
+    numbers = (
+        f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} {record.slip_plus:7d}"
+        f" {record.slip_minus:7d} {record.changed:8d}   {record.residual:8.1e}  {record.seconds:8.3f}"
+    )
+    return header + numbers
+
+
+def render(summary: dict[str, Any]) -> str:
+    """The summary for a terminal."""
+    lines = [
+        f"{summary['title'] or 'scene'}: {summary['status']}",
+        f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves",
+        f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
+    ]
+    if not summary["converged"]:
+        lines.insert(1, f"  what to do       {summary['advice']}")
+    if "contact_force" in summary:
+        lines += [
+            f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
+            f"  friction force   ({', '.join(f'{f:.6g}' for f in summary['friction_force'])})",
+            f"  largest pressure {summary['max_pressure']:.6g}",
+            *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary["zones"].items() if runs),
+        ]
+    certificate = summary["certificate"]
+    shown = {name: value for name, value in certificate.items() if name != "holds"}
+    lines += [
+        f"  strain energy    {summary['strain_energy']:.6g}",
+        f"  certificate      {'holds' if certificate['holds'] else 'DOES NOT HOLD'}: "
+        + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in shown.items()),
+        "  seconds          " + ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
+    ]
+    return "\n".join(lines)
+
+
+def _zones(runs: list[list[list[float]]]) -> str:
+    def point(p: list[float]) -> str:
+        return f"({p[0] + 0.0:.6g}, {round(p[1], 12) + 0.0:.6g})"
+
+    return ", ".join(f"{point(a)} to {point(b)}" for a, b in runs)

@@ -1,0 +1,59 @@
+"""One report for all ranks: rank 0 prints it, a failure on any rank is a failure on all, and none waits for ever."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+
+import pytest
+from _pytest.config import create_terminal_writer
+from hypothesis import settings
+from mpi4py import MPI
+
+# The report's own communicator: its messages never meet those of a test.
+COMM = MPI.COMM_WORLD.Dup()
+PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
+
+# Every rank must draw the same examples, on every run.
+settings.register_profile("exact", derandomize=True, database=None, deadline=None)
+settings.load_profile("exact")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    """Silence the report of all ranks but the first."""
+    if COMM.rank > 0:
+        reporter = config.pluginmanager.get_plugin("terminalreporter")
+        reporter._tw = create_terminal_writer(config, io.StringIO())
+
+
+def pytest_collection_modifyitems(items):
+    """Where a test hangs inside MPI, only a thread can end it; mpirun then ends the other ranks."""
+    if COMM.size > 1:
+        for item in items:
+            item.add_marker(pytest.mark.timeout(300, method="thread"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Let all ranks agree on the outcome of each phase of each test."""
+    report = yield
+    if COMM.size > 1:
+        mine = f"on rank {COMM.rank}: {report.longreprtext}" if report.failed else ""
+        failures = [failure for failure in gather(mine, report.nodeid) if failure]
+        if failures:
+            report.outcome, report.longrepr = "failed", "\n\n".join(failures)
+    return report
+
+
+def gather(text, name):
+    """The texts of all ranks; if one of them does not come, it is stuck in the test, and all are ended."""
+    request = COMM.Ibarrier()
+    deadline = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > deadline:
+            print(f"{name}: rank {COMM.rank} waits in vain for the others\n{text}", file=sys.__stderr__, flush=True)
+            MPI.COMM_WORLD.Abort(1)
+        time.sleep(0.001)
+    return COMM.allgather(text)

@@ -1,0 +1,78 @@
+"""Scenes that several tests share, as plain functions."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+from signorini_fx.mesh import generate_mesh
+from signorini_fx.scene import parse_scene
+from signorini_fx.solve import solve
+
+PATCH = {"x": [1.25, 1.75]}
+PATCH_AT_THE_END = {"x": [0.0, 0.5]}
+
+
+def example1(
+    *,
+    poisson=0.4,
+    bound=None,
+    coefficient=None,
+    gamma=1e8,
+    nx=120,
+    ny=40,
+    cell="quadrilateral",
+    generator="rectangle",
+    degree=1,
+    patch="all",
+    length_unit=1.0,
+    stress_unit=1.0,
+    **settings,
+):
+    """Example 1 of section 7.1: Tresca friction with ``bound``, Coulomb friction with ``coefficient``, or none.
+
+    ``gamma`` is one number, the pair (gamma_1, gamma_2), or "auto"; ``length_unit`` and ``stress_unit`` are what one unit
+    of the paper measures in the units of the scene; ``settings`` go to the solver, in the units of the scene.
+    """
+    length, stress = length_unit, stress_unit
+    gamma_n, gamma_t = gamma if isinstance(gamma, tuple) else (gamma, gamma)
+    solver = {"gamma_n": gamma_n, "gamma_t": gamma_t, "initial_contact": patch, **settings}
+    if gamma != "auto":
+        solver |= {"gamma_n": gamma_n * stress / length, "gamma_t": gamma_t * stress / length}
+    friction = {"law": "none"}
+    if bound is not None:
+        friction = {"law": "tresca", "bound": bound * stress}
+    if coefficient is not None:
+        friction = {"law": "coulomb", "coefficient": coefficient}
+    return parse_scene(
+        {
+            "mesh": {
+                "generator": generator,
+                "parameters": {"length": 3.0 * length, "height": length, "nx": nx, "ny": ny, "cell": cell},
+            },
+            "element": {"degree": degree},
+            "material": {"young": 5000.0 * stress, "poisson": poisson},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+            "traction": {"boundary": "top", "y": f"{-20 * stress} if 1 <= x[0] / {length} <= 2 else 0"},
+            "contact": {
+                "boundary": "bottom",
+                "gap": f"{length} * (0.003 * (x[0] / {length} - 1.5)**2 + 0.001)",
+                "friction": friction,
+            },
+            "solver": solver,
+        }
+    )
+
+
+def on_mesh(scene, tagged):
+    """The same scene on a mesh of one's own."""
+    return scene.model_copy(update={"mesh": tagged})
+
+
+def alone(scene, **options):
+    """Solve on this rank only, whatever the number of ranks."""
+    return solve(scene, MPI.COMM_SELF, **options)
+
+
+def rectangle(comm=MPI.COMM_SELF, **parameters):
+    """The mesh of the generator ``rectangle``."""
+    return generate_mesh("rectangle", parameters, comm)

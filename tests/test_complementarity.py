@@ -1,0 +1,203 @@
+"""The pointwise maps of Algorithm (SSN), on numbers that binary fractions hold exactly."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from signorini_fx.complementarity import (
+    ActiveSets,
+    FrictionLaw,
+    RegularisedData,
+    classify,
+    multipliers,
+    tangent_coefficients,
+)
+
+GAMMA_N, GAMMA_T = 16.0, 64.0
+STICK, PLUS, MINUS = 0, 1, -1
+
+
+def data(nodes=1, *, gap=0.0, bound=1.0, sigma=math.inf, lambda_hat=0.0, mu_hat=0.0):
+    """The same data at every node; bound None: no friction."""
+    gap, lambda_hat, mu_hat = (np.full(nodes, value) for value in (gap, lambda_hat, mu_hat))
+    bound = None if bound is None else np.full(nodes, bound)
+    return RegularisedData(gap, GAMMA_N, GAMMA_T, sigma, lambda_hat, mu_hat, bound)
+
+
+def sets(contact, slip):
+    """The sets of one node."""
+    return ActiveSets(np.array([contact]), np.array([slip], dtype=np.int8))
+
+
+def friction_state(before, u_t, problem):
+    """The friction set of one node after an iterate that was computed with the set ``before``."""
+    return int(classify(sets(True, before), np.zeros(1), np.array([u_t]), problem).slip[0])
+
+
+@pytest.mark.parametrize(
+    ("u_n", "expected"),
+    [
+        (0.0, False),
+        (0.1875, False),  # lambda_hat + gamma_1 (u_n - d) is 0 exactly: the set has a strict inequality
+        (0.25, True),
+        (0.5, True),
+    ],
+)
+@pytest.mark.parametrize("before", [True, False])
+def test_contact_set(u_n, expected, before):
+    """A_c is where lambda_hat + gamma_1 (tau_N y - d) > 0, whatever the node was before."""
+    problem = data(gap=0.25, lambda_hat=1.0)
+    after = classify(sets(before, STICK), np.array([u_n]), np.zeros(1), problem)
+    assert after.contact.tolist() == [expected]
+
+
+@pytest.mark.parametrize(
+    ("before", "u_t", "expected"),
+    [
+        (STICK, 0.5 / 64, STICK),
+        (STICK, 1 / 64, STICK),  # mu at its bound, xi = 0: strict inequality
+        (STICK, 2 / 64, PLUS),
+        (STICK, -1 / 64, STICK),
+        (STICK, -2 / 64, MINUS),
+        (PLUS, 2 / 64, PLUS),
+        (PLUS, 1 / 64, STICK),
+        (PLUS, -9.0, STICK),  # not to the other side at once
+        (MINUS, -2 / 64, MINUS),
+        (MINUS, -1 / 64, STICK),
+        (MINUS, 9.0, STICK),
+    ],
+)
+@pytest.mark.parametrize("sigma", [math.inf, 1e6])
+def test_friction_sets_pass_through_stick(before, u_t, expected, sigma):
+    """With sigma infinite, or large, mu decides, and xi where mu is at its bound (step 2)."""
+    assert friction_state(before, u_t, data(sigma=sigma)) == expected
+
+
+@pytest.mark.parametrize("before", [STICK, PLUS, MINUS])
+@pytest.mark.parametrize(("u_t", "expected"), [(9.0, PLUS), (2 / 64, PLUS), (0.5 / 64, STICK), (-2 / 64, MINUS), (-9.0, MINUS)])
+def test_friction_sets_jump_with_the_smallest_sigma(before, u_t, expected):
+    """With sigma = 1 / gamma_2 the sets follow from y alone: |mu_hat + gamma_2 tau_T y| against the bound (3.4)."""
+    assert friction_state(before, u_t, data(sigma=1 / GAMMA_T)) == expected
+
+
+@pytest.mark.parametrize(("mu_hat", "expected"), [(0.0, STICK), (0.75, PLUS), (-0.75, STICK), (-2.0, MINUS)])
+def test_shift_of_the_shear(mu_hat, expected):
+    """mu_hat moves the trial shear: mu_hat + 64 * (1/2)/64 against 1."""
+    assert friction_state(STICK, 0.5 / 64, data(mu_hat=mu_hat)) == expected
+
+
+def test_multipliers():
+    """lambda and mu of step 4 on each set."""
+    states = ActiveSets(np.array([True, False, True]), np.array([STICK, PLUS, MINUS], dtype=np.int8))
+    problem = data(3, gap=0.25, lambda_hat=1.0, mu_hat=0.5, bound=3.0)
+    pressure, shear = multipliers(states, np.array([0.5, 9.0, 0.0]), np.array([0.25, 9.0, 9.0]), problem)
+    assert pressure.tolist() == [1 + 16 * 0.25, 0.0, 1 - 16 * 0.25]
+    assert shear.tolist() == [0.5 + 64 * 0.25, 3.0, -3.0]
+
+
+def test_tangent_coefficients():
+    """gamma_1 on A_c and gamma_2 on I_f, zero elsewhere."""
+    states = ActiveSets(np.array([True, False, True]), np.array([STICK, PLUS, MINUS], dtype=np.int8))
+    normal, tangential, *_ = tangent_coefficients(states, data(3))
+    assert normal.tolist() == [GAMMA_N, 0.0, GAMMA_N]
+    assert tangential.tolist() == [GAMMA_T, 0.0, 0.0]
+
+
+def test_without_friction():
+    """No bound: no friction set, no shear, no tangential stiffness."""
+    problem = data(bound=None)
+    after = classify(sets(True, PLUS), np.ones(1), np.ones(1), problem)
+    assert (after.contact.tolist(), after.slip.tolist()) == ([True], [STICK])
+    assert multipliers(after, np.ones(1), np.ones(1), problem)[1].tolist() == [0.0]
+    assert tangent_coefficients(after, problem)[1].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("sigma", [math.inf, 1.0, 1 / GAMMA_T])
+@pytest.mark.parametrize("before", [STICK, PLUS, MINUS])
+@pytest.mark.parametrize("u_t", [-1.0, 0.0, 1.0])
+def test_a_node_with_bound_zero_settles_at_once(before, u_t, sigma):
+    """Where nothing can be transmitted the set never changes again, and mu is zero."""
+    problem = data(bound=0.0, sigma=sigma)
+    after = classify(sets(True, before), np.zeros(1), np.array([u_t]), problem)
+    again = classify(after, np.zeros(1), np.array([-u_t]), problem)
+    assert not after.changed(again).any()
+    assert multipliers(after, np.zeros(1), np.array([u_t]), problem)[1].tolist() == [0.0]
+
+
+def test_changed():
+    """A node is another one if either set changed."""
+    one = ActiveSets(np.array([True, True, False]), np.array([0, 1, -1], dtype=np.int8))
+    two = ActiveSets(np.array([True, False, False]), np.array([0, 1, 0], dtype=np.int8))
+    assert one.changed(two).tolist() == [False, True, True]
+    assert ActiveSets.all_in_contact(2).contact.tolist() == [True, True]
+    assert ActiveSets.all_in_contact(2).slip.tolist() == [0, 0]
+
+
+def test_friction_law():
+    """The bound is given + coefficient * lambda (6.1)."""
+    law = FrictionLaw(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]))
+    assert law.bound(np.array([8.0, 8.0])).tolist() == [1.5, 2.0]
+
+
+# Multiples of 1/16 of moderate size: sums and products with gamma are exact, so that a difference is zero or far from it.
+NUMBER = st.integers(-64, 64).map(lambda i: i / 16)
+POSITIVE = st.integers(1, 64).map(lambda i: i / 16)
+NODE = st.tuples(NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, POSITIVE, st.booleans(), st.sampled_from([STICK, PLUS, MINUS]))
+
+
+@st.composite
+def states(draw):
+    """(sets before, u_n, u_t, data) of a few nodes."""
+    columns = [np.array(column) for column in zip(*draw(st.lists(NODE, min_size=1, max_size=8)), strict=True)]
+    u_n, u_t, gap, lambda_hat, mu_hat, bound, contact, slip = columns
+    problem = RegularisedData(gap, GAMMA_N, GAMMA_T, math.inf, lambda_hat, mu_hat, bound)
+    return ActiveSets(contact, slip.astype(np.int8)), u_n, u_t, problem
+
+
+SIGMAS = st.sampled_from([math.inf, 1.0, 0.125, 1 / GAMMA_T])
+
+
+@given(states(), SIGMAS)
+def test_pressure_is_never_negative(state, sigma):
+    """lambda >= 0 with the sets that follow from the same displacement."""
+    before, u_n, u_t, problem = state
+    after = classify(before, u_n, u_t, replace(problem, sigma=sigma))
+    assert (multipliers(after, u_n, u_t, problem)[0] >= 0).all()
+
+
+@given(states())
+def test_no_jump_between_the_slip_sets(state):
+    """With sigma infinite a node never goes from one slip set to the other."""
+    before, u_n, u_t, problem = state
+    after = classify(before, u_n, u_t, problem)
+    assert (before.slip * after.slip >= 0).all()
+
+
+@given(states())
+def test_large_sigma_is_infinite_sigma(state):
+    """A finite sigma that outweighs every xi gives the sets of the infinite one."""
+    before, u_n, u_t, problem = state
+    finite = classify(before, u_n, u_t, replace(problem, sigma=1e6))
+    assert not finite.changed(classify(before, u_n, u_t, problem)).any()
+
+
+@given(states(), SIGMAS)
+def test_fixed_points_satisfy_the_complementarity_system(state, sigma):
+    """For given y the sets settle in three steps, and then (3.3b) and (3.3c) hold, for every sigma: Lemma 4.1."""
+    current, u_n, u_t, problem = state
+    problem = replace(problem, sigma=sigma)
+    for _ in range(3):
+        current = classify(current, u_n, u_t, problem)
+    assert not current.changed(classify(current, u_n, u_t, problem)).any()
+    pressure, shear = multipliers(current, u_n, u_t, problem)
+    np.testing.assert_array_equal(pressure, np.maximum(0, problem.lambda_hat + GAMMA_N * (u_n - problem.gap)))
+    trial = problem.mu_hat + GAMMA_T * u_t
+    np.testing.assert_array_equal(shear, np.clip(trial, -problem.bound, problem.bound))
+    xi = u_t + (problem.mu_hat - shear) / GAMMA_T
+    weight = 1.0 if math.isinf(sigma) else sigma
+    over, under = xi + weight * (shear - problem.bound), xi + weight * (shear + problem.bound)
+    np.testing.assert_array_equal(xi - np.maximum(0, over) - np.minimum(0, under), 0.0)

@@ -1,0 +1,200 @@
+"""The nodal arithmetic of the solver against the assembled weak forms, and the nodal rule itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from scenes import on_mesh, rectangle
+
+from signorini_fx import forms
+from signorini_fx.complementarity import ActiveSets, RegularisedData
+from signorini_fx.discretisation import discretise
+from signorini_fx.linalg.full import FullSystem
+from signorini_fx.problem import RegularisedProblem
+from signorini_fx.results import Timings
+from signorini_fx.scene import parse_scene
+
+ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
+GAMMA_N, GAMMA_T = 2e6, 7e5
+
+
+def turned(tagged, angle):
+    """The mesh turned about the origin."""
+    c, s = np.cos(angle), np.sin(angle)
+    x = tagged.mesh.geometry.x
+    x[:, :2] = x[:, :2] @ np.array([[c, s], [-s, c]])
+    return tagged
+
+
+def body(cell, degree, angle=0.4):
+    """A block held on its left, with contact at its bottom and its right, which share a corner; two boundaries, one node."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle"},
+            "element": {"degree": degree},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "top", "x": 3.0},
+            "contact": [{"boundary": "bottom"}, {"boundary": "right"}],
+        }
+    )
+    tagged = turned(rectangle(nx=12, ny=8, cell=cell), angle)
+    return discretise(on_mesh(scene, tagged), tagged, Timings())
+
+
+def wave(amplitude, k, phase, offset=0.0):
+    """A function of the position that changes its sign from node to node, more or less."""
+    return lambda x: offset + amplitude * np.sin(k * x[0] - 1.3 * k * x[1] + phase)
+
+
+FIELDS = {
+    "gap": wave(5e-4, 11.0, 0.3),
+    "lambda_hat": wave(300.0, 17.0, 1.0),
+    "mu_hat": wave(200.0, 13.0, 2.0),
+    "bound": wave(150.0, 7.0, 0.1, offset=200.0),
+}
+
+
+class Assembled:
+    """The textbook form of the regularised problem (3.3a), (3.3b), (3.4): residual and derivative by UFL."""
+
+    def __init__(self, discretisation, y):
+        space, degree = discretisation.space, discretisation.scene.element.degree
+        mesh, z = space.mesh, ufl.TestFunction(space)
+        scalar = fem.functionspace(mesh, ("Lagrange", degree))
+        fields = {}
+        for name, values in FIELDS.items():
+            fields[name] = fem.Function(scalar)
+            fields[name].interpolate(values)
+        tagged, n = discretisation.tagged, ufl.FacetNormal(mesh)
+        ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged.facet_tags)
+        terms = [forms.elastic_form(y, z, *discretisation.lame) - 3.0 * z[0] * ds(tagged.boundaries["top"])]
+        for name in ("bottom", "right"):
+            nodal = ds(tagged.boundaries[name], metadata=forms.nodal_rule(degree))
+            terms.append(
+                forms.regularised_contact_form(y, z, n, nodal, gamma_n=GAMMA_N, gamma_t=GAMMA_T, **fields)
+            )
+        self.residual = sum(fem_petsc.assemble_vector(fem.form(term)).getArray() for term in terms)
+        self.jacobian = sum(jacobian(term, y) for term in terms)
+
+
+def jacobian(residual, y):
+    """The assembled ufl.derivative."""
+    matrix = fem_petsc.assemble_matrix(fem.form(ufl.derivative(residual, y)))
+    matrix.assemble()
+    return dense(matrix)
+
+
+def dense(matrix):
+    """All entries of a small matrix."""
+    return matrix.convert("dense").getDenseArray().copy()
+
+
+def problem_at_random_state(discretisation, seed):
+    """The solver's problem with sigma = 1 / gamma_2, where the sets do not depend on those before; and a displacement."""
+    rng = np.random.default_rng(seed)
+    boundary = discretisation.boundary
+    values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
+    data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
+    problem = RegularisedProblem(FullSystem.of(discretisation), boundary)
+    problem.set_data(data)
+    problem.sets = ActiveSets(rng.random(boundary.size) < 0.5, rng.integers(-1, 2, boundary.size).astype(np.int8))
+    y = fem.Function(discretisation.space)
+    y.x.array[:] = np.where(discretisation.fixed, 0.0, 1e-3 * rng.standard_normal(y.x.array.size))
+    return problem, y
+
+
+def evaluate(problem, x):
+    """Residual and Jacobian of the solver at dofs x."""
+    vector = problem.system.start.duplicate()
+    vector.setArray(x)
+    f = vector.duplicate()
+    problem.residual(None, vector, f)
+    jacobian = problem.create_jacobian(symmetric=True)
+    problem.assemble_jacobian(None, vector, jacobian)
+    return f.getArray().copy(), dense(jacobian)
+
+
+@pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
+def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
+    """Nodal arithmetic equals the assembled max/min form and its ufl.derivative, wherever the supports leave a dof free."""
+    discretisation = body(cell, degree)
+    problem, y = problem_at_random_state(discretisation, seed=degree)
+    residual, jacobian = evaluate(problem, y.x.array)
+    assert {True, False} == set(problem.sets.contact.tolist())
+    assert {-1, 0, 1} == set(problem.sets.slip.tolist())
+    reference = Assembled(discretisation, y)
+    free = ~discretisation.fixed
+    assert np.abs(residual - reference.residual)[free].max() <= 1e-12 * np.abs(reference.residual).max()
+    difference = (jacobian - reference.jacobian)[np.ix_(free, free)]
+    assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
+
+
+@pytest.mark.parametrize("friction", [True, False])
+@pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
+def test_taylor(cell, degree, friction):
+    """While no node changes its set the residual is affine: R(y + v) - R(y) = R'(y) v, prescribed dofs included."""
+    discretisation = body(cell, degree)
+    problem, y = problem_at_random_state(discretisation, seed=7)
+    if not friction:
+        problem.set_data(replace(problem.data, bound=None))
+    step = 1e-7 * np.random.default_rng(8).standard_normal(y.x.array.size)
+    residual, jacobian = evaluate(problem, y.x.array)
+    sets = problem.sets
+    moved, _ = evaluate(problem, y.x.array + step)
+    assert not sets.changed(problem.sets).any()
+    np.testing.assert_allclose(moved - residual, jacobian @ step, rtol=0, atol=1e-10 * np.abs(jacobian @ step).max())
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_nodal_rule(degree):
+    """One positive weight a node, and the weights of a boundary add up to its length."""
+    boundary = body("triangle", degree).boundary
+    assert (boundary.weight > 0).all()
+    lengths = [boundary.weight[boundary.part == part].sum() for part in (0, 1)]
+    assert lengths == pytest.approx([3.0, 1.0], rel=1e-13)
+    assert np.bincount(boundary.part).tolist() == [12 * degree + 1, 8 * degree + 1]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_simpson(degree):
+    """The rule integrates what it must: the trapezoidal rule on 12 facets, Simpson's rule for degree 2."""
+    boundary = body("quadrilateral", degree, angle=0.0).boundary
+    bottom = boundary.part == 0
+    integral = np.dot(boundary.weight[bottom], boundary.x[bottom, 0] ** 2)
+    trapezoidal = 9.0 + 3.0 * 0.25**2 / 6
+    assert integral == pytest.approx({1: trapezoidal, 2: 9.0}[degree], rel=1e-13)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("angle", [0.0, 0.4, np.pi])
+def test_normals_and_tangents(cell, angle):
+    """Normals point outward and have length 1; t = (-n_2, n_1), so that n = (0, -1) gives t = (1, 0)."""
+    boundary = body(cell, 1, angle).boundary
+    c, s = np.cos(angle), np.sin(angle)
+    outward = np.array([[s, -c], [c, s]])[boundary.part]
+    np.testing.assert_allclose(boundary.normal, outward, atol=1e-13)
+    np.testing.assert_allclose(boundary.tangent, np.array([[c, s], [-s, c]])[boundary.part], atol=1e-13)
+    u_n, u_t = boundary.traces(boundary.x)
+    np.testing.assert_allclose(u_n[:, None] * boundary.normal + u_t[:, None] * boundary.tangent, boundary.x, atol=1e-13)
+
+
+def test_nodal_forces_do_the_work_of_the_multipliers():
+    """Sum of nodal forces times y is (lambda, tau_N y) + (mu, tau_T y)."""
+    boundary = body("quadrilateral", 2).boundary
+    rng = np.random.default_rng(1)
+    pressure, shear, y = rng.random(boundary.size), rng.random(boundary.size), rng.random((boundary.size, 2))
+    u_n, u_t = boundary.traces(y)
+    work = np.sum(boundary.nodal_forces(pressure, shear) * y)
+    assert work == pytest.approx(np.dot(boundary.weight, pressure * u_n + shear * u_t), rel=1e-13)
+
+
+def test_norm_of_the_contact_boundary():
+    """|1| on bottom and right is the square root of their length."""
+    boundary = body("triangle", 2).boundary
+    assert boundary.comm.size == MPI.COMM_SELF.size
+    assert boundary.norm(np.ones(boundary.size)) == pytest.approx(2.0, rel=1e-13)

@@ -1,0 +1,41 @@
+"""Tables 1 and 3 of the paper, every entry (data/tables.json holds the printed numbers)."""
+
+import json
+from pathlib import Path
+
+import pytest
+from scenes import PATCH, PATCH_AT_THE_END, alone, example1
+
+PRINTED = json.loads((Path(__file__).parent / "data" / "tables.json").read_text())
+
+
+def linear_solves(**scene):
+    """Linear solves inside (SSN): with a patch the first of them already counts."""
+    return len(alone(example1(**scene)).history.iterations)
+
+
+@pytest.mark.parametrize("sigma", ["auto", 1.0])
+def test_table_1(sigma):
+    """Iterations for 36 pairs (gamma_1, gamma_2)."""
+    table = PRINTED["table1"]
+    found = [
+        [linear_solves(bound=1.5, gamma=(gamma_n, gamma_t), patch=PATCH, sigma=sigma) for gamma_t in table["gamma_2"]]
+        for gamma_n in table["gamma_1"]
+    ]
+    assert found == table["iterations"]
+
+
+GRIDS = [(60, 20), (120, 40), pytest.param(240, 80, marks=pytest.mark.long)]
+
+
+@pytest.mark.parametrize("sigma", ["auto", 1.0])
+@pytest.mark.parametrize(("nx", "ny"), GRIDS)
+@pytest.mark.parametrize(("start", "patch"), [("symmetric", PATCH), ("nonsymmetric", PATCH_AT_THE_END)])
+def test_table_3(nx, ny, start, patch, sigma):
+    """Iterations on three grids from two starts, five gammas each."""
+    table = PRINTED["table3"]
+    found = [
+        linear_solves(poisson=0.49, bound=2.5, gamma=gamma, nx=nx, ny=ny, patch=patch, sigma=sigma)
+        for gamma in table["gamma"]
+    ]
+    assert found == table[f"{nx}x{ny}"][start]
