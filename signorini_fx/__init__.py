@@ -31,13 +31,13 @@ _PUBLIC = {
         "UnilateralContact",
         "read_scene",
     ),
-    "solve": ("Solution", "solve"),
+    "solver": ("Solution", "solve"),
 }
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 
 if TYPE_CHECKING:
     from signorini_fx.errors import ConvergenceError as ConvergenceError
-    from signorini_fx.solve import solve as solve
+    from signorini_fx.solver import solve as solve
 
 __all__ = sorted(_MODULE_OF)
 

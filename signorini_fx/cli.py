@@ -91,7 +91,7 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
         petsc4py.init(["signorini-fx", *petsc_options])
         from signorini_fx import io
-        from signorini_fx.solve import solve
+        from signorini_fx.solver import solve
         from signorini_fx.summary import render, table_row
 
         io.prepare_folder(comm, folder)

@@ -139,10 +139,25 @@ def _boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[
     return facets
 
 
-def _measure(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32], metadata: dict[str, Any]) -> Any:
-    """Integration over ``facets``.  The tag is always 1, so that forms on different boundaries are compiled once."""
-    tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, np.ones_like(facets))
-    return ufl.Measure("ds", domain=mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
+def _entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """(cell, facet of the cell) of exterior facets, shape (facets, 2)."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facet_cells = mesh.topology.connectivity(dim - 1, dim)
+    cell_facets = mesh.topology.connectivity(dim, dim - 1)
+    cells = facet_cells.array[facet_cells.offsets[facets]]
+    per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
+    return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
+
+
+def _measure(mesh: dmesh.Mesh, parts: list[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
+    """Integration over lists of facets, which may overlap, numbered from 1.
+
+    The numbers do not depend on the mesh's own tags, so that forms on different boundaries are compiled once.
+    """
+    data = [(number, _entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
+    return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
 
 def _ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
@@ -170,11 +185,11 @@ def _load_terms(scene: Scene, space: fem.FunctionSpace, z: Any, facets: dict[str
     if scene.body_force is not None and not _is_zero(scene.body_force.x, scene.body_force.y):
         force = ufl.as_vector([_ufl_value(v, space) for v in (scene.body_force.x, scene.body_force.y)])
         terms.append(forms.body_force_form(force, z, degree))
-    for effect in scene.traction:
-        if not _is_zero(effect.x, effect.y):
-            traction = ufl.as_vector([_ufl_value(v, space) for v in (effect.x, effect.y)])
-            ds = _measure(space.mesh, facets[effect.boundary], {"quadrature_degree": degree})
-            terms.append(forms.traction_form(traction, z, ds))
+    tractions = [effect for effect in scene.traction if not _is_zero(effect.x, effect.y)]
+    ds = _measure(space.mesh, [facets[effect.boundary] for effect in tractions], {"quadrature_degree": degree})
+    for number, effect in enumerate(tractions, start=1):
+        traction = ufl.as_vector([_ufl_value(v, space) for v in (effect.x, effect.y)])
+        terms.append(forms.traction_form(traction, z, ds(number)))
     return sum(terms[1:], terms[0]) if terms else None
 
 
@@ -211,7 +226,7 @@ def _fixed(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt.NDA
 
 def _unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], degree: int) -> fem.Form:
     """(lambda, tau_N z) for lambda = 1, with the nodal rule: the nodal weights times the normals."""
-    ds = _measure(space.mesh, facets, forms.nodal_rule(degree))
+    ds = _measure(space.mesh, [facets], forms.nodal_rule(degree))(1)
     one = fem.Constant(space.mesh, default_scalar_type(1.0))
     return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
 
@@ -246,20 +261,12 @@ def _contact_part(
 
 def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, degree: int) -> npt.NDArray[np.int64]:
     """The part and the global node numbers of each facet, in order along it, shape (facets, degree + 2)."""
-    mesh = space.mesh
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
-    mesh.topology.create_connectivity(dim, dim - 1)
-    facet_cells = mesh.topology.connectivity(dim - 1, dim)
-    cell_facets = mesh.topology.connectivity(dim, dim - 1)
     layout = space.dofmap.dof_layout
-    closures = [layout.entity_closure_dofs(dim - 1, local) for local in range(cell_facets.links(0).size)]
     rows = []
-    for facet in facets:
-        cell = facet_cells.links(facet)[0]
-        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
+    for cell, local in _entities(space.mesh, facets):
         # Vertices come first, then what is inside the facet.
-        first, last, *middle = space.dofmap.cell_dofs(cell)[closures[local]]
+        closure = layout.entity_closure_dofs(space.mesh.topology.dim - 1, int(local))
+        first, last, *middle = space.dofmap.cell_dofs(cell)[closure]
         rows.append([first, *middle, last])
     local_nodes = np.array(rows, dtype=np.int32).reshape(-1, degree + 1)
     nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)

@@ -28,7 +28,7 @@ def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     """Sum over the ranks, entry by entry; shape and dtype of ``values`` are kept."""
-    local = np.ascontiguousarray(values)
+    local = np.asarray(values, order="C")
     total = np.empty_like(local)
     comm.Allreduce(local, total, op=MPI.SUM)
     return total
@@ -48,13 +48,13 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     """Run ``function`` on the first rank and give its result, or its error, to all ranks alike.
 
     Raises:
-        SignoriniError: what ``function`` raised, the same on every rank, so that none waits for the others.
+        Exception: what ``function`` raised, the same on every rank, so that none waits for the others.
     """
-    outcome: tuple[T | None, BaseException | None] = (None, None)
+    outcome: tuple[T | None, Exception | None] = (None, None)
     if is_root(comm):
         try:
             outcome = (function(), None)
-        except (SignoriniError, OSError) as error:
+        except Exception as error:
             outcome = (None, error)
     result, failure = comm.bcast(outcome)
     if failure is not None:

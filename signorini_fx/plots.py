@@ -177,7 +177,11 @@ def deformed_mesh(
     moved = np.where(np.isfinite(moved), moved, points)  # a solve that failed may leave anything behind
     corners, foundations = moved[cells], _foundations(gap, factor)
 
-    everything = np.concatenate([corners.reshape(-1, 2), *foundations])
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    # A foundation that runs far away is not followed further than this.
+    around = 0.3 * float(max(high - low))
+    seen = [np.clip(line, low - around, high + around) for _, line in foundations]
+    everything = np.concatenate([np.stack((low, high)), *seen])
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.035 * float(max(high - low))
     low, high = low - margin, high + margin
@@ -187,6 +191,7 @@ def deformed_mesh(
     cell_size = math.sqrt(float(np.median(area))) * 72 * width / (high[0] - low[0])
     edged = cell_size >= _VISIBLE_CELL
     top = _upper_tone(density, area)
+    power = _readable(top)
 
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(max(width, 3.0) + 0.8, width * aspect + 1.3), layout="constrained")
@@ -194,9 +199,9 @@ def deformed_mesh(
         # Vector cells without edges show seams in print, and a million of them take a viewer minutes.
         body = PolyCollection(
             corners,
-            array=density,
+            array=density * 10.0**power,
             cmap=_GRAYS,
-            clim=(0.0, top),
+            clim=(0.0, top * 10.0**power),
             edgecolors=_EDGE if edged else "none",
             linewidths=min(0.4, 0.045 * cell_size) if edged else 0.0,
             antialiaseds=edged,
@@ -206,11 +211,13 @@ def deformed_mesh(
         axes.add_collection(body, autolim=False)
         edges = moved[_outline(moved, cells)]
         axes.add_collection(LineCollection(list(edges), colors=_INK, linewidths=0.8, capstyle="round"), autolim=False)
-        for line in foundations:
-            _draw_foundation(axes, line, corners.mean(axis=1), margin)
+        centres = points[cells].mean(axis=1)
+        for nodes, line in foundations:
+            _draw_foundation(axes, line, _side_of_body(nodes, centres), margin)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x_1$", ylabel="$x_2$")
         axes.spines[:].set_visible(False)
-        axes.locator_params(nbins=7)
+        axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
+        axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * width * aspect))))
         bar = figure.colorbar(
             body,
             ax=axes,
@@ -221,13 +228,13 @@ def deformed_mesh(
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label("elastic shear energy density")
+        bar.set_label(f"elastic shear energy density{_times(power)}")
         remark = f"displacement $\\times\\,{_number(factor)}$"
         _finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
 
 
-def _foundations(gap: tuple[Floats, Floats] | None, factor: float) -> list[Floats]:
-    """The rigid foundation as connected lines, each of shape (k, 2)."""
+def _foundations(gap: tuple[Floats, Floats] | None, factor: float) -> list[tuple[Floats, Floats]]:
+    """Connected pieces of the contact boundary: nodes and points of the foundation as drawn, both of shape (k, 2)."""
     if gap is None:
         return []
     rows = np.column_stack([np.asarray(part, dtype=np.float64) for part in gap])
@@ -238,7 +245,18 @@ def _foundations(gap: tuple[Floats, Floats] | None, factor: float) -> list[Float
     usual = np.maximum(steps[:-2], steps[2:])
     inner = steps[1:-1]
     breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0))) + 1
-    return [line for line in np.split(nodes + factor * offset, breaks) if len(line) > 1]
+    pieces = zip(np.split(nodes, breaks), np.split(nodes + factor * offset, breaks), strict=True)
+    return [piece for piece in pieces if len(piece[0]) > 1]
+
+
+def _side_of_body(nodes: Floats, centres: Floats) -> float:
+    """+1 if the body, cells with centres of shape (m, 2), lies to the left of a piece of its boundary, else -1."""
+    votes = 0.0
+    for k in np.unique(np.linspace(0, len(nodes) - 2, 9).astype(int)):
+        ahead, middle = nodes[k + 1] - nodes[k], 0.5 * (nodes[k + 1] + nodes[k])
+        towards = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))] - middle
+        votes += math.copysign(1.0, ahead[0] * towards[1] - ahead[1] * towards[0])
+    return math.copysign(1.0, votes)
 
 
 def _areas(corners: Floats) -> Floats:
@@ -274,25 +292,21 @@ def _outline(points: Floats, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int
     return np.column_stack((a[once], b[once]))
 
 
-def _draw_foundation(axes: Axes, line: Floats, centres: Floats, length: float) -> None:
-    """A line with short strokes on the side away from the body, whose cell centres have shape (m, 2)."""
-    steps = np.hypot(*np.diff(line, axis=0).T)
-    along = np.concatenate(([0.0], np.cumsum(steps)))
-    if along[-1] <= 0:
+def _draw_foundation(axes: Axes, line: Floats, side: float, length: float) -> None:
+    """A line of shape (k, 2), with short strokes on its right (``side`` 1: the body is on its left) or left (-1)."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+    if not along[-1] > 0:
         return
-    count = max(2, round(along[-1] / (0.5 * length)))
+    count = int(np.clip(along[-1] / (0.5 * length), 2, 5000))
     at = (np.arange(count) + 0.5) * along[-1] / count
-    feet = np.column_stack([np.interp(at, along, line[:, axis]) for axis in (0, 1)])
-    ahead = np.column_stack([np.interp(at + 0.1 * along[-1] / count, along, line[:, axis]) for axis in (0, 1)]) - feet
-    tangent = ahead / np.maximum(np.hypot(*ahead.T), 1e-300)[:, None]
-    # The nearest cell tells the side: asked at a few places, they vote.
-    asked = np.unique(np.linspace(0, count - 1, min(count, 15)).round().astype(int))
-    votes = 0.0
-    for foot, along_foot in zip(feet[asked], tangent[asked], strict=True):
-        towards = centres[np.argmin(((centres - foot) ** 2).sum(axis=1))] - foot
-        votes += math.copysign(1.0, along_foot[0] * towards[1] - along_foot[1] * towards[0])
-    away = -math.copysign(1.0, votes) * np.column_stack((-tangent[:, 1], tangent[:, 0]))
-    tips = feet + 0.45 * length * (away - tangent)
+    step = 0.1 * along[-1] / count
+    feet, behind, ahead = (
+        np.column_stack([np.interp(where, along, line[:, axis]) for axis in (0, 1)])
+        for where in (at, at - step, at + step)
+    )
+    tangent = (ahead - behind) / np.maximum(np.hypot(*(ahead - behind).T), 1e-300)[:, None]
+    away = side * np.column_stack((tangent[:, 1], -tangent[:, 0]))
+    tips = feet + 0.45 * length * (away - side * tangent)
     strokes = LineCollection(list(np.stack((feet, tips), axis=1)), colors=_INK, linewidths=0.5, zorder=4)
     axes.add_collection(strokes, autolim=False)
     axes.plot(*line.T, color=_INK, linewidth=1.2, zorder=5, solid_capstyle="round")
@@ -401,24 +415,32 @@ def _boundaries(table: Table) -> list[_Boundary]:
 
 
 def _tangential_panel(axes: Axes, boundary: _Boundary, name: str) -> None:
-    shear, bound, motion = boundary.floats("shear"), boundary.floats("bound"), boundary.floats("u_t")
-    power = _power_of_ten(max(_largest(shear), _largest(bound)), motion, boundary)
-    scaled = motion * 10.0**power
-    boundary.draw(axes, bound, **_LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
+    stresses, motion = boundary.floats("shear"), boundary.floats("u_t")
+    # A bound that is never reached, or given as good as infinite, shall not flatten the other curves.
+    bound, reach = boundary.floats("bound"), 10 * _largest(stresses)
+    stress = min(_largest(stresses, bound), reach) if reach > 0 else _largest(bound)
+    up, out = _powers(stress, motion, boundary)
+    shear, bound, motion = stresses * 10.0**up, bound * 10.0**up, motion * 10.0**out
+    boundary.draw(axes, bound, **_LIMIT, label=rf"friction bounds $\pm\,\mathfrak{{F}}\,g${_times(up)}")
     boundary.draw(axes, -bound, **_LIMIT)
-    boundary.draw(axes, scaled, **_MOTION, label=rf"tangential displacement $\tau_T\,\mathbf{{y}}${_times(power)}")
-    boundary.draw(axes, shear, **_MULTIPLIER, label=r"shear stress $\mu$")
-    _finish_panel(axes, boundary, name, [shear, scaled], [bound, -bound], power)
+    boundary.draw(axes, motion, **_MOTION, label=rf"tangential displacement $\tau_T\,\mathbf{{y}}${_times(out)}")
+    boundary.draw(axes, shear, **_MULTIPLIER, label=rf"shear stress $\mu${_times(up)}")
+    reach = max(10 * _largest(shear), 2.5 * _largest(motion)) or _largest(bound)
+    _finish_panel(axes, boundary, name, [shear, motion, bound, -bound], reach)
+    axes.set_ylabel(f"stress{_times(up)},  length{_times(out)}")
 
 
 def _normal_panel(axes: Axes, boundary: _Boundary, name: str) -> None:
     pressure, gap, motion = boundary.floats("pressure"), boundary.floats("gap"), boundary.floats("u_n")
-    power = _power_of_ten(_largest(pressure), motion, boundary)
-    scaled, foundation = motion * 10.0**power, gap * 10.0**power
-    boundary.draw(axes, foundation, **_LIMIT, label=f"rigid foundation $d${_times(power)}")
-    boundary.draw(axes, scaled, **_MOTION, label=rf"normal displacement $\tau_N\,\mathbf{{y}}${_times(power)}")
-    boundary.draw(axes, pressure, **_MULTIPLIER, label=r"contact pressure $\lambda$")
-    _finish_panel(axes, boundary, name, [pressure, scaled], [foundation], power)
+    up, out = _powers(_largest(pressure), motion, boundary)
+    pressure, gap, motion = pressure * 10.0**up, gap * 10.0**out, motion * 10.0**out
+    boundary.draw(axes, gap, **_LIMIT, label=f"rigid foundation $d${_times(out)}")
+    boundary.draw(axes, motion, **_MOTION, label=rf"normal displacement $\tau_N\,\mathbf{{y}}${_times(out)}")
+    boundary.draw(axes, pressure, **_MULTIPLIER, label=rf"contact pressure $\lambda${_times(up)}")
+    # The foundation is followed as far as it is near, and its nearest point is always seen.
+    reach = max(2.5 * _largest(pressure, motion), 1.2 * float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap))))
+    _finish_panel(axes, boundary, name, [pressure, motion, gap], reach)
+    axes.set_ylabel(f"stress{_times(up)},  length{_times(out)}")
 
 
 def _largest(*curves: Floats) -> float:
@@ -426,27 +448,31 @@ def _largest(*curves: Floats) -> float:
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
-def _power_of_ten(stress: float, motion: Floats, boundary: _Boundary) -> int:
-    """The k with which the motion times 10^k is as large as the stress, within a factor of about 3 either way.
+def _readable(largest: float) -> int:
+    """The k with which figures up to ``largest``, times 10^k, need no exponent at an axis."""
+    return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
+
+
+def _powers(stress: float, motion: Floats, boundary: _Boundary) -> tuple[int, int]:
+    """Powers of ten for stresses and lengths: alike in size within a factor of about 3, and readable.
 
     A motion that is next to nothing beside the displacement as a whole (stick everywhere) shall look like nothing.
     """
+    up = _readable(stress)
     length = max(_largest(motion), 1e-4 * _largest(boundary.floats("u_n"), boundary.floats("u_t")))
     if length == 0:
-        return 0
-    return round(math.log10(stress / length)) if stress > 0 else -math.floor(math.log10(length))
+        return up, 0
+    return up, round(math.log10(stress / length)) + up if stress > 0 else _readable(length)
 
 
 def _times(power: int) -> str:
     return rf" $\times\,10^{{{power}}}$" if power else ""
 
 
-def _finish_panel(
-    axes: Axes, boundary: _Boundary, name: str, curves: list[Floats], limits: list[Floats], power: int
-) -> None:
-    """Axis limits, legend and labels; ``limits`` that lie far beyond the ``curves`` do not widen the axis."""
-    reach = 2.5 * _largest(*curves) or _largest(*limits)
-    values = np.clip(np.nan_to_num(np.concatenate([*curves, *limits])), -reach, reach)
+def _finish_panel(axes: Axes, boundary: _Boundary, name: str, curves: list[Floats], reach: float) -> None:
+    """Axes and legend; what lies further from zero than ``reach`` is cut off."""
+    values = np.concatenate(curves)
+    values = np.clip(values[np.isfinite(values)], -reach, reach)
     low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     margin = 0.05 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
@@ -456,7 +482,6 @@ def _finish_panel(
     axes.tick_params(axis="x", length=0, labelbottom=False)
     axes.spines["bottom"].set_visible(False)
     axes.locator_params(axis="y", nbins=6)
-    axes.set_ylabel(f"stress,  length{_times(power)}")
     handles, labels = axes.get_legend_handles_labels()
     legend = axes.legend(
         handles[::-1], labels[::-1], title=name or None, alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.01)
@@ -525,7 +550,7 @@ def iteration_history(path_stem: str | Path, rows: Sequence[Mapping[str, Any]] |
         broken = [np.insert(values, firsts, np.nan) for values in (solve, residual)]
         lower.semilogy(*broken, color=_INK, marker="o", markersize=size, lw=1.3)
         lower.set(ylabel="relative residual", xlabel="linear solve", xlim=(solve[0] - 0.6, solve[-1] + 0.6))
-        lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+        lower.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         _mark_outer(upper, lower, solve, data["outer"], firsts)
         figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=3)
         _finish(figure, path_stem, title)
@@ -538,7 +563,7 @@ def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: 
     borders = [solve[0] - 0.6, *(0.5 * (solve[firsts - 1] + solve[firsts])), solve[-1] + 0.6]
     for axes in (upper, lower):
         for border in borders[1:-1]:
-            axes.axvline(border, color=_MUTED, linewidth=0.5, zorder=0)
+            axes.axvline(border, color=_MUTED, linewidth=0.5 if firsts.size < 30 else 0.25, zorder=0)
     room = 0.03 * (borders[-1] - borders[0])
     ticks, labels, free_from = [], [], -math.inf
     for (left, right), number in zip(itertools.pairwise(borders), outer[[0, *firsts]], strict=True):

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from signorini_fx import forms, parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import Nodal
+from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
 
 # A violation above this share of the solution's own scale refuses the certificate.
@@ -178,6 +178,68 @@ def _share(part: float, whole: float) -> float:
 
 
 @dataclass(frozen=True)
+class Functionals:
+    """Primal and dual functional of the regularised problem with given friction, energies per thickness.
+
+    Their difference is never negative for feasible lambda and mu, and zero at the solution only: a certificate of
+    optimality.
+
+    Attributes:
+        primal: J_gamma(y) of section 3.
+        dual: -J*_gamma(lambda, mu) of section 3, written for prescribed displacements that need not vanish.
+    """
+
+    primal: float
+    dual: float
+
+    @property
+    def relative_gap(self) -> float:
+        """(primal - dual) / |primal|."""
+        return (self.primal - self.dual) / abs(self.primal) if self.primal != 0 else self.primal - self.dual
+
+
+def functionals(
+    discretisation: Discretisation, displacement: fem.Function, contact: ContactState, data: RegularisedData
+) -> Functionals:
+    """Evaluate J_gamma (section 3) and its dual at a solution; collective.
+
+    The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
+    displacement at hand, which is its minimiser as far as (3.3a) holds.
+    """
+    y = displacement.x.petsc_vec
+    elastic = strain_energy(discretisation, displacement)
+    loads = external_forces(discretisation)
+    elastic -= float(loads.dot(y)) if loads is not None else 0.0
+    c, w = contact, contact.boundary.weight
+    pressure, shear = project(c.pressure, c.shear, data)
+    bound = data.friction_bound(pressure)
+    if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
+        primal = bound * np.abs(c.u_t)
+        dual = pressure * (c.u_n - c.gap) + shear * c.u_t
+    else:
+        contact_primal = np.maximum(0.0, trial_pressure(c.u_n, data)) ** 2 / (2 * data.gamma_n)
+        primal = contact_primal + _smoothed_friction(c.u_t, data, bound)
+        dual = (
+            pressure * (c.u_n - c.gap)
+            + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
+            + shear * c.u_t
+            + (data.mu_hat**2 - (shear - data.mu_hat) ** 2) / (2 * data.gamma_t)
+        )
+    sums = parallel.global_sum(
+        contact.boundary.comm,
+        np.array([np.dot(w, primal), np.dot(w, dual)]),
+    )
+    return Functionals(elastic + float(sums[0]), elastic + float(sums[1]))
+
+
+def _smoothed_friction(u_t: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
+    """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
+    trial = np.abs(data.gamma_t * u_t + data.mu_hat)
+    sliding = bound * (trial - bound / 2)
+    return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t
+
+
+@dataclass(frozen=True)
 class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
@@ -271,6 +333,8 @@ def _chains(
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
     not depend on the numbers of nodes and ranks.
     """
+    # Rounded, or round-off would choose among points that are meant to be in line.
+    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
     for part, *nodes in segments:

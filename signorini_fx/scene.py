@@ -37,9 +37,13 @@ def _value(given: Any) -> Any:
     if isinstance(given, bool):
         raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
     if isinstance(given, int | float):
-        if not math.isfinite(given):
+        try:
+            number = float(given)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
             raise ValueError("the number must be finite")
-        return float(given)
+        return number
     if isinstance(given, str):
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
@@ -57,8 +61,24 @@ Value = Annotated[Any, BeforeValidator(_value), WithJsonSchema({"type": ["number
 NonNegativeValue = Annotated[
     Any, BeforeValidator(lambda v: _not_negative(_value(v))), WithJsonSchema({"type": ["number", "string"]})
 ]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Automatic = Annotated[float, Field(gt=0, allow_inf_nan=False)] | Literal["auto"]
+
+
+def _number_or_auto(given: Any) -> Any:
+    """A positive number or the word auto, with one message where it is neither."""
+    if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
+        raise ValueError(f"a positive number or 'auto' is wanted, got {given!r}")
+    return given
+
+
+def _count_or_auto(given: Any) -> Any:
+    if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
+        raise ValueError(f"a positive whole number or 'auto' is wanted, got {given!r}")
+    return given
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
+Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
 
 
 class _Model(BaseModel):
@@ -81,7 +101,7 @@ class MeshGenerator(_Model):
 class Discretised(_Model):
     """The finite element: Lagrange of this degree on the cells that the mesh has."""
 
-    degree: Literal[1, 2] = 1
+    degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
 
 
 class LinearElastic(_Model):
@@ -94,7 +114,7 @@ class LinearElastic(_Model):
     """
 
     young: Positive
-    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
+    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
     hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
 
 
@@ -170,6 +190,13 @@ class Box(_Model):
     x: tuple[float, float] = (-math.inf, math.inf)
     y: tuple[float, float] = (-math.inf, math.inf)
 
+    @field_validator("x", "y")
+    @classmethod
+    def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
+        if not given[0] <= given[1]:
+            raise ValueError(f"an interval [low, high] is wanted, got {list(given)}")
+        return given
+
 
 class SolverSettings(_Model):
     """How the scene is solved; every default works for every scale and unit.
@@ -204,11 +231,11 @@ class SolverSettings(_Model):
     sigma: Automatic = "auto"
     initial_contact: Box | Literal["all"] | Value = "all"
     gamma_first: Automatic = "auto"
-    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
-    inner_iterations: Annotated[int, Field(gt=0)] | Literal["auto"] = "auto"
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
+    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
-    max_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
-    max_outer_iterations: Annotated[int, Field(gt=0, le=100_000)] = 100
+    max_iterations: Count = 100
+    max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7
 
     @field_validator("initial_contact", mode="before")
@@ -250,6 +277,8 @@ class Scene(_Model):
             if ("file" in given) == ("generator" in given):
                 raise ValueError("give either file or generator")
             return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
+        if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
+            raise ValueError("a table with file or generator is wanted")
         return given
 
     @model_validator(mode="after")
@@ -298,7 +327,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     try:
         scene = Scene.model_validate(dict(data))
     except ValidationError as error:
-        raise SceneError([_problem(detail, data) for detail in error.errors()], source) from None
+        raise SceneError(_problems(error, data), source) from None
     if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
         scene = scene.model_copy(update={"mesh": MeshFile(file=folder / scene.mesh.file)})
     return scene
@@ -316,6 +345,8 @@ def read_scene_text(path: Path) -> str:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
     except UnicodeDecodeError:
         raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
+    except ValueError as error:  # a null byte in the path
+        raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
 
 
 def parse_scene_text(text: str, path: Path) -> Scene:
@@ -326,7 +357,7 @@ def parse_scene_text(text: str, path: Path) -> Scene:
     """
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
         raise SceneError([("syntax", str(error))], str(path)) from None
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
@@ -342,6 +373,15 @@ def read_scene(path: str | Path) -> Scene:
 _MESSAGES = {"extra_forbidden": "unknown key", "missing": "is missing"}
 
 
+def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """One entry a path: where pydantic tried several types, what each of them would have wanted."""
+    found: dict[str, list[str]] = {}
+    for detail in error.errors():
+        path, message = _problem(detail, data)
+        found.setdefault(path, []).append(message)
+    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
+
+
 def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
     path = ""
@@ -350,11 +390,12 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
         if isinstance(part, int):
             path += f"[{part}]" if isinstance(node, Sequence) else ""
             node = node[part] if isinstance(node, Sequence) and part < len(node) else node
-        elif isinstance(node, Mapping) and part in node:
-            path += f".{part}" if path else part
-            node = node[part]
-        elif detail["type"] == "missing" and part == detail["loc"][-1]:
-            path += f".{part}" if path else part
+        elif (isinstance(node, Mapping) and part in node) or (
+            detail["type"] == "missing" and part == detail["loc"][-1]
+        ):
+            name = part or '""'
+            path += f".{name}" if path else name
+            node = node[part] if isinstance(node, Mapping) and part in node else node
     message = _MESSAGES.get(detail["type"]) or str(detail["msg"]).removeprefix("Value error, ")
     given = detail.get("input")
     if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and repr(given) not in message:

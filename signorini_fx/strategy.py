@@ -134,8 +134,8 @@ def _given_friction(task: Task, newton: SemismoothNewton, data: RegularisedData)
     return newton.solve(data, task.first_sets, first_iteration=task.first_iteration)
 
 
-# Path-following begins where the foundation is a few times stiffer than the body.
-_START_GAMMA = 10.0
+# Path-following begins where the penetration is about a hundredth of the displacements.
+_START_GAMMA = 100.0
 
 
 def _continuation_factors(task: Task) -> list[float]:

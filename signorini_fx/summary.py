@@ -14,7 +14,7 @@ import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.quantities import ContactTable, strain_energy
 from signorini_fx.results import IterationRecord, OuterRecord
-from signorini_fx.solve import Solution
+from signorini_fx.solver import Solution
 
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 
@@ -43,6 +43,13 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
+    if solution.functionals is not None:
+        values = solution.functionals
+        summary["functionals"] = {
+            "primal": values.primal,
+            "dual": values.dual,
+            "relative_duality_gap": values.relative_gap,
+        }
     summary["certificate"] = solution.certificate.as_dict()
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
     summary["versions"] = versions()
@@ -142,6 +149,11 @@ def render(summary: dict[str, Any]) -> str:
         f"  strain energy    {summary['strain_energy']:.6g}",
         f"  certificate      {'holds' if certificate['holds'] else 'DOES NOT HOLD'}: "
         + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in shown.items()),
+        *(
+            [f"  duality gap      {summary['functionals']['relative_duality_gap']:.1e}"]
+            if "functionals" in summary
+            else []
+        ),
         "  seconds          " + ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
     ]
     return "\n".join(lines)
@@ -149,6 +161,6 @@ def render(summary: dict[str, Any]) -> str:
 
 def _zones(runs: list[list[list[float]]]) -> str:
     def point(p: list[float]) -> str:
-        return f"({p[0] + 0.0:.6g}, {round(p[1], 12) + 0.0:.6g})"
+        return "(" + ", ".join(f"{round(c, 9) + 0.0:.6g}" for c in p) + ")"
 
     return ", ".join(f"{point(a)} to {point(b)}" for a, b in runs)

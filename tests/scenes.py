@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from signorini_fx.mesh import generate_mesh
 from signorini_fx.scene import parse_scene
-from signorini_fx.solve import solve
+from signorini_fx.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}
 PATCH_AT_THE_END = {"x": [0.0, 0.5]}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, project, slip_multiplier
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, project
 from signorini_fx.results import Status
 
 
@@ -37,29 +38,24 @@ def augmented_lagrangian(
         gamma_factor: growth of gamma_1 and gamma_2 from one problem to the next.
         watch: called with (lambda, mu) after each problem; True ends the iteration as converged.
     """
-    problem = newton.problem
-    before: tuple[Nodal, Nodal] | None = None
-    change = None
-    for _ in range(max_outer):
+    for step in range(max_outer):
+        shifts = (data.lambda_hat, data.mu_hat) if step > 0 else None
         status = newton.solve(
-            data, first_sets, first_iteration=first_iteration, max_iterations=inner_iterations, change=change
+            data,
+            first_sets,
+            first_iteration=first_iteration,
+            max_iterations=inner_iterations,
+            measure=partial(_change, newton, data, shifts),
         )
         inexact = inner_iterations is not None and status is Status.MAX_ITERATIONS
         if status is not Status.CONVERGED and not inexact:
             return status
-        u_n, u_t = problem.traces(newton.x)
-        pressure, shear = newton.multipliers()
-        xi = slip_multiplier(problem.sets, shear, u_t, data)
-        pressure, shear = project(pressure, shear, data)
+        pressure, shear = project(*newton.multipliers(), data)
         if watch is not None and watch(pressure, shear):
             return Status.CONVERGED
-        if before is not None:
-            norm = problem.boundary.norm
-            size = norm(pressure) + norm(shear)
-            change = (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0
-            if change <= tolerance and not inexact:
-                return Status.CONVERGED
-        before = pressure, shear
+        change = newton.history.outer[-1].change
+        if change is not None and change <= tolerance and not inexact:
+            return Status.CONVERGED
         data = replace(
             data,
             lambda_hat=pressure,
@@ -67,5 +63,15 @@ def augmented_lagrangian(
             gamma_n=data.gamma_n * gamma_factor,
             gamma_t=data.gamma_t * gamma_factor,
         )
-        first_sets, first_iteration = next_sets(u_n, xi, shear, data), 1
+        first_sets, first_iteration = newton.continued_sets(data), 1
     return Status.OUTER_MAX_ITERATIONS
+
+
+def _change(newton: SemismoothNewton, data: RegularisedData, before: tuple[Nodal, Nodal] | None) -> float | None:
+    """How much lambda and mu differ from those before, relative to their own norms."""
+    if before is None:
+        return None
+    pressure, shear = project(*newton.multipliers(), data)
+    norm = newton.problem.boundary.norm
+    size = norm(pressure) + norm(shear)
+    return (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0

@@ -28,10 +28,11 @@ def continuation(
         first_iteration: number of the very first linear solve.
     """
     status = Status.CONVERGED
-    for gamma_n, gamma_t in gammas:
+    for step, (gamma_n, gamma_t) in enumerate(gammas):
         data = replace(data, gamma_n=gamma_n, gamma_t=gamma_t)
+        if step > 0:
+            first_sets, first_iteration = newton.continued_sets(data), 1
         status = newton.solve(data, first_sets, first_iteration=first_iteration)
         if status is not Status.CONVERGED:
-            return status
-        first_sets, first_iteration = None, 1
+            break
     return status

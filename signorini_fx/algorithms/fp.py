@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.results import Status
 
 
@@ -38,19 +39,24 @@ def fixed_point(
     if not problem.data.has_friction:
         # The start knows no slip: mu = xi = 0, hence stick everywhere.
         first_sets = ActiveSets(problem.following.contact, np.zeros_like(problem.following.slip))
-    change = None
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         if shift:
             data = replace(data, lambda_hat=g, mu_hat=shear)
-        status = newton.solve(data, first_sets, change=change)
+        status = newton.solve(data, first_sets, measure=partial(_change, newton, g))
         if status is not Status.CONVERGED:
             return status
         first_sets = None
-        previous = g
+        change = newton.history.outer[-1].change
         g, shear = newton.multipliers()
-        size = problem.boundary.norm(g)
-        change = problem.boundary.norm(g - previous) / size if size > 0 else 0.0
-        if change <= tolerance:
+        if change is not None and change <= tolerance:
             return Status.CONVERGED
     return Status.OUTER_MAX_ITERATIONS
+
+
+def _change(newton: SemismoothNewton, g: Nodal) -> float:
+    """d_g of section 7: the new g is the pressure that the old one led to."""
+    following, _ = newton.multipliers()
+    norm = newton.problem.boundary.norm
+    size = norm(following)
+    return norm(following - g) / size if size > 0 else 0.0

@@ -105,7 +105,8 @@ def path_following(
         allowed, left = goal(), model.distance
         if left <= allowed or data.gamma_n >= largest:
             return Status.CONVERGED, data, left
-        gamma = min(model.gamma_for(allowed), largest) if allowed > 0 else largest
+        # Half of what is allowed, or the path would creep up to the goal from above.
+        gamma = min(model.gamma_for(allowed / 2), largest) if allowed > 0 else largest
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
-        first_sets, first_iteration = None, 1
+        first_sets, first_iteration = newton.continued_sets(data), 1
     return Status.OUTER_MAX_ITERATIONS, data, left

@@ -10,7 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
 from signorini_fx.rigid import RigidMotions
@@ -120,7 +120,7 @@ class SemismoothNewton:
         *,
         first_iteration: int = 1,
         max_iterations: int | None = None,
-        change: float | None = None,
+        measure: Callable[[], float | None] = lambda: None,
     ) -> Status:
         """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
 
@@ -129,7 +129,7 @@ class SemismoothNewton:
             first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
             first_iteration: number of the first linear solve: 0 where it only makes the start (section 7).
             max_iterations: linear solves allowed for this problem, where fewer than usual.
-            change: figure of the outer algorithm to record with this problem.
+            measure: gives the figure that the outer algorithm stops on, once this problem is solved.
         """
         self.problem.set_data(data, first_sets)
         self._first_iteration = first_iteration
@@ -148,12 +148,19 @@ class SemismoothNewton:
                 raise
             status = Status.SINGULAR
         solves = self.history.linear_solves - self._before
-        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, change, status.value))
+        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
         return status
 
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
+
+    def continued_sets(self, data: RegularisedData) -> ActiveSets:
+        """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
+        problem = self.problem
+        u_n, u_t = problem.traces(self.x)
+        _, mu = self.multipliers()
+        return next_sets(u_n, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
 
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""

@@ -22,7 +22,7 @@ from signorini_fx.estimators import recovery_error
 from signorini_fx.expressions import sample
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
-from signorini_fx.quantities import Certificate, ContactState, certify, strain_energy
+from signorini_fx.quantities import Certificate, ContactState, Functionals, certify, functionals, strain_energy
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 from signorini_fx.strategy import Task, run
@@ -42,6 +42,7 @@ class Solution:
         discretisation: mesh, space and operators.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
+        functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the conditions of the problem, checked anew after the solve.
         history: every linear solve and every regularised problem.
         parameters: gamma_n, gamma_t, sigma in force.
@@ -54,6 +55,7 @@ class Solution:
     discretisation: Discretisation
     displacement: fem.Function
     contact: ContactState | None
+    functionals: Functionals | None
     certificate: Certificate
     history: History
     parameters: dict[str, float] = field(default_factory=dict)
@@ -96,20 +98,35 @@ def solve(
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
     history = History(observers=list(observers))
-    parameters: dict[str, float] = {}
+    task: Task | None = None
     with timings.phase("iterate"):
         if discretisation.boundary is None:
             status, x = _linear_solve(discretisation)
-            algorithm, contact = "linear", None
         else:
-            status, x, algorithm, contact, parameters = _contact_solve(discretisation, discretisation.boundary, history)
+            task = _contact_task(discretisation, discretisation.boundary, history)
+            status = run(task)
+            x = task.displacement()
     with timings.phase("certify"):
         displacement = discretisation.function(x)
+        contact = None if task is None else _contact_state(task)
         certificate = certify(discretisation, displacement, contact)
         if status is Status.CONVERGED and not certificate.holds:
             status = Status.NOT_CERTIFIED
+        values = None
+        if task is not None and contact is not None and not task.has_coulomb:
+            values = functionals(discretisation, displacement, contact, task.problem.data)
     solution = Solution(
-        scene, status, algorithm, discretisation, displacement, contact, certificate, history, parameters, timings
+        scene=scene,
+        status=status,
+        algorithm="linear" if task is None else _algorithm_name(scene),
+        discretisation=discretisation,
+        displacement=displacement,
+        contact=contact,
+        functionals=values,
+        certificate=certificate,
+        history=history,
+        parameters={} if task is None else _parameters(task, discretisation, displacement),
+        timings=timings,
     )
     if check and not solution.converged:
         raise ConvergenceError(solution)
@@ -131,13 +148,11 @@ def _linear_solve(discretisation: Discretisation) -> tuple[Status, PETSc.Vec]:
     return (Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR), x
 
 
-def _contact_solve(
-    discretisation: Discretisation, boundary: ContactBoundary, history: History
-) -> tuple[Status, PETSc.Vec, str, ContactState, dict[str, float]]:
+def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
     scene = discretisation.scene
     law = _friction_law(scene, boundary)
     first_sets, first_iteration = _first_sets(scene, boundary)
-    task = Task(
+    return Task(
         settings=scene.solver,
         system=FullSystem.of(discretisation),
         boundary=boundary,
@@ -151,13 +166,16 @@ def _contact_solve(
         history=history,
         goal=lambda x: _allowed_regularisation_error(discretisation, x),
     )
-    status = run(task)
+
+
+def _parameters(task: Task, discretisation: Discretisation, displacement: fem.Function) -> dict[str, float]:
+    """What the summary says of the regularisation."""
     data = task.problem.data
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
     if task.regularisation_error is not None:
-        size = _energy_norm(discretisation, discretisation.function(task.displacement()))
+        size = _energy_norm(discretisation, displacement)
         parameters["regularisation_error"] = task.regularisation_error / size if size > 0 else 0.0
-    return status, task.displacement(), _algorithm_name(scene), _contact_state(task), parameters
+    return parameters
 
 
 def _algorithm_name(scene: Scene) -> str:
