@@ -51,6 +51,9 @@ class RegularisedData:
         bound: given friction bound F g, stress; None if there is no friction.
         coupling: F where the bound is F lambda(y) of the iterate itself (monolithic Coulomb friction), added to
             ``bound``; None where the bound is given.
+        bilateral: nodes whose contact cannot open; None: there are none.
+        slip_origin: tau_T y from which slip counts, length: the law of the paper is total, with origin zero; with load
+            steps it acts on the increment, with mu_hat the shear of the step before.
     """
 
     gap: Nodal
@@ -61,6 +64,8 @@ class RegularisedData:
     mu_hat: Nodal
     bound: Nodal | None
     coupling: Nodal | None = None
+    bilateral: npt.NDArray[np.bool_] | None = None
+    slip_origin: Nodal | None = None
 
     @property
     def has_friction(self) -> bool:
@@ -72,6 +77,16 @@ class RegularisedData:
         if self.bound is None:
             return np.zeros_like(pressure)
         return self.bound if self.coupling is None else self.bound + self.coupling * np.maximum(pressure, 0.0)
+
+
+def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """The tangential displacement that friction acts against."""
+    return u_t if data.slip_origin is None else u_t - data.slip_origin
+
+
+def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """The contact set with the bilateral nodes, which belong to it always."""
+    return contact if data.bilateral is None else contact | data.bilateral
 
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
@@ -90,18 +105,18 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
         return pressure, np.zeros_like(u_t)
     # A node about to leave has a negative pressure for one step, and its bound follows: the map stays affine.
     bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
-    return pressure, np.where(sets.slip == 0, data.mu_hat + data.gamma_t * u_t, sets.slip * bound)
+    return pressure, np.where(sets.slip == 0, data.mu_hat + data.gamma_t * slip_of(u_t, data), sets.slip * bound)
 
 
 def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
     """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f."""
-    return np.where(sets.slip == 0, 0.0, u_t + (data.mu_hat - mu) / data.gamma_t)
+    return np.where(sets.slip == 0, 0.0, slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t)
 
 
 def next_sets(u_n: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN)."""
     trial = trial_pressure(u_n, data)
-    contact = trial > 0
+    contact = keep_closed(trial > 0, data)
     if data.bound is None:
         return ActiveSets(contact, np.zeros(contact.shape, dtype=np.int8))
     bound = data.friction_bound(trial)
@@ -137,7 +152,8 @@ def tangent_coefficients(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal
 
 def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
     """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
-    pressure = np.maximum(pressure, 0.0)
+    pushing = np.maximum(pressure, 0.0)
+    pressure = pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)
     bound = data.friction_bound(pressure)
     return pressure, np.clip(shear, -bound, bound)
 
@@ -149,11 +165,14 @@ class FrictionLaw:
     Attributes:
         given: Tresca's g, stress; zero at other nodes.
         coefficient: Coulomb's F; zero at other nodes.
+        cap: largest bound, stress; None: unlimited.
     """
 
     given: Nodal
     coefficient: Nodal
+    cap: Nodal | None = None
 
     def bound(self, pressure: Nodal) -> Nodal:
-        """F g with g = lambda at Coulomb nodes (6.1), stress."""
-        return self.given + self.coefficient * pressure
+        """F g with g = lambda at Coulomb nodes (6.1), stress; |lambda| where contact is bilateral."""
+        bound = self.given + self.coefficient * np.abs(pressure)
+        return bound if self.cap is None else np.minimum(bound, self.cap)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,9 +21,29 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.expressions import Expression, sample
 from signorini_fx.material import lame_parameters
 from signorini_fx.mesh import TaggedMesh
-from signorini_fx.results import Timings
+from signorini_fx.results import Inventory, Timings
 from signorini_fx.rigid import RigidMotions, rigid_motions
-from signorini_fx.scene import PrescribedDisplacement, Scene, UnilateralContact
+from signorini_fx.scene import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
+
+# Above this Poisson's ratio the fully integrated elements lock visibly.
+LOCKING_POISSON = 0.45
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """The loads and prescribed displacements that share one list of load factors.
+
+    Attributes:
+        factors: one number a load step.
+        form: the compiled terms of L, None if the case only prescribes displacements.
+        load: L minus what its prescribed displacements contribute; E times their value in their rows.
+        start: zero, with its prescribed displacements put in.
+    """
+
+    factors: tuple[float, ...]
+    form: fem.Form | None
+    load: PETSc.Vec
+    start: PETSc.Vec
 
 
 @dataclass(frozen=True)
@@ -32,27 +54,29 @@ class Discretisation:
         scene: where it comes from.
         tagged: the mesh.
         space: vector Lagrange space Y_h of the displacement.
+        form: the compiled a(., .).
         stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
-        load: L minus what the prescribed displacements contribute; E times their value in their rows.
-        start: zero, with the prescribed displacements put in.
+        cases: the loads, by their load factors.
         fixed: which dofs of this rank are prescribed, shape (owned dofs,).
         boundary: the contact nodes, None for a scene without contact.
         motions: rigid motions that the supports leave free.
-        lame: Lame parameters as constants of the forms.
-        load_terms: the UFL terms of L, None without loads.
+        lame: Lame parameters as coefficients of the forms.
+        reduced: quadrature degree of the volumetric term where it is reduced, else None.
+        inventory: what was compiled and assembled.
     """
 
     scene: Scene
     tagged: TaggedMesh
     space: fem.FunctionSpace
+    form: fem.Form
     stiffness: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
+    cases: tuple[LoadCase, ...]
     fixed: npt.NDArray[np.bool_]
     boundary: ContactBoundary | None
     motions: RigidMotions
-    lame: tuple[fem.Constant, fem.Constant]
-    load_terms: Any | None
+    lame: tuple[Any, Any]
+    reduced: int | None
+    inventory: Inventory
 
     @property
     def dofs(self) -> int:
@@ -67,56 +91,69 @@ class Discretisation:
         function.x.scatter_forward()
         return function
 
+    def internal_forces(self, displacement: fem.Function) -> PETSc.Vec:
+        """a(y, .) assembled anew, cell by cell, prescribed dofs included; a force per dof, collective."""
+        index_map = self.space.dofmap.index_map
+        return _action(self.form, displacement, np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
+
+    def external_forces(self, step: int) -> PETSc.Vec:
+        """L of a load step assembled anew, a force per dof, collective."""
+        total = self.stiffness.createVecRight()
+        total.set(0.0)
+        for case in self.cases:
+            if case.form is not None:
+                total.axpy(case.factors[step], _assemble(case.form))
+        return total
+
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     """Compile and assemble what the scene lists.
 
     Raises:
-        SceneError: with every mistake that only the mesh reveals: boundaries that are not there or empty, contact and
-            prescribed displacement in conflict, expressions that are not finite.
+        SceneError: with every mistake that only the mesh reveals: boundaries and regions that are not there or empty,
+            contact and prescribed displacement in conflict, expressions that are not finite.
     """
     mesh = tagged.mesh
     facets = _boundary_facets(scene, tagged)
+    inventory = Inventory()
     with timings.phase("compile"):
         space = fem.functionspace(mesh, ("Lagrange", scene.element.degree, (2,)))
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-        first, second = lame_parameters(scene.material)
-        lame = fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
-        stiffness_form = fem.form(forms.elastic_form(y, z, *lame))
-        terms = _load_terms(scene, space, z, facets)
-        load_form = fem.form(terms) if terms is not None else None
-        supports = _supports(scene, space, facets)
-        contact_forms = [_unit_contact_form(space, z, facets[e.boundary], scene.element.degree) for e in scene.contact]
+        lame = _lame(scene, tagged)
+        reduced = _reduced_degree(scene, mesh)
+        form = inventory.compile("elasticity", lambda: fem.form(forms.elastic_form(y, z, *lame, reduced)))
+        supports = _supports(scene, space, facets, tagged)
+        groups = _load_groups(scene)
+        load_forms = [_load_form(loads, space, z, facets, inventory) for loads in groups.values()]
+        contact_forms = [
+            inventory.compile(f"contact {e.boundary}", partial(_unit_contact_form, space, z, facets[e.boundary]))
+            for e in scene.contact
+        ]
     with timings.phase("assemble"):
-        young = scene.material.young
-        stiffness = fem_petsc.assemble_matrix(stiffness_form, supports, young)
+        every = [support for _, support in supports]
+        stiffness = fem_petsc.assemble_matrix(form, every, scene.young)
         stiffness.assemble()
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
-        load, start = stiffness.createVecRight(), stiffness.createVecRight()
-        if load_form is not None:
-            assembled = fem_petsc.assemble_vector(load_form)
-            assembled.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-            load.axpy(1.0, assembled)
-        fixed = _fixed(space, supports)
-        if scene.displacement:
-            lifting = fem.Function(space)
-            fem_petsc.apply_lifting(lifting.x.petsc_vec, [stiffness_form], bcs=[supports])
-            lifting.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-            load.axpy(1.0, lifting.x.petsc_vec)
-            fem_petsc.set_bc(load, supports, alpha=young)
-            fem_petsc.set_bc(start, supports)
+        inventory.matrices.append("stiffness")
+        fixed = _fixed(space, every)
+        cases = tuple(
+            _load_case(factors, loads, load_form, form, stiffness, supports, space, scene)
+            for (factors, loads), load_form in zip(groups.items(), load_forms, strict=True)
+        )
         parts = [
-            _contact_part(space, form, facets[effect.boundary], index, fixed, scene.element.degree)
-            for index, (effect, form) in enumerate(zip(scene.contact, contact_forms, strict=True))
+            _contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction)
+            for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
         ]
     boundary = join(parts) if parts else None
-    _check_finite(scene, load, start, mesh.comm)
+    _check_finite(cases)
     if boundary is not None:
-        _check_overlap(scene, boundary, facets)
+        _check_overlap(scene, boundary, facets, tagged)
     owned = space.dofmap.index_map.size_local
     x = space.tabulate_dof_coordinates()[:owned, :2]
     motions = rigid_motions(mesh.comm, x, fixed.reshape(-1, 2), tagged.size)
-    return Discretisation(scene, tagged, space, stiffness, load, start, fixed, boundary, motions, lame, terms)
+    return Discretisation(
+        scene, tagged, space, form, stiffness, cases, fixed, boundary, motions, lame, reduced, inventory
+    )
 
 
 def _boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
@@ -134,9 +171,52 @@ def _boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[
             facets[effect.boundary] = found
             if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
                 problems.append((path, f"boundary {effect.boundary!r} has no exterior facets"))
+    for index, material in enumerate(scene.material):
+        if material.region is not None and material.region not in tagged.regions:
+            known = ", ".join(sorted(tagged.regions)) or "none"
+            path = f"material[{index}].region"
+            problems.append((path, f"the mesh has no region {material.region!r}; its regions are: {known}"))
     if problems:
         raise SceneError(problems)
     return facets
+
+
+def _lame(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
+    """Lame parameters: constants for one material, cell-wise functions for several."""
+    mesh = tagged.mesh
+    if len(scene.material) == 1:
+        first, second = lame_parameters(scene.material[0])
+        return fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
+    space = fem.functionspace(mesh, ("DG", 0))
+    pair = fem.Function(space), fem.Function(space)
+    covered = np.zeros(pair[0].x.array.size, dtype=bool)
+    for material in scene.material:
+        assert material.region is not None
+        dofs = space.dofmap.list[tagged.cells(material.region), 0]
+        covered[dofs] = True
+        for function, value in zip(pair, lame_parameters(material), strict=True):
+            function.x.array[dofs] = value
+    bare = int(np.count_nonzero(~covered[: space.dofmap.index_map.size_local]))
+    total = int(parallel.global_sum(mesh.comm, np.array(bare)))
+    if total:
+        raise SceneError([("material", f"{total} cells are in none of the regions that have a material")])
+    for function in pair:
+        function.x.scatter_forward()
+    return pair
+
+
+def _reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0 and Q2 with 2 x 2 points."""
+    degree, kind = scene.element.degree, mesh.topology.cell_name()
+    has_form = not (degree == 1 and kind == "triangle")
+    wanted = scene.element.volumetric
+    if wanted == "reduced" and not has_form:
+        message = "linear triangles have no reduced form: use degree = 2, or quadrilaterals"
+        raise SceneError([("element.volumetric", message)])
+    nearly = any(m.poisson >= LOCKING_POISSON and m.hypothesis == "plane strain" for m in scene.material)
+    if wanted == "full" or not has_form or (wanted == "auto" and not nearly):
+        return None
+    return 3 if degree == 2 and kind == "quadrilateral" else 1
 
 
 def _entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
@@ -151,13 +231,32 @@ def _entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np
     return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
 
 
-def _measure(mesh: dmesh.Mesh, parts: list[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
+def _measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
     """Integration over lists of facets, which may overlap, numbered from 1.
 
     The numbers do not depend on the mesh's own tags, so that forms on different boundaries are compiled once.
     """
     data = [(number, _entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
+
+
+def _assemble(form: fem.Form) -> PETSc.Vec:
+    vector = fem_petsc.assemble_vector(form)
+    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    return vector
+
+
+def _action(form: fem.Form, function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
+    """a(function, .) where only the nodes ``blocks`` count: the lifting of a displacement prescribed there.
+
+    dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
+    """
+    result = fem.Function(function.function_space)
+    vector = result.x.petsc_vec
+    fem_petsc.apply_lifting(vector, [form], bcs=[[fem.dirichletbc(function, blocks)]])
+    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    vector.scale(-1.0)
+    return vector.copy()
 
 
 def _ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
@@ -178,42 +277,94 @@ def _is_zero(*values: Any) -> bool:
     return all(isinstance(value, float) and value == 0.0 for value in values)
 
 
-def _load_terms(scene: Scene, space: fem.FunctionSpace, z: Any, facets: dict[str, npt.NDArray[np.int32]]) -> Any | None:
-    """The terms of L that the scene lists; zero loads are no loads."""
-    degree = 2 * scene.element.degree + 2
+_Load = BodyForce | SurfaceTraction | PrescribedDisplacement
+
+
+def _load_groups(scene: Scene) -> dict[tuple[float, ...], list[_Load]]:
+    """The loads of the scene by their load factors; zero loads are no loads."""
+    groups: dict[tuple[float, ...], list[_Load]] = {}
+    for load in scene.loads:
+        values = [load.x, load.y]
+        if isinstance(load, SurfaceTraction):
+            values.append(load.pressure)
+        if isinstance(load, PrescribedDisplacement) or not _is_zero(*values):
+            groups.setdefault(load.factors or (1.0,) * scene.steps, []).append(load)
+    return groups
+
+
+def _load_form(
+    loads: list[_Load],
+    space: fem.FunctionSpace,
+    z: Any,
+    facets: dict[str, npt.NDArray[np.int32]],
+    inventory: Inventory,
+) -> fem.Form | None:
+    """The terms of L that the loads list, compiled together."""
+    mesh = space.mesh
+    degree = 2 * space.element.basix_element.degree + 2
+    bodies = [load for load in loads if isinstance(load, BodyForce)]
+    tractions = [load for load in loads if isinstance(load, SurfaceTraction)]
+    if not bodies and not tractions:
+        return None
     terms = []
-    if scene.body_force is not None and not _is_zero(scene.body_force.x, scene.body_force.y):
-        force = ufl.as_vector([_ufl_value(v, space) for v in (scene.body_force.x, scene.body_force.y)])
+    for body in bodies:
+        force = ufl.as_vector([_ufl_value(v, space) for v in (body.x, body.y)])
         terms.append(forms.body_force_form(force, z, degree))
-    tractions = [effect for effect in scene.traction if not _is_zero(effect.x, effect.y)]
-    ds = _measure(space.mesh, [facets[effect.boundary] for effect in tractions], {"quadrature_degree": degree})
-    for number, effect in enumerate(tractions, start=1):
-        traction = ufl.as_vector([_ufl_value(v, space) for v in (effect.x, effect.y)])
+    ds = _measure(mesh, [facets[load.boundary] for load in tractions], {"quadrature_degree": degree})
+    for number, load in enumerate(tractions, start=1):
+        traction = ufl.as_vector([_ufl_value(v, space) for v in (load.x, load.y)])
+        if not _is_zero(load.pressure):
+            traction -= _ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
         terms.append(forms.traction_form(traction, z, ds(number)))
-    return sum(terms[1:], terms[0]) if terms else None
+    names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
+    return inventory.compile(" + ".join(names), lambda: fem.form(sum(terms[1:], terms[0])))
 
 
 def _supports(
-    scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]]
-) -> list[fem.DirichletBC]:
+    scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> list[tuple[PrescribedDisplacement, fem.DirichletBC]]:
     """Dirichlet conditions, one a component; a later one wins where two meet."""
     dim = space.mesh.topology.dim - 1
     supports = []
-    for effect in scene.displacement:
-        for component, value in enumerate((effect.x, effect.y)):
-            if value is None:
-                continue
+    for index, effect in enumerate(scene.displacement):
+        for component, value in _components(effect, index, tagged):
             subspace = space.sub(component)
             if isinstance(value, float):
                 dofs = fem.locate_dofs_topological(subspace, dim, facets[effect.boundary])
-                supports.append(fem.dirichletbc(default_scalar_type(value), dofs, subspace))
+                support = fem.dirichletbc(default_scalar_type(value), dofs, subspace)
             else:
                 collapsed, _ = subspace.collapse()
                 pair = fem.locate_dofs_topological((subspace, collapsed), dim, facets[effect.boundary])
                 function = fem.Function(collapsed)
                 function.interpolate(lambda x, value=value: sample(value, x))
-                supports.append(fem.dirichletbc(function, pair, subspace))
+                support = fem.dirichletbc(function, pair, subspace)
+            supports.append((effect, support))
     return supports
+
+
+def _components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
+    """(component, value) of what a displacement effect prescribes."""
+    if effect.normal is None:
+        return [(k, value) for k, value in enumerate((effect.x, effect.y)) if value is not None]
+    axis, sign = _axis(effect, index, tagged)
+    value = effect.normal
+    return [(axis, sign * value if isinstance(value, float) else lambda x: sign * sample(value, x))]
+
+
+def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tuple[int, float]:
+    """Axis and sign of the outward normal of a boundary that is straight along an axis."""
+    mesh = tagged.mesh
+    facets = tagged.facets(effect.boundary)
+    dim = mesh.topology.dim
+    middle = dmesh.compute_midpoints(mesh, dim - 1, facets)
+    cells = dmesh.compute_midpoints(mesh, dim, _entities(mesh, facets)[:, 0])
+    low, high = (parallel.global_bounds(mesh.comm, middle))[:, :2]
+    outward = parallel.global_sum(mesh.comm, (middle - cells).sum(axis=0))
+    flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
+    if flat.size != 1:
+        message = f"boundary {effect.boundary!r} is not straight along an axis: use bilateral contact without friction"
+        raise SceneError([(f"displacement[{index}].normal", message)])
+    return int(flat[0]), float(np.sign(outward[flat[0]]))
 
 
 def _fixed(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt.NDArray[np.bool_]:
@@ -224,9 +375,44 @@ def _fixed(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt.NDA
     return fixed
 
 
-def _unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], degree: int) -> fem.Form:
+def _load_case(
+    factors: tuple[float, ...],
+    loads: list[_Load],
+    load_form: fem.Form | None,
+    form: fem.Form,
+    stiffness: PETSc.Mat,
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    space: fem.FunctionSpace,
+    scene: Scene,
+) -> LoadCase:
+    """Assemble the right-hand side of the loads that share their factors."""
+    load, start = stiffness.createVecRight(), stiffness.createVecRight()
+    start.set(0.0)
+    load.set(0.0)
+    if load_form is not None:
+        load.axpy(1.0, _assemble(load_form))
+    prescribed = fem.Function(space)
+    touched: list[npt.NDArray[np.int32]] = []
+    for effect, support in supports:
+        dofs, _ = support.dof_indices()
+        prescribed.x.array[dofs] = 0.0
+        if any(effect is one for one in loads):
+            fem_petsc.set_bc(prescribed.x.petsc_vec, [support])
+            prescribed.x.scatter_forward()
+        touched.append(dofs)
+    if supports and parallel.global_max(space.mesh.comm, parallel.local_max(np.abs(prescribed.x.array))) != 0.0:
+        blocks = np.unique(np.concatenate(touched) // 2).astype(np.int32)
+        load.axpy(-1.0, _action(form, prescribed, blocks))
+        start.getArray()[:] = prescribed.x.array[: start.getLocalSize()]
+    if supports:
+        fixed = _fixed(space, [support for _, support in supports])
+        load.getArray()[fixed] = scene.young * start.getArray()[fixed]
+    return LoadCase(factors, load_form, load, start)
+
+
+def _unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
     """(lambda, tau_N z) for lambda = 1, with the nodal rule: the nodal weights times the normals."""
-    ds = _measure(space.mesh, [facets], forms.nodal_rule(degree))(1)
+    ds = _measure(space.mesh, [facets], forms.nodal_rule(space.element.basix_element.degree))(1)
     one = fem.Constant(space.mesh, default_scalar_type(1.0))
     return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
 
@@ -237,30 +423,31 @@ def _contact_part(
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
-    degree: int,
+    direction: tuple[float, float] | None,
 ) -> ContactBoundary:
     """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
-    assembled = fem_petsc.assemble_vector(form)
-    assembled.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    moments = assembled.getArray().reshape(-1, 2)
+    moments = _assemble(form).getArray().reshape(-1, 2)
     weight = np.linalg.norm(moments, axis=1)
     nodes = np.flatnonzero(weight > 0).astype(np.int32)
-    index_map = space.dofmap.index_map
+    normal = moments[nodes] / weight[nodes, None]
+    if direction is not None:
+        normal = np.tile(np.asarray(direction) / np.hypot(*direction), (nodes.size, 1))
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
         x=space.tabulate_dof_coordinates()[nodes, :2],
         weight=weight[nodes],
-        normal=moments[nodes] / weight[nodes, None],
+        normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
         free=~fixed.reshape(-1, 2)[nodes],
-        segments=_segments(space, facets, index, degree),
-        global_nodes=index_map.local_to_global(nodes),
+        segments=_segments(space, facets, index),
+        global_nodes=space.dofmap.index_map.local_to_global(nodes),
     )
 
 
-def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, degree: int) -> npt.NDArray[np.int64]:
+def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
     """The part and the global node numbers of each facet, in order along it, shape (facets, degree + 2)."""
+    degree = space.element.basix_element.degree
     layout = space.dofmap.dof_layout
     rows = []
     for cell, local in _entities(space.mesh, facets):
@@ -273,44 +460,37 @@ def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int
     return np.column_stack((np.full(len(rows), part, dtype=np.int64), nodes))
 
 
-def _check_finite(scene: Scene, load: PETSc.Vec, start: PETSc.Vec, comm: Any) -> None:
+def _check_finite(cases: tuple[LoadCase, ...]) -> None:
     problems = []
-    if not np.isfinite(load.norm()):
+    if not all(np.isfinite(case.start.norm()) for case in cases):
+        problems.append(("displacement", "an expression is not finite somewhere on its boundary"))
+    elif not all(np.isfinite(case.load.norm()) for case in cases):
         problems.append(
             ("traction, body_force", "an expression is not finite somewhere on its boundary or in the body")
         )
-    if not np.isfinite(start.norm()):
-        problems.append(("displacement", "an expression is not finite somewhere on its boundary"))
     if problems:
         raise SceneError(problems)
 
 
-def _check_overlap(scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]]) -> None:
+def _check_overlap(
+    scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> None:
     """A prescribed normal displacement on contact facets leaves nothing for contact to decide."""
     problems = []
     for index, support in enumerate(scene.displacement):
+        prescribed = np.zeros(2, dtype=bool)
+        prescribed[[component for component, _ in _components(support, index, tagged)]] = True
         for part, effect in enumerate(scene.contact):
-            problem = _overlap(support, effect, part, boundary, facets)
-            if problem is not None:
-                problems.append((f"displacement[{index}]", problem))
+            shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
+            total = int(parallel.global_sum(boundary.comm, np.array(shared)))
+            slope = np.abs(boundary.normal[boundary.part == part][:, prescribed]).max(initial=0.0)
+            if total and parallel.global_max(boundary.comm, slope) > 1e-8:
+                problems.append(
+                    (
+                        f"displacement[{index}]",
+                        f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
+                        f"contact boundary {effect.boundary!r}: take them out of one of the two",
+                    )
+                )
     if problems:
         raise SceneError(problems)
-
-
-def _overlap(
-    support: PrescribedDisplacement,
-    effect: UnilateralContact,
-    part: int,
-    boundary: ContactBoundary,
-    facets: dict[str, npt.NDArray[np.int32]],
-) -> str | None:
-    shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
-    total = int(parallel.global_sum(boundary.comm, np.array(shared)))
-    prescribed = [value is not None for value in (support.x, support.y)]
-    slope = np.abs(boundary.normal[boundary.part == part][:, prescribed]).max(initial=0.0)
-    if total == 0 or parallel.global_max(boundary.comm, slope) < 1e-8:
-        return None
-    return (
-        f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the contact boundary "
-        f"{effect.boundary!r}: take them out of one of the two"
-    )

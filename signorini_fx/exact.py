@@ -14,8 +14,11 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, keep_closed, slip_of
+from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.results import Status
+from signorini_fx.rigid import RigidMotions
 
 
 class ExactProblem:
@@ -26,12 +29,14 @@ class ExactProblem:
     sets exactly although the constrained columns of the Jacobian are empty.
     """
 
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
+        self.loose: Status | None = None
+        self._motions = motions
         self._forced_first = False
         rows = np.arange(boundary.size)
         axis = np.argmax(np.abs(boundary.normal), axis=1)
@@ -72,14 +77,15 @@ class ExactProblem:
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
         u_n, u_t = self.traces(x)
         pressure, shear = self.multipliers(x, self.sets)
-        contact = np.where(self.sets.contact, pressure > 0, u_n > self.data.gap) & self._n_free
+        contact = np.where(self.sets.contact, pressure > 0, u_n > self.data.gap)
+        contact = keep_closed(contact, self.data) & self._n_free
         if not self.data.has_friction:
             return ActiveSets(contact, np.zeros_like(self.sets.slip))
         bound = self.data.friction_bound(pressure)
         slip = self.sets.slip
         # A node passes through stick: from slip it sticks where it would move against mu, from stick it slips.
         from_stick = (shear > bound).astype(np.int8) - (shear < -bound).astype(np.int8)
-        from_slip = np.where(slip * u_t < 0, 0, slip)
+        from_slip = np.where(slip * slip_of(u_t, self.data) < 0, 0, slip)
         following = np.where(slip == 0, from_stick, from_slip)
         return ActiveSets(contact, np.where(bound == 0, 1, following).astype(np.int8))
 
@@ -88,7 +94,8 @@ class ExactProblem:
         normal = sets.contact & self._n_free
         stick = (sets.slip == 0) & self._t_free if self.data.has_friction else np.zeros_like(normal)
         dofs = np.concatenate([self._n[normal], self._t[stick]])
-        values = np.concatenate([self._n_sign[normal] * self.data.gap[normal], np.zeros(np.count_nonzero(stick))])
+        origin = np.zeros(stick.size) if self.data.slip_origin is None else self.data.slip_origin
+        values = np.concatenate([(self._n_sign * self.data.gap)[normal], (self._t_sign * origin)[stick]])
         return dofs, values
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
@@ -103,6 +110,8 @@ class ExactProblem:
         """See ``ContactProblem``."""
         if not self._forced_first:
             self.following = self._classify(x)
+        wanted = self.multipliers(x, self.sets)
+        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self.boundary, self._motions)
         dofs, values = self._constraints(self.following)
         shear = np.zeros(self.boundary.size)
         if self.data.has_friction:

@@ -14,9 +14,23 @@ import ufl
 from signorini_fx.material import strain, stress
 
 
-def elastic_form(y: Any, z: Any, lame: Any, mu: Any) -> Any:
-    """a(y, z) of section 2.1."""
-    return ufl.inner(stress(y, lame, mu), strain(z)) * ufl.dx
+def elastic_form(y: Any, z: Any, lame: Any, mu: Any, reduced: int | None = None) -> Any:
+    """a(y, z) of section 2.1.
+
+    Args:
+        y: trial function.
+        z: test function.
+        lame: first Lame parameter.
+        mu: second Lame parameter.
+        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
+            rest.
+    """
+    if reduced is None:
+        return ufl.inner(stress(y, lame, mu), strain(z)) * ufl.dx
+    volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))
+    return 2 * mu * ufl.inner(strain(y), strain(z)) * ufl.dx + volumetric * ufl.dx(
+        metadata={"quadrature_degree": reduced}
+    )
 
 
 def body_force_form(force: Any, z: Any, degree: int) -> Any:

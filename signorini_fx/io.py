@@ -82,6 +82,7 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
     table = contact_table(solution.contact, names) if solution.contact is not None else None
     summary = summarise(solution, table)
     summary["scene"] = describe(solution.scene)
+    steps = summary.get("steps", [])
     if fields:
         summary["fields"] = write_fields(solution, part)
     gathered = gather_cells(solution) if pictures else None
@@ -90,6 +91,8 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
         try:
             write_csv(part / "history.csv", as_rows(solution.history.iterations))
             write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            if len(steps) > 1:
+                write_csv(part / "steps.csv", steps)
             if table is not None:
                 rows = [dict(zip(table.columns, row, strict=True)) for row in zip(*table.columns.values(), strict=True)]
                 write_csv(part / "contact.csv", rows)
@@ -141,13 +144,18 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             writer.writerows({k: v.item() if isinstance(v, np.generic) else v for k, v in row.items()} for row in rows)
 
 
+def _hypothesis(solution: Solution) -> str:
+    """Plane strain or plane stress: one for the whole body."""
+    return solution.scene.material[0].hypothesis
+
+
 def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
     """Stress (xx, yy, xy) and shear energy density, discontinuous, of the degree that they have."""
     d = solution.discretisation
     mesh = d.tagged.mesh
     y = solution.displacement
     sigma = stress(y, *d.lame)
-    density = shear_energy_density(y, *d.lame, solution.scene.material.hypothesis)
+    density = shear_energy_density(y, *d.lame, _hypothesis(solution))
     degree = max(solution.scene.element.degree, 1)
     vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,))), name="stress")
     scalar = fem.Function(fem.functionspace(mesh, ("DG", degree)), name="shear_energy_density")
@@ -212,7 +220,7 @@ def gather_cells(solution: Solution) -> GatheredCells:
     linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
     linear.interpolate(solution.displacement)
     constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material.hypothesis)
+    density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
     points = compat.interpolation_points(constant.function_space.element)
     constant.interpolate(fem.Expression(density, points, dtype=default_scalar_type))
     space = linear.function_space

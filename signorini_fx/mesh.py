@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +30,21 @@ class TaggedMesh(TaggedMeshBase):
         mesh: the distributed mesh.
         facet_tags: tags on facets.
         boundaries: name of a boundary -> its tag.
+        cell_tags: tags on cells, None where the body is one region.
+        regions: name of a part of the body -> its tag.
     """
 
     mesh: dmesh.Mesh
     facet_tags: dmesh.MeshTags
     boundaries: Mapping[str, int]
+    cell_tags: dmesh.MeshTags | None = None
+    regions: Mapping[str, int] = field(default_factory=dict)
+
+    def cells(self, region: str) -> npt.NDArray[np.int32]:
+        """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
+        if self.cell_tags is None or region not in self.regions:
+            raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
+        return self.cell_tags.find(self.regions[region])
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
         """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
@@ -53,14 +63,9 @@ class TaggedMesh(TaggedMeshBase):
     @property
     def size(self) -> float:
         """Diagonal of the bounding box, a length; the same on all ranks."""
-        x = self.mesh.geometry.x[:, : self.mesh.geometry.dim]
-        low = x.min(axis=0) if x.size else np.full(self.mesh.geometry.dim, np.inf)
-        high = x.max(axis=0) if x.size else np.full(self.mesh.geometry.dim, -np.inf)
-        comm = self.mesh.comm
-        bounds = [
-            (-parallel.global_max(comm, -a), parallel.global_max(comm, b)) for a, b in zip(low, high, strict=True)
-        ]
-        return float(np.hypot.reduce([b - a for a, b in bounds]))
+        x = self.mesh.geometry.x[:, : self.mesh.geometry.dim].astype(np.float64)
+        low, high = parallel.global_bounds(self.mesh.comm, x)
+        return float(np.linalg.norm(high - low))
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
@@ -134,7 +139,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
-    def build() -> dict[str, int]:
+    def build() -> tuple[dict[str, int], dict[str, int]]:
         import gmsh
 
         gmsh.initialize(interruptible=False)
@@ -149,16 +154,20 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        return {gmsh.model.getPhysicalName(1, tag) or f"boundary_{tag}": tag for dim, tag in groups if dim == 1}
+        lines, surfaces = (
+            {gmsh.model.getPhysicalName(d, tag) or f"{kind}_{tag}": tag for dim, tag in groups if dim == d}
+            for d, kind in ((1, "boundary"), (2, "region"))
+        )
+        return lines, surfaces
 
     try:
-        boundaries = parallel.on_root(comm, build)
+        boundaries, regions = parallel.on_root(comm, build)
         model = None
         if parallel.is_root(comm):
             import gmsh
 
             model = gmsh.model
-        mesh, _, facet_tags = compat.gmsh_model_to_mesh(model, comm, 2)
+        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, 2)
     finally:
         if parallel.is_root(comm):
             import gmsh
@@ -167,7 +176,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
                 gmsh.finalize()
     if facet_tags is None or not boundaries:
         raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
-    return TaggedMesh(mesh, facet_tags, boundaries)
+    return TaggedMesh(mesh, facet_tags, boundaries, cell_tags, regions)
 
 
 def _cell_kinds(gmsh: Any, group: int) -> set[int]:

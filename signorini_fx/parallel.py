@@ -39,6 +39,17 @@ def global_max(comm: MPI.Comm, value: float) -> float:
     return float(comm.allreduce(float(value), op=MPI.MAX))
 
 
+def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Smallest and largest coordinates over the ranks of points of shape (n, d), shape (2, d)."""
+    dim = points.shape[1]
+    low = points.min(axis=0) if points.size else np.full(dim, np.inf)
+    high = points.max(axis=0) if points.size else np.full(dim, -np.inf)
+    bounds = np.empty((2, dim))
+    comm.Allreduce(low, bounds[0], op=MPI.MIN)
+    comm.Allreduce(high, bounds[1], op=MPI.MAX)
+    return bounds
+
+
 def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:
     """Largest entry of an array that may be empty (a rank without contact nodes)."""
     return float(values.max()) if values.size else default

@@ -16,7 +16,10 @@ from signorini_fx.complementarity import (
     multipliers,
     tangent_coefficients,
 )
+from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.results import Status
+from signorini_fx.rigid import RigidMotions
 
 
 class ContactProblem(Protocol):
@@ -33,6 +36,7 @@ class ContactProblem(Protocol):
         sets: active sets of the last linear solve.
         following: active sets of the last residual.
         force_scale: size of the forces in the last residual.
+        loose: how the body gets away from the sets of the last residual; None: they hold it.
     """
 
     system: ElasticSystem
@@ -41,6 +45,7 @@ class ContactProblem(Protocol):
     sets: ActiveSets
     following: ActiveSets
     force_scale: float
+    loose: Status | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
@@ -73,12 +78,14 @@ class RegularisedProblem:
     See ``ContactProblem``.
     """
 
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
+        self.loose: Status | None = None
+        self._motions = motions
         self._forced_first = False
         self._blocks = _NodeBlocks(system, boundary)
 
@@ -108,6 +115,8 @@ class RegularisedProblem:
         """See ``ContactProblem``."""
         if not self._forced_first:
             self.following = classify(self.sets, *self.traces(x), self.data)
+        wanted = self.multipliers(x, self.sets)
+        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self.boundary, self._motions)
         pressure, shear = self.multipliers(x, self.following)
         self.system.matrix.mult(x, f)
         self.force_scale = max(f.norm(), self.system.load.norm())

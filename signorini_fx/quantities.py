@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx import forms, parallel
+from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
@@ -38,6 +36,8 @@ class ContactState:
         in_contact: True on A_c.
         slip: +1 on A_f,+; -1 on A_f,-; 0 on I_f.
         has_friction: whether a friction law acts.
+        bilateral: nodes whose contact cannot open.
+        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
     """
 
     boundary: ContactBoundary
@@ -50,6 +50,8 @@ class ContactState:
     in_contact: npt.NDArray[np.bool_]
     slip: npt.NDArray[np.int8]
     has_friction: bool
+    bilateral: npt.NDArray[np.bool_]
+    slip_length: Nodal
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -60,9 +62,22 @@ class ContactState:
         comm = self.boundary.comm
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
+    @cached_property
+    def friction_work(self) -> float:
+        """Work that friction takes out of the body in this load step, sum of w mu slip, never negative; collective."""
+        work = np.dot(self.boundary.weight, self.shear * self.slip_length)
+        return float(parallel.global_sum(self.boundary.comm, work))
+
+    @cached_property
+    def mean_tangential_displacement(self) -> float:
+        """Mean of tau_T y over the contact boundary, length; collective."""
+        weight = self.boundary.weight
+        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t), weight.sum()]))
+        return float(sums[0] / sums[1])
+
     def sliding_sign(self) -> npt.NDArray[np.int8]:
         """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
-        return np.where(self.bound == 0, np.where(self.u_t < 0, -1, 1), self.slip).astype(np.int8)
+        return np.where(self.bound == 0, np.where(self.slip_length < 0, -1, 1), self.slip).astype(np.int8)
 
 
 @dataclass(frozen=True)
@@ -102,40 +117,20 @@ class Certificate:
         return {**asdict(self), "holds": self.holds}
 
 
-def internal_forces(discretisation: Discretisation, displacement: fem.Function) -> PETSc.Vec:
-    """a(y, .) assembled anew from the displacement, prescribed dofs included; a force per dof."""
-    z = ufl.TestFunction(discretisation.space)
-    form = fem.form(forms.elastic_form(displacement, z, *discretisation.lame))
-    return _assembled(form)
-
-
-def external_forces(discretisation: Discretisation) -> PETSc.Vec | None:
-    """L assembled anew; None without loads."""
-    if discretisation.load_terms is None:
-        return None
-    return _assembled(fem.form(discretisation.load_terms))
-
-
-def _assembled(form: fem.Form) -> PETSc.Vec:
-    vector = fem_petsc.assemble_vector(form)
-    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    return vector
-
-
 def strain_energy(discretisation: Discretisation, displacement: fem.Function) -> float:
     """a(y, y) / 2, an energy per thickness."""
-    return 0.5 * float(internal_forces(discretisation, displacement).dot(displacement.x.petsc_vec))
+    return 0.5 * float(discretisation.internal_forces(displacement).dot(displacement.x.petsc_vec))
 
 
-def certify(discretisation: Discretisation, displacement: fem.Function, contact: ContactState | None) -> Certificate:
-    """Check the conditions of the problem independently of how the solution was found; collective."""
+def certify(
+    discretisation: Discretisation, displacement: fem.Function, contact: ContactState | None, step: int = 0
+) -> Certificate:
+    """Check the conditions of a load step independently of how the solution was found; collective."""
     comm = discretisation.tagged.mesh.comm
-    reaction = internal_forces(discretisation, displacement)
-    scale = reaction.norm()
-    loads = external_forces(discretisation)
-    if loads is not None:
-        scale = max(scale, loads.norm())
-        reaction.axpy(-1.0, loads)
+    reaction = discretisation.internal_forces(displacement)
+    loads = discretisation.external_forces(step)
+    scale = max(reaction.norm(), loads.norm())
+    reaction.axpy(-1.0, loads)
     owned = reaction.getArray()
     if contact is None:
         residual = _norm(comm, owned[~discretisation.fixed])
@@ -154,13 +149,14 @@ def certify(discretisation: Discretisation, displacement: fem.Function, contact:
     stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), np.abs(shear))))
     length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     overlap = contact.u_n - contact.gap
+    overlap = np.where(contact.bilateral, np.abs(overlap), overlap)
     figures = {
         "penetration": (overlap, length),
-        "negative_pressure": (-pressure, stress),
+        "negative_pressure": (-pressure[~contact.bilateral], stress),
         "complementarity": (np.abs(pressure * overlap), stress * length),
         "friction_cone": (np.abs(shear) - contact.bound, stress),
-        "wrong_way_slip": (-shear * contact.u_t, stress * length),
-        "stick_slip": (np.abs(contact.u_t)[(contact.slip == 0) & contact.has_friction], length),
+        "wrong_way_slip": (-shear * contact.slip_length, stress * length),
+        "stick_slip": (np.abs(contact.slip_length)[(contact.slip == 0) & contact.has_friction], length),
     }
     values = {
         name: _share(parallel.global_max(comm, max(0.0, parallel.local_max(violation))), unit)
@@ -199,7 +195,11 @@ class Functionals:
 
 
 def functionals(
-    discretisation: Discretisation, displacement: fem.Function, contact: ContactState, data: RegularisedData
+    discretisation: Discretisation,
+    displacement: fem.Function,
+    contact: ContactState,
+    data: RegularisedData,
+    step: int = 0,
 ) -> Functionals:
     """Evaluate J_gamma (section 3) and its dual at a solution; collective.
 
@@ -208,21 +208,21 @@ def functionals(
     """
     y = displacement.x.petsc_vec
     elastic = strain_energy(discretisation, displacement)
-    loads = external_forces(discretisation)
-    elastic -= float(loads.dot(y)) if loads is not None else 0.0
+    elastic -= float(discretisation.external_forces(step).dot(y))
     c, w = contact, contact.boundary.weight
     pressure, shear = project(c.pressure, c.shear, data)
     bound = data.friction_bound(pressure)
+    overlap, slip = c.u_n - c.gap, c.slip_length
     if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
-        primal = bound * np.abs(c.u_t)
-        dual = pressure * (c.u_n - c.gap) + shear * c.u_t
+        primal, dual = bound * np.abs(slip), pressure * overlap + shear * slip
     else:
-        contact_primal = np.maximum(0.0, trial_pressure(c.u_n, data)) ** 2 / (2 * data.gamma_n)
-        primal = contact_primal + _smoothed_friction(c.u_t, data, bound)
+        trial = trial_pressure(c.u_n, data)
+        pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
+        primal = pushing**2 / (2 * data.gamma_n) + _smoothed_friction(slip, data, bound)
         dual = (
-            pressure * (c.u_n - c.gap)
+            pressure * overlap
             + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
-            + shear * c.u_t
+            + shear * slip
             + (data.mu_hat**2 - (shear - data.mu_hat) ** 2) / (2 * data.gamma_t)
         )
     sums = parallel.global_sum(
@@ -232,9 +232,9 @@ def functionals(
     return Functionals(elastic + float(sums[0]), elastic + float(sums[1]))
 
 
-def _smoothed_friction(u_t: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
+def _smoothed_friction(slip: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
     """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
-    trial = np.abs(data.gamma_t * u_t + data.mu_hat)
+    trial = np.abs(data.gamma_t * slip + data.mu_hat)
     sliding = bound * (trial - bound / 2)
     return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t
 
@@ -290,6 +290,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
             contact.bound,
             contact.in_contact,
             contact.sliding_sign(),
+            contact.slip_length,
             boundary.normal,
             boundary.weight,
         ]
@@ -298,7 +299,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     chains, order = _chains(numbers, segments, rows[:, :2])
     rows, part = rows[order], numbers[order, 0]
-    x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, n_x, n_y, weight = rows.T
+    x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, slip_length, n_x, n_y, weight = rows.T
     sliding = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick"))
     friction = np.where(bound > 0, sliding, "none")
     along = np.zeros(x.size)
@@ -316,6 +317,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "bound": bound,
         "state": np.where(touching > 0, sliding, "open"),
         "friction": friction,
+        "slip": slip_length,
         "boundary": np.array(names)[part.astype(int)],
         "s": along,
         "n_x": n_x,

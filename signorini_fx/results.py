@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from enum import Enum
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class Status(Enum):
@@ -17,6 +20,8 @@ class Status(Enum):
     OUTER_MAX_ITERATIONS = "maximum outer iterations reached"
     CYCLING = "active sets cycle"
     NOT_HELD = "body not held"
+    OPEN = "contact opens, no static equilibrium"
+    SLIDES = "slides, no static equilibrium"
     SINGULAR = "linear system singular"
     ROUND_OFF = "residual stagnates"
     NOT_CERTIFIED = "certificate does not hold"
@@ -36,8 +41,16 @@ _ADVICE = {
     ),
     Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
     Status.NOT_HELD: (
-        "a rigid motion is resisted neither by the prescribed displacements nor by the current contact: prescribe a "
-        "displacement, add friction, or check that the load presses the body against the foundation"
+        "a rigid motion is resisted neither by the prescribed displacements nor by any contact: prescribe a "
+        "displacement or add friction"
+    ),
+    Status.OPEN: (
+        "the load moves the body off its foundation and nothing else holds it: check the direction of the loads and "
+        "the gap, or prescribe a displacement"
+    ),
+    Status.SLIDES: (
+        "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "
+        "prescribe a displacement"
     ),
     Status.SINGULAR: "check that the prescribed displacements and the contact hold the body, and the mesh for slivers",
     Status.NOT_CERTIFIED: (
@@ -92,6 +105,24 @@ class OuterRecord:
     gamma_n: float
     change: float | None
     status: str
+
+
+@dataclass
+class Inventory:
+    """What a scene made the program compile and assemble: nothing that it does not name.
+
+    Attributes:
+        forms: what was compiled, in order.
+        matrices: matrices assembled.
+    """
+
+    forms: list[str] = field(default_factory=list)
+    matrices: list[str] = field(default_factory=list)
+
+    def compile(self, name: str, make: Callable[[], T]) -> T:
+        """Compile a form by ``make`` and note its name."""
+        self.forms.append(name)
+        return make()
 
 
 @dataclass

@@ -20,8 +20,10 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     InstanceOf,
+    Tag,
     ValidationError,
     WithJsonSchema,
     field_validator,
@@ -76,6 +78,7 @@ def _count_or_auto(given: Any) -> Any:
     return given
 
 
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
@@ -99,9 +102,17 @@ class MeshGenerator(_Model):
 
 
 class Discretised(_Model):
-    """The finite element: Lagrange of this degree on the cells that the mesh has."""
+    """The finite element: Lagrange of this degree on the cells that the mesh has.
+
+    Attributes:
+        degree: polynomial degree of the displacement.
+        volumetric: ``full``: all terms are integrated exactly; ``reduced``: the volumetric term with fewer points,
+            which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
+            eliminated); ``auto``: reduced where some nu is at least 0.45 and the element has a reduced form.
+    """
 
     degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
+    volumetric: Literal["full", "reduced", "auto"] = "full"
 
 
 class LinearElastic(_Model):
@@ -111,39 +122,69 @@ class LinearElastic(_Model):
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
         hypothesis: what becomes of the third dimension.
+        region: name of the part of the body that is made of it; None: all of it.
     """
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
     hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    region: str | None = None
 
 
-class BodyForce(_Model):
+class _Load(_Model):
+    """What load steps multiply.
+
+    Attributes:
+        factors: one number a load step; None: 1 in every step.
+    """
+
+    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+
+class BodyForce(_Load):
     """Force per volume, f of (1.1a)."""
 
     x: Value = 0.0
     y: Value = 0.0
 
 
-class SurfaceTraction(_Model):
-    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary."""
+class SurfaceTraction(_Load):
+    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], stress.
+        y: component along x[1], stress.
+        pressure: pushes against the boundary along the inward normal, stress.
+    """
 
     boundary: str
     x: Value = 0.0
     y: Value = 0.0
+    pressure: Value = 0.0
 
 
-class PrescribedDisplacement(_Model):
-    """Displacement prescribed on a boundary; a component that is not named stays free."""
+class PrescribedDisplacement(_Load):
+    """Displacement prescribed on a boundary; a component that is not named stays free.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], length.
+        y: component along x[1], length.
+        normal: component along the outward normal, length, on a boundary along an axis (0: symmetry).
+    """
 
     boundary: str
     x: Value | None = None
     y: Value | None = None
+    normal: Value | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.x is None and self.y is None:
-            raise ValueError("names no component: give x, y or both")
+        if self.x is None and self.y is None and self.normal is None:
+            raise ValueError("names no component: give x, y, both, or normal")
+        if self.normal is not None and (self.x is not None or self.y is not None):
+            raise ValueError("give either normal or x and y")
         return self
 
 
@@ -161,27 +202,64 @@ class TrescaFriction(_Model):
 
 
 class CoulombFriction(_Model):
-    """Coulomb friction: |mu| <= coefficient * lambda, (1.1e) and (1.1f), coefficient without unit."""
+    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
+
+    Attributes:
+        law: its name.
+        coefficient: F, without unit.
+        cap: largest shear that the contact can transmit, stress; None: no such limit.
+    """
 
     law: Literal["coulomb"] = "coulomb"
     coefficient: NonNegativeValue
+    cap: NonNegativeValue | None = None
 
 
 Friction = NoFriction | TrescaFriction | CoulombFriction
 
 
-class UnilateralContact(_Model):
-    """Signorini contact (1.1d) of a boundary with a rigid foundation.
+class _Contact(_Model):
+    """Contact of a boundary with a rigid foundation.
 
     Attributes:
         boundary: name of the boundary where contact may occur.
-        gap: distance d to the foundation along the outward normal, a length.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
         friction: the friction law.
     """
 
     boundary: str
     gap: Value = 0.0
+    direction: tuple[Finite, Finite] | None = None
     friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
+
+    @field_validator("direction")
+    @classmethod
+    def _not_zero(cls, given: tuple[float, float] | None) -> tuple[float, float] | None:
+        if given == (0.0, 0.0):
+            raise ValueError("must not be zero")
+        return given
+
+
+class UnilateralContact(_Contact):
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it."""
+
+    kind: Literal["unilateral"] = "unilateral"
+
+
+class BilateralContact(_Contact):
+    """Contact that cannot open: tau_N y = d; only friction is left to decide."""
+
+    kind: Literal["bilateral"]
+
+
+Contact = UnilateralContact | BilateralContact
+
+
+def _contact_kind(given: Any) -> str:
+    """Contact is unilateral unless it says otherwise."""
+    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
+    return str(kind)
 
 
 class Box(_Model):
@@ -260,14 +338,20 @@ class Scene(_Model):
     title: str = ""
     mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
     element: Discretised = Discretised()
-    material: LinearElastic
+    material: tuple[LinearElastic, ...]
     displacement: tuple[PrescribedDisplacement, ...] = ()
     traction: tuple[SurfaceTraction, ...] = ()
     body_force: BodyForce | None = None
-    contact: tuple[UnilateralContact, ...] = ()
+    contact: tuple[
+        Annotated[
+            Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
+            Discriminator(_contact_kind),
+        ],
+        ...,
+    ] = ()
     solver: SolverSettings = SolverSettings()
 
-    _lists = field_validator("displacement", "traction", "contact", mode="before")(_one_or_many)
+    _lists = field_validator("material", "displacement", "traction", "contact", mode="before")(_one_or_many)
 
     @field_validator("mesh", mode="before")
     @classmethod
@@ -287,12 +371,36 @@ class Scene(_Model):
         for name in sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
         for effect in self.displacement:
-            if effect.boundary in names and effect.x is not None and effect.y is not None:
+            in_full = effect.x is not None and effect.y is not None
+            if effect.boundary in names and (in_full or effect.normal is not None):
                 raise ValueError(
-                    f"boundary {effect.boundary!r} has its displacement prescribed in full and is in contact as well: "
+                    f"boundary {effect.boundary!r} has its displacement prescribed and is in contact as well: "
                     "choose one"
                 )
+        regions = [material.region for material in self.material]
+        if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
+            raise ValueError("give one material, or several, each with the name of its own region")
+        if len({material.hypothesis for material in self.material}) > 1:
+            raise ValueError("all materials must have the same hypothesis")
+        lengths = {len(load.factors) for load in self.loads if load.factors is not None}
+        if len(lengths) > 1:
+            raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
         return self
+
+    @property
+    def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
+        """All that load steps multiply."""
+        return (*self.displacement, *self.traction, *([self.body_force] if self.body_force is not None else []))
+
+    @property
+    def steps(self) -> int:
+        """Number of load steps."""
+        return max((len(load.factors) for load in self.loads if load.factors is not None), default=1)
+
+    @property
+    def young(self) -> float:
+        """Young's modulus of the stiffest material, the natural unit of stress."""
+        return max(material.young for material in self.material)
 
     @property
     def has_friction(self) -> bool:
@@ -308,8 +416,10 @@ class Scene(_Model):
 def friction_acts(friction: Friction) -> bool:
     """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and takes its path."""
     match friction:
-        case TrescaFriction(bound=amount) | CoulombFriction(coefficient=amount):
-            return not (isinstance(amount, float) and amount == 0.0)
+        case TrescaFriction(bound=amount):
+            return amount != 0.0
+        case CoulombFriction(coefficient=amount, cap=cap):
+            return amount != 0.0 and cap != 0.0
     return False
 
 

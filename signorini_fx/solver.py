@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import OPTIONS_PREFIX, History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_of
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import recovery_error
@@ -24,7 +24,7 @@ from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
 from signorini_fx.quantities import Certificate, ContactState, Functionals, certify, functionals, strain_energy
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import Box, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 from signorini_fx.strategy import Task, run
 
 # gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
@@ -32,8 +32,29 @@ _AUTOMATIC_GAMMA = 1e5
 
 
 @dataclass(frozen=True)
+class StepResult:
+    """What a load step ended with.
+
+    Attributes:
+        step: its number, from 0.
+        status: how it ended.
+        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
+        certificate: the conditions of the step, checked anew.
+        strain_energy: a(y, y) / 2, an energy per thickness.
+        linear_solves: linear solves of the step.
+    """
+
+    step: int
+    status: Status
+    contact: ContactState | None
+    certificate: Certificate
+    strain_energy: float
+    linear_solves: int
+
+
+@dataclass(frozen=True)
 class Solution:
-    """The result of a solve.
+    """The result of a solve; with load steps, of the last one.
 
     Attributes:
         scene: what was solved.
@@ -44,6 +65,7 @@ class Solution:
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the conditions of the problem, checked anew after the solve.
+        steps: one result a load step, as far as it went.
         history: every linear solve and every regularised problem.
         parameters: gamma_n, gamma_t, sigma in force.
         timings: wall seconds by phase, on this rank.
@@ -57,6 +79,7 @@ class Solution:
     contact: ContactState | None
     functionals: Functionals | None
     certificate: Certificate
+    steps: tuple[StepResult, ...]
     history: History
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
@@ -98,54 +121,96 @@ def solve(
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
     history = History(observers=list(observers))
-    task: Task | None = None
-    with timings.phase("iterate"):
-        if discretisation.boundary is None:
-            status, x = _linear_solve(discretisation)
-        else:
+    if discretisation.boundary is None:
+        solution = _solve_linear(discretisation, history, timings)
+    else:
+        with timings.phase("iterate"):
             task = _contact_task(discretisation, discretisation.boundary, history)
-            status = run(task)
-            x = task.displacement()
-    with timings.phase("certify"):
-        displacement = discretisation.function(x)
-        contact = None if task is None else _contact_state(task)
-        certificate = certify(discretisation, displacement, contact)
-        if status is Status.CONVERGED and not certificate.holds:
-            status = Status.NOT_CERTIFIED
-        values = None
-        if task is not None and contact is not None and not task.has_coulomb:
-            values = functionals(discretisation, displacement, contact, task.problem.data)
-    solution = Solution(
-        scene=scene,
-        status=status,
-        algorithm="linear" if task is None else _algorithm_name(scene),
-        discretisation=discretisation,
-        displacement=displacement,
-        contact=contact,
-        functionals=values,
-        certificate=certificate,
-        history=history,
-        parameters={} if task is None else _parameters(task, discretisation, displacement),
-        timings=timings,
-    )
+        solution = _solve_contact(discretisation, task, timings)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
 
 
-def _linear_solve(discretisation: Discretisation) -> tuple[Status, PETSc.Vec]:
-    """A scene without contact: one factorisation, one solve, no SNES."""
-    system = FullSystem.of(discretisation)
-    x = system.start.copy()
-    if discretisation.motions.free.shape[1] > 0:
-        return Status.NOT_HELD, x
-    ksp = PETSc.KSP().create(system.comm)
-    ksp.setOptionsPrefix(OPTIONS_PREFIX)
-    system.configure(ksp, symmetric=True)
-    ksp.setOperators(system.matrix)
-    ksp.setFromOptions()
-    ksp.solve(system.load, x)
-    return (Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR), x
+def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
+    """All load steps, until one has no solution."""
+    scene, history = discretisation.scene, task.history
+    steps: list[StepResult] = []
+    for step in range(scene.steps):
+        before = history.linear_solves
+        with timings.phase("iterate"):
+            if step > 0:
+                task.next_step()
+            status = run(task)
+        with timings.phase("certify"):
+            displacement = discretisation.function(task.displacement())
+            contact = _contact_state(task)
+            certificate = certify(discretisation, displacement, contact, step)
+            if status is Status.CONVERGED and not certificate.holds:
+                status = Status.NOT_CERTIFIED
+            energy = strain_energy(discretisation, displacement)
+        steps.append(StepResult(step, status, contact, certificate, energy, history.linear_solves - before))
+        if status is not Status.CONVERGED:
+            break
+    values = None
+    if not task.has_coulomb:
+        values = functionals(discretisation, displacement, contact, task.problem.data, len(steps) - 1)
+    return Solution(
+        scene=scene,
+        status=status,
+        algorithm=_algorithm_name(scene),
+        discretisation=discretisation,
+        displacement=displacement,
+        contact=contact,
+        functionals=values,
+        certificate=certificate,
+        steps=tuple(steps),
+        history=history,
+        parameters=_parameters(task, discretisation, displacement),
+        timings=timings,
+    )
+
+
+def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
+    """A scene without contact: one factorisation, one solve a load step, no SNES."""
+    steps: list[StepResult] = []
+    with timings.phase("iterate"):
+        system = FullSystem.of(discretisation)
+        ksp = PETSc.KSP().create(system.comm)
+        ksp.setOptionsPrefix(OPTIONS_PREFIX)
+        system.configure(ksp, symmetric=True)
+        ksp.setOperators(system.matrix)
+        ksp.setFromOptions()
+        x = system.start.copy()
+    for step in range(discretisation.scene.steps):
+        with timings.phase("iterate"):
+            system.set_step(step)
+            status = Status.NOT_HELD
+            if discretisation.motions.free.shape[1] == 0:
+                ksp.solve(system.load, x)
+                status = Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR
+        with timings.phase("certify"):
+            displacement = discretisation.function(x)
+            certificate = certify(discretisation, displacement, None, step)
+            if status is Status.CONVERGED and not certificate.holds:
+                status = Status.NOT_CERTIFIED
+            energy = strain_energy(discretisation, displacement)
+        steps.append(StepResult(step, status, None, certificate, energy, int(status is not Status.NOT_HELD)))
+        if status is not Status.CONVERGED:
+            break
+    return Solution(
+        scene=discretisation.scene,
+        status=status,
+        algorithm="linear",
+        discretisation=discretisation,
+        displacement=displacement,
+        contact=None,
+        functionals=None,
+        certificate=certificate,
+        steps=tuple(steps),
+        history=history,
+        timings=timings,
+    )
 
 
 def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
@@ -162,7 +227,7 @@ def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, his
         has_coulomb=scene.has_coulomb,
         first_sets=first_sets,
         first_iteration=first_iteration,
-        natural_gamma=scene.material.young / discretisation.tagged.size,
+        natural_gamma=scene.young / discretisation.tagged.size,
         history=history,
         goal=lambda x: _allowed_regularisation_error(discretisation, x),
     )
@@ -207,16 +272,19 @@ def _friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None
     """Nodal data of the friction laws; None where no law can act."""
     if not scene.has_friction:
         return None
-    given, coefficient = np.zeros(boundary.size), np.zeros(boundary.size)
+    given, coefficient, cap = np.zeros(boundary.size), np.zeros(boundary.size), np.full(boundary.size, np.inf)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         path = f"contact[{index}].friction"
         match effect.friction:
             case TrescaFriction(bound=value) if friction_acts(effect.friction):
                 given[here] = _nodal(value, boundary, here, f"{path}.bound", minimum=0.0)
-            case CoulombFriction(coefficient=value) if friction_acts(effect.friction):
+            case CoulombFriction(coefficient=value, cap=limit) if friction_acts(effect.friction):
                 coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)
-    return FrictionLaw(given, coefficient)
+                if limit is not None:
+                    cap[here] = _nodal(limit, boundary, here, f"{path}.cap", minimum=0.0)
+    capped = any(isinstance(e.friction, CoulombFriction) and e.friction.cap is not None for e in scene.contact)
+    return FrictionLaw(given, coefficient, cap if capped else None)
 
 
 def _regularised_data(
@@ -226,7 +294,7 @@ def _regularised_data(
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
-    automatic = _AUTOMATIC_GAMMA * scene.material.young / discretisation.tagged.size
+    automatic = _AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
     settings = scene.solver
     zero = np.zeros(boundary.size)
     return RegularisedData(
@@ -237,7 +305,14 @@ def _regularised_data(
         lambda_hat=zero,
         mu_hat=zero,
         bound=None if law is None else law.given,
+        bilateral=_bilateral(scene, boundary),
     )
+
+
+def _bilateral(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
+    """The nodes whose contact cannot open, None if the scene has none."""
+    parts = [index for index, effect in enumerate(scene.contact) if isinstance(effect, BilateralContact)]
+    return np.isin(boundary.part, parts) if parts else None
 
 
 def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
@@ -276,19 +351,21 @@ def _first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, in
 
 
 def _contact_state(task: Task) -> ContactState:
-    problem, boundary = task.problem, task.boundary
-    sets = problem.sets
-    u_n, u_t = problem.traces(task.x)
-    pressure, shear = problem.multipliers(task.x, sets)
+    problem, newton = task.problem, task.answer
+    sets, data = problem.sets, problem.data
+    u_n, u_t = problem.traces(newton.x)
+    pressure, shear = newton.multipliers()
     return ContactState(
-        boundary=boundary,
-        gap=problem.data.gap,
+        boundary=task.boundary,
+        gap=data.gap,
         u_n=u_n,
         u_t=u_t,
         pressure=pressure,
         shear=shear,
-        bound=problem.data.friction_bound(pressure),
+        bound=data.friction_bound(pressure),
         in_contact=sets.contact,
         slip=sets.slip,
-        has_friction=problem.data.has_friction,
+        has_friction=data.has_friction,
+        bilateral=np.zeros(task.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
+        slip_length=slip_of(u_t, data),
     )

@@ -3,7 +3,7 @@
 Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
 ``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound meets the pressure:
 ``fp`` (fixed point of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with fp, (ALM-FP) alm with
-fp.
+fp.  Load steps repeat the method, each from the state that the one before has left.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ from signorini_fx.scene import SolverSettings
 
 # gamma above this times E / size of the body loses the last digits that double precision has for contact pressures.
 LARGEST_GAMMA = 1e9
+# Path-following begins where the penetration is about a hundredth of the displacements.
+START_GAMMA = 100.0
+# Continuation begins where Table 4 does: at this share of the last gamma.
+CONTINUATION_SHARE = 1e-4
 
 
 @dataclass
@@ -47,13 +51,14 @@ class Task:
         data: the regularised problem with the gamma of the scene.
         law: the friction law, None without friction.
         has_coulomb: whether its bound follows the pressure anywhere.
-        first_sets: sets of the first linear solve.
+        first_sets: sets of the first linear solve; None: from the iterate.
         first_iteration: its number.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
         goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
+        step: the load step, from 0.
         x: the iterate.
-        problem: the problem that was solved last.
+        problem: the problem that holds the answer.
         regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
     """
 
@@ -64,61 +69,102 @@ class Task:
     data: RegularisedData
     law: FrictionLaw | None
     has_coulomb: bool
-    first_sets: ActiveSets
+    first_sets: ActiveSets | None
     first_iteration: int
     natural_gamma: float
     history: History
     goal: Callable[[PETSc.Vec], float]
+    step: int = 0
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
     regularisation_error: float | None = None
 
     def __post_init__(self) -> None:
         self.x = self.system.start.copy()
-        self.problem = RegularisedProblem(self.system, self.boundary)
+        self._regularised = self.problem = RegularisedProblem(self.system, self.boundary, self.motions)
+        self._symmetric = self._newton(self._regularised)
+        self._unsymmetric: SemismoothNewton | None = None
+        self._exact: SemismoothNewton | None = None
 
-    def newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
-        """The inner method on ``problem``, working on the shared iterate."""
-        return SemismoothNewton(
-            problem, self.motions, self.x, self.settings.max_iterations, self.history, symmetric=symmetric
-        )
+    def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
+        start = self.x if problem is self._regularised else problem.system.start.copy()
+        return SemismoothNewton(problem, start, self.settings.max_iterations, self.history, symmetric=symmetric)
+
+    @property
+    def newton(self) -> SemismoothNewton:
+        """The inner method on the regularised problem."""
+        return self._symmetric
+
+    @property
+    def unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        if self._unsymmetric is None:
+            self._unsymmetric = self._newton(self._regularised, symmetric=False)
+        return self._unsymmetric
+
+    @property
+    def exact_newton(self) -> SemismoothNewton:
+        """The inner method on the unregularised problem, with an iterate of its own."""
+        if self._exact is None:
+            system, boundary = rotate(self.system, self.boundary)
+            self._exact = self._newton(ExactProblem(system, boundary, self.motions))
+        return self._exact
+
+    @property
+    def answer(self) -> SemismoothNewton:
+        """The inner method whose iterate is the answer."""
+        return self._symmetric if self.problem is self._regularised else self.exact_newton
 
     def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the iterate."""
-        return self.system.displacement(self.x)
+        """All displacement dofs of the answer."""
+        return self.problem.system.displacement(self.answer.x)
+
+    def next_step(self) -> None:
+        """Go on to the next load step: friction acts on what is added to the slip, from the shear that there is."""
+        _, u_t = self.problem.traces(self.answer.x)
+        pressure, shear = self.answer.multipliers()
+        self.step += 1
+        for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
+            problem.system.set_step(self.step)
+        fixed = self.system.fixed
+        self.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
+        self.data = replace(self.data, slip_origin=u_t)
+        if self.law is not None:
+            self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
+        self.first_sets, self.first_iteration = None, 1
+        self.problem = self._regularised
 
 
 def run(task: Task) -> Status:
-    """Solve the task; the iterate, the sets and the data stay in it."""
-    newton = task.newton(task.problem)
-    if task.law is None or not task.has_coulomb:
-        status = _given_friction(task, newton, task.data)
-    else:
-        status = _coulomb(task, newton, task.law)
+    """Solve the current load step; the iterate, the sets and the data stay in the task."""
+    coulomb = task.law if task.has_coulomb else None
+    status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
     if task.settings.algorithm == "exact" and status is Status.CONVERGED:
         status = _exact(task)
     return status
 
 
-def _given_friction(task: Task, newton: SemismoothNewton, data: RegularisedData) -> Status:
+def _given_friction(task: Task, data: RegularisedData) -> Status:
     """Frictionless or Tresca contact by the algorithm of the scene."""
-    s = task.settings
+    s, newton = task.settings, task.newton
     match s.algorithm:
         case "continuation":
-            steps = [(data.gamma_n * factor, data.gamma_t * factor) for factor in _continuation_factors(task)]
-            return continuation(newton, data, task.first_sets, steps, first_iteration=task.first_iteration)
+            share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
+            gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
+            return continuation(newton, data, task.first_sets, gammas, first_iteration=task.first_iteration)
         case "path-following":
-            ratio = data.gamma_t / data.gamma_n
-            start = replace(data, gamma_n=_START_GAMMA * task.natural_gamma)
-            status, task.data, task.regularisation_error = path_following(
+            # A later load step begins with the gamma that the one before has found.
+            first = START_GAMMA * task.natural_gamma if task.step == 0 else data.gamma_n
+            status, last, task.regularisation_error = path_following(
                 newton,
-                replace(start, gamma_t=start.gamma_n * ratio),
+                replace(data, gamma_n=first, gamma_t=first * data.gamma_t / data.gamma_n),
                 task.first_sets,
                 first_iteration=task.first_iteration,
                 goal=lambda: task.goal(task.x),
                 largest=LARGEST_GAMMA * task.natural_gamma,
                 max_outer=s.max_outer_iterations,
             )
+            task.data = replace(task.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
             return status
         case "alm":
             return augmented_lagrangian(
@@ -134,36 +180,28 @@ def _given_friction(task: Task, newton: SemismoothNewton, data: RegularisedData)
     return newton.solve(data, task.first_sets, first_iteration=task.first_iteration)
 
 
-# Path-following begins where the penetration is about a hundredth of the displacements.
-_START_GAMMA = 100.0
-
-
-def _continuation_factors(task: Task) -> list[float]:
-    """From the first gamma of the scene to its gamma; by default the step of Table 4."""
-    first = task.settings.gamma_first
-    return [1e-4, 1.0] if first == "auto" else [first / task.data.gamma_n, 1.0]
-
-
-def _coulomb(task: Task, newton: SemismoothNewton, law: FrictionLaw) -> Status:
-    """Coulomb friction, from the solution of the pure contact problem."""
-    s = task.settings
-    start = _coulomb_start(task)
-    if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
-        status = newton.solve(start, task.first_sets, first_iteration=task.first_iteration)
-    else:
-        status = _given_friction(task, newton, start)
-    if status is not Status.CONVERGED:
-        return status
-    data = replace(task.problem.data, bound=law.given)
+def _coulomb(task: Task, law: FrictionLaw) -> Status:
+    """Coulomb friction: in the first load step from the solution of the pure contact problem, else from the state."""
+    s, newton = task.settings, task.newton
+    if task.step == 0:
+        start = _coulomb_start(task)
+        if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
+            status = newton.solve(start, task.first_sets, first_iteration=task.first_iteration)
+        else:
+            status = _given_friction(task, start)
+        if status is not Status.CONVERGED:
+            return status
+    data = replace(task.data, bound=law.given)
 
     def fixed() -> Status:
-        return fixed_point(
-            newton, data, law, tolerance=s.tolerance, max_outer=s.max_outer_iterations, shift=s.algorithm == "alm"
-        )
+        shift = s.algorithm == "alm"
+        return fixed_point(newton, data, law, tolerance=s.tolerance, max_outer=s.max_outer_iterations, shift=shift)
 
-    if s.coulomb != "newton" or s.algorithm == "alm":
+    # The monolithic tangent knows neither a cap nor a pressure of either sign.
+    smooth = law.cap is None and task.data.bilateral is None
+    if s.coulomb != "newton" or s.algorithm == "alm" or not smooth:
         return fixed()
-    return coulomb_newton(task.newton(task.problem, symmetric=False), data, law, fixed)
+    return coulomb_newton(task.unsymmetric_newton, data, law, fixed)
 
 
 def _coulomb_start(task: Task) -> RegularisedData:
@@ -178,13 +216,10 @@ def _coulomb_start(task: Task) -> RegularisedData:
 def _exact(task: Task) -> Status:
     """The unregularised limit, from the sets of the regularised solution."""
     sets = task.problem.sets
-    pressure, _ = task.problem.multipliers(task.x, sets)
-    system, boundary = rotate(task.system, task.boundary)
-    if system is not task.system:
-        # The turned start differs from the solution found, but an iterate follows from its sets alone.
-        task.x = system.start.copy()
-    task.system, task.problem = system, ExactProblem(system, boundary)
-    newton = task.newton(task.problem)
+    pressure, _ = task.newton.multipliers()
+    newton = task.exact_newton
+    task.problem = newton.problem
+    newton.x.getArray()[:] = newton.problem.system.start.getArray(readonly=True)
     bound = None if task.law is None else task.law.bound(pressure)
     data = replace(task.data, gamma_n=np.inf, gamma_t=np.inf, bound=bound)
     status = newton.solve(data, sets)

@@ -14,7 +14,7 @@ import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.quantities import ContactTable, strain_energy
 from signorini_fx.results import IterationRecord, OuterRecord
-from signorini_fx.solver import Solution
+from signorini_fx.solver import Solution, StepResult
 
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 
@@ -50,10 +50,30 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
             "dual": values.dual,
             "relative_duality_gap": values.relative_gap,
         }
+    if len(solution.steps) > 1:
+        summary["steps"] = [_step_summary(result) for result in solution.steps]
+    summary["compiled"] = solution.discretisation.inventory.forms
     summary["certificate"] = solution.certificate.as_dict()
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
     summary["versions"] = versions()
     return summary
+
+
+def _step_summary(result: StepResult) -> dict[str, Any]:
+    row: dict[str, Any] = {"step": result.step, "status": result.status.value, "linear_solves": result.linear_solves}
+    contact = result.contact
+    if contact is not None:
+        contact_force, friction_force = contact.forces
+        row |= {
+            "contact_force_x": float(contact_force[0]),
+            "contact_force_y": float(contact_force[1]),
+            "friction_force_x": float(friction_force[0]),
+            "friction_force_y": float(friction_force[1]),
+            "max_pressure": parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure)),
+            "mean_tangential_displacement": contact.mean_tangential_displacement,
+            "friction_work": contact.friction_work,
+        }
+    return row | {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from signorini_fx import parallel
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
-from signorini_fx.rigid import RigidMotions
 
 OPTIONS_PREFIX = "sfx_"
 # The residual of a solved step is round-off; above this share of the forces it is not.
@@ -65,7 +64,6 @@ class SemismoothNewton:
 
     Args:
         problem: residual and Jacobian.
-        motions: rigid motions of the body, to notice sets that do not hold it.
         x: the iterate, which two methods may share.
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
@@ -75,7 +73,6 @@ class SemismoothNewton:
     def __init__(
         self,
         problem: ContactProblem,
-        motions: RigidMotions,
         x: PETSc.Vec,
         max_iterations: int,
         history: History,
@@ -85,7 +82,6 @@ class SemismoothNewton:
         self.problem = problem
         self.history = history
         self.x = x
-        self._motions = motions
         self._residual = x.duplicate()
         self._start_time = time.perf_counter()
         self._max_iterations = max_iterations
@@ -199,9 +195,8 @@ class SemismoothNewton:
         elif fingerprint in self._seen:
             return self._stop(Status.CYCLING)
         self._seen.add(fingerprint)
-        stick = (following.slip == 0) if problem.data.has_friction else np.zeros_like(following.contact)
-        if not self._motions.held_by(problem.boundary, following.contact, stick):
-            return self._stop(Status.NOT_HELD)
+        if problem.loose is not None:
+            return self._stop(problem.loose)
         return int(_SNES.CONVERGED_ITERATING)
 
     def _stop(self, status: Status) -> int:

@@ -16,8 +16,9 @@ class ElasticSystem(Protocol):
     Attributes:
         comm: the ranks that share the system.
         matrix: A, symmetric; the contact iteration adds to the blocks of the contact nodes only.
-        load: b.
-        start: a vector x that satisfies the prescribed displacements.
+        load: b of the current load step.
+        start: a vector x that satisfies the prescribed displacements of the current load step.
+        fixed: the prescribed entries of the local part of x.
         contact_dofs: positions of the contact nodes' displacement components in the local part of x, shape (n, 2).
     """
 
@@ -25,10 +26,14 @@ class ElasticSystem(Protocol):
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks; the user's options are applied later and win."""
+
+    def set_step(self, step: int) -> None:
+        """Make ``load`` and ``start`` those of a load step."""
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """All displacement dofs from x."""

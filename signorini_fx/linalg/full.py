@@ -9,7 +9,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.discretisation import Discretisation, LoadCase
 
 
 def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
@@ -45,16 +45,28 @@ class FullSystem:
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
+    cases: tuple[LoadCase, ...]
 
     @classmethod
     def of(cls, discretisation: Discretisation) -> FullSystem:
-        """The system as it was assembled."""
-        boundary = discretisation.boundary
-        nodes = boundary.nodes if boundary is not None else np.empty(0, dtype=np.int32)
-        dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
+        """The system as it was assembled, at the first load step."""
         d = discretisation
-        return cls(d.tagged.mesh.comm, d.stiffness, d.load, d.start, dofs)
+        nodes = d.boundary.nodes if d.boundary is not None else np.empty(0, dtype=np.int32)
+        dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
+        load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
+        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, d.fixed, dofs, d.cases)
+        system.set_step(0)
+        return system
+
+    def set_step(self, step: int) -> None:
+        """The loads and prescribed displacements times their factors."""
+        self.load.set(0.0)
+        self.start.set(0.0)
+        for case in self.cases:
+            self.load.axpy(case.factors[step], case.load)
+            self.start.axpy(case.factors[step], case.start)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation: Cholesky where the matrix is symmetric."""

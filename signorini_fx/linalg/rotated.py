@@ -25,6 +25,7 @@ class RotatedSystem:
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
     inner: ElasticSystem
     rotation: PETSc.Mat
@@ -32,6 +33,12 @@ class RotatedSystem:
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """As the system that is turned."""
         self.inner.configure(ksp, symmetric=symmetric)
+
+    def set_step(self, step: int) -> None:
+        """As the system that is turned."""
+        self.inner.set_step(step)
+        self.rotation.multTranspose(self.inner.load, self.load)
+        self.rotation.multTranspose(self.inner.start, self.start)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """Q x~."""
@@ -76,9 +83,8 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSys
     load, start = system.load.duplicate(), system.start.duplicate()
     rotation.multTranspose(system.load, load)
     rotation.multTranspose(system.start, start)
-    turned = RotatedSystem(
-        system.comm, system.matrix.ptap(rotation), load, start, system.contact_dofs, system, rotation
-    )
+    matrix = system.matrix.ptap(rotation)
+    turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, system.contact_dofs, system, rotation)
     normal = np.zeros_like(boundary.normal)
     normal[:, 0] = 1.0
     return turned, replace(boundary, normal=normal)
