@@ -38,6 +38,7 @@ class ContactState:
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
         slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes.
     """
 
     boundary: ContactBoundary
@@ -52,6 +53,7 @@ class ContactState:
     has_friction: bool
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
+    xi: Nodal
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -64,8 +66,12 @@ class ContactState:
 
     @cached_property
     def friction_work(self) -> float:
-        """Work that friction takes out of the body in this load step, sum of w mu slip, never negative; collective."""
-        work = np.dot(self.boundary.weight, self.shear * self.slip_length)
+        """Work that slip takes out of the body in this load step, (mu, xi) with xi of (3.3c), never negative;
+        collective.
+
+        xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
+        """
+        work = np.dot(self.boundary.weight, self.shear * self.xi)
         return float(parallel.global_sum(self.boundary.comm, work))
 
     @cached_property

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import OPTIONS_PREFIX, History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_of
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_multiplier, slip_of
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import recovery_error
@@ -368,4 +368,5 @@ def _contact_state(task: Task) -> ContactState:
         has_friction=data.has_friction,
         bilateral=np.zeros(task.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
         slip_length=slip_of(u_t, data),
+        xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
     )

@@ -100,7 +100,7 @@ def problem_at_random_state(discretisation, seed):
     boundary = discretisation.boundary
     values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
     data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
-    problem = RegularisedProblem(FullSystem.of(discretisation), boundary)
+    problem = RegularisedProblem(FullSystem.of(discretisation), boundary, discretisation.motions)
     problem.set_data(data)
     problem.sets = ActiveSets(rng.random(boundary.size) < 0.5, rng.integers(-1, 2, boundary.size).astype(np.int8))
     y = fem.Function(discretisation.space)
@@ -114,7 +114,7 @@ def evaluate(problem, x):
     vector.setArray(x)
     f = vector.duplicate()
     problem.residual(None, vector, f)
-    jacobian = problem.create_jacobian(symmetric=True)
+    jacobian = problem.create_jacobian(symmetric=problem.data.coupling is None)
     problem.assemble_jacobian(None, vector, jacobian)
     return f.getArray().copy(), dense(jacobian)
 
@@ -134,14 +134,16 @@ def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
     assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
 
 
-@pytest.mark.parametrize("friction", [True, False])
+@pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])
 @pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 def test_taylor(cell, degree, friction):
     """While no node changes its set the residual is affine: R(y + v) - R(y) = R'(y) v, prescribed dofs included."""
     discretisation = body(cell, degree)
     problem, y = problem_at_random_state(discretisation, seed=7)
-    if not friction:
+    if friction == "none":
         problem.set_data(replace(problem.data, bound=None))
+    if friction == "of the pressure":
+        problem.set_data(replace(problem.data, coupling=np.full(discretisation.boundary.size, 0.3)))
     step = 1e-7 * np.random.default_rng(8).standard_normal(y.x.array.size)
     residual, jacobian = evaluate(problem, y.x.array)
     sets = problem.sets
