@@ -75,7 +75,11 @@ def _ufl_backend(mesh: Any) -> _Backend:
     import ufl
     from dolfinx import default_scalar_type, fem
 
-    names = {"abs": abs, "log": ufl.ln}
+    def absolute(value: Any) -> Any:
+        """UFL turns |(|a|)| into an Abs that is its own operand, and walks it for ever."""
+        return value if isinstance(value, ufl.algebra.Abs) else abs(value)
+
+    names = {"abs": absolute, "log": ufl.ln}
     return _Backend(
         functions={
             **{name: names.get(name) or getattr(ufl, name) for name in _ONE_ARGUMENT},
@@ -184,7 +188,7 @@ class _Evaluator(SimpleEval):  # type: ignore[misc]
     def __init__(self, backend: _Backend, position: Any) -> None:
         super().__init__(
             functions=dict(backend.functions),
-            names={"x": position, "pi": math.pi},
+            names={"x": position, "pi": backend.number(math.pi)},
             operators={
                 **_ARITHMETIC,
                 **_SIGNS,

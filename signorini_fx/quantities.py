@@ -123,20 +123,44 @@ class Certificate:
         return {**asdict(self), "holds": self.holds}
 
 
-def strain_energy(discretisation: Discretisation, displacement: fem.Function) -> float:
-    """a(y, y) / 2, an energy per thickness."""
-    return 0.5 * float(discretisation.internal_forces(displacement).dot(displacement.x.petsc_vec))
+@dataclass(frozen=True)
+class Forces:
+    """Nodal forces of a solution, assembled anew from its displacement.
+
+    Attributes:
+        displacement: y.
+        internal: a(y, .), prescribed dofs included.
+        external: L of the load step.
+    """
+
+    displacement: fem.Function
+    internal: PETSc.Vec
+    external: PETSc.Vec
+
+    @classmethod
+    def of(cls, discretisation: Discretisation, displacement: fem.Function, step: int) -> Forces:
+        """Assemble both; collective."""
+        return cls(displacement, discretisation.internal_forces(displacement), discretisation.external_forces(step))
+
+    @cached_property
+    def strain_energy(self) -> float:
+        """a(y, y) / 2, an energy per thickness; collective."""
+        return max(0.0, 0.5 * float(self.internal.dot(self.displacement.x.petsc_vec)))
+
+    @cached_property
+    def potential_energy(self) -> float:
+        """a(y, y) / 2 - L(y), an energy per thickness; collective."""
+        return self.strain_energy - float(self.external.dot(self.displacement.x.petsc_vec))
 
 
 def certify(
-    discretisation: Discretisation, displacement: fem.Function, contact: ContactState | None, step: int = 0
+    discretisation: Discretisation, displacement: fem.Function, forces: Forces, contact: ContactState | None
 ) -> Certificate:
     """Check the conditions of a load step independently of how the solution was found; collective."""
     comm = discretisation.tagged.mesh.comm
-    reaction = discretisation.internal_forces(displacement)
-    loads = discretisation.external_forces(step)
-    scale = max(reaction.norm(), loads.norm())
-    reaction.axpy(-1.0, loads)
+    reaction = forces.internal.copy()
+    scale = max(reaction.norm(), forces.external.norm())
+    reaction.axpy(-1.0, forces.external)
     owned = reaction.getArray()
     if contact is None:
         residual = _norm(comm, owned[~discretisation.fixed])
@@ -200,21 +224,13 @@ class Functionals:
         return (self.primal - self.dual) / abs(self.primal) if self.primal != 0 else self.primal - self.dual
 
 
-def functionals(
-    discretisation: Discretisation,
-    displacement: fem.Function,
-    contact: ContactState,
-    data: RegularisedData,
-    step: int = 0,
-) -> Functionals:
+def functionals(forces: Forces, contact: ContactState, data: RegularisedData) -> Functionals:
     """Evaluate J_gamma (section 3) and its dual at a solution; collective.
 
     The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
     displacement at hand, which is its minimiser as far as (3.3a) holds.
     """
-    y = displacement.x.petsc_vec
-    elastic = strain_energy(discretisation, displacement)
-    elastic -= float(discretisation.external_forces(step).dot(y))
+    elastic = forces.potential_energy
     c, w = contact, contact.boundary.weight
     pressure, shear = project(c.pressure, c.shear, data)
     bound = data.friction_bound(pressure)

@@ -297,6 +297,8 @@ class SolverSettings(_Model):
         inner_iterations: alm: linear solves allowed for one problem (inexact); ``auto``: until its sets repeat.
         regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
             the discretisation error.
+        linear_algebra: ``full`` (all unknowns, sparse), ``condensed`` (the contact nodes only, dense; one rank),
+            ``auto`` (condensed where it is cheaper).
         max_iterations: linear solves allowed for one regularised problem.
         max_outer_iterations: outer iterations allowed.
         tolerance: the outer iteration stops when the friction bound changes relatively by no more than this.
@@ -312,6 +314,7 @@ class SolverSettings(_Model):
     gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
+    linear_algebra: Literal["auto", "full", "condensed"] = "auto"
     max_iterations: Count = 100
     max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7

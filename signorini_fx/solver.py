@@ -12,17 +12,18 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import parallel
-from signorini_fx.algorithms.ssn import OPTIONS_PREFIX, History
+from signorini_fx import options, parallel
+from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_multiplier, slip_of
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import recovery_error
 from signorini_fx.expressions import sample
+from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
-from signorini_fx.quantities import Certificate, ContactState, Functionals, certify, functionals, strain_energy
+from signorini_fx.quantities import Certificate, ContactState, Forces, Functionals, certify, functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 from signorini_fx.strategy import Task, run
@@ -69,6 +70,7 @@ class Solution:
         history: every linear solve and every regularised problem.
         parameters: gamma_n, gamma_t, sigma in force.
         timings: wall seconds by phase, on this rank.
+        linear_algebra: which kind of elastic system was used, and why.
     """
 
     scene: Scene
@@ -83,6 +85,7 @@ class Solution:
     history: History
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
+    linear_algebra: str = "full"
 
     @property
     def converged(self) -> bool:
@@ -145,16 +148,17 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
         with timings.phase("certify"):
             displacement = discretisation.function(task.displacement())
             contact = _contact_state(task)
-            certificate = certify(discretisation, displacement, contact, step)
+            forces = Forces.of(discretisation, displacement, step)
+            certificate = certify(discretisation, displacement, forces, contact)
             if status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            energy = strain_energy(discretisation, displacement)
+            energy = forces.strain_energy
         steps.append(StepResult(step, status, contact, certificate, energy, history.linear_solves - before))
         if status is not Status.CONVERGED:
             break
     values = None
     if not task.has_coulomb:
-        values = functionals(discretisation, displacement, contact, task.problem.data, len(steps) - 1)
+        values = functionals(forces, contact, task.problem.data)
     return Solution(
         scene=scene,
         status=status,
@@ -166,7 +170,8 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
         certificate=certificate,
         steps=tuple(steps),
         history=history,
-        parameters=_parameters(task, discretisation, displacement),
+        parameters=_parameters(task, energy),
+        linear_algebra=task.linear_algebra,
         timings=timings,
     )
 
@@ -177,7 +182,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     with timings.phase("iterate"):
         system = FullSystem.of(discretisation)
         ksp = PETSc.KSP().create(system.comm)
-        ksp.setOptionsPrefix(OPTIONS_PREFIX)
+        ksp.setOptionsPrefix(options.PREFIX)
         system.configure(ksp, symmetric=True)
         ksp.setOperators(system.matrix)
         ksp.setFromOptions()
@@ -191,10 +196,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR
         with timings.phase("certify"):
             displacement = discretisation.function(x)
-            certificate = certify(discretisation, displacement, None, step)
+            forces = Forces.of(discretisation, displacement, step)
+            certificate = certify(discretisation, displacement, forces, None)
             if status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            energy = strain_energy(discretisation, displacement)
+            energy = forces.strain_energy
         steps.append(StepResult(step, status, None, certificate, energy, int(status is not Status.NOT_HELD)))
         if status is not Status.CONVERGED:
             break
@@ -217,9 +223,11 @@ def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, his
     scene = discretisation.scene
     law = _friction_law(scene, boundary)
     first_sets, first_iteration = _first_sets(scene, boundary)
+    system, reason = choose_system(discretisation, scene.solver.linear_algebra)
     return Task(
         settings=scene.solver,
-        system=FullSystem.of(discretisation),
+        system=system,
+        linear_algebra=reason,
         boundary=boundary,
         motions=discretisation.motions,
         data=_regularised_data(scene, discretisation, boundary, law),
@@ -229,16 +237,16 @@ def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, his
         first_iteration=first_iteration,
         natural_gamma=scene.young / discretisation.tagged.size,
         history=history,
-        goal=lambda x: _allowed_regularisation_error(discretisation, x),
+        goal=lambda x: _allowed_regularisation_error(discretisation, system.displacement(x)),
     )
 
 
-def _parameters(task: Task, discretisation: Discretisation, displacement: fem.Function) -> dict[str, float]:
+def _parameters(task: Task, energy: float) -> dict[str, float]:
     """What the summary says of the regularisation."""
     data = task.problem.data
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
     if task.regularisation_error is not None:
-        size = _energy_norm(discretisation, displacement)
+        size = np.sqrt(2 * energy)
         parameters["regularisation_error"] = task.regularisation_error / size if size > 0 else 0.0
     return parameters
 
@@ -254,18 +262,13 @@ def _algorithm_name(scene: Scene) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-def _energy_norm(discretisation: Discretisation, displacement: fem.Function) -> float:
-    """sqrt(a(y, y))."""
-    return float(np.sqrt(max(0.0, 2.0 * strain_energy(discretisation, displacement))))
-
-
 def _allowed_regularisation_error(discretisation: Discretisation, x: PETSc.Vec) -> float:
     """What path-following may leave, in the energy norm."""
     displacement = discretisation.function(x)
     wanted = discretisation.scene.solver.regularisation_error
     if wanted == "auto":
         return recovery_error(discretisation, displacement)
-    return wanted * _energy_norm(discretisation, displacement)
+    return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
 
 
 def _friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:

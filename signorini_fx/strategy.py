@@ -55,6 +55,7 @@ class Task:
         first_iteration: its number.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
+        linear_algebra: which kind of elastic system it is, and why.
         goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
         step: the load step, from 0.
         x: the iterate.
@@ -73,6 +74,7 @@ class Task:
     first_iteration: int
     natural_gamma: float
     history: History
+    linear_algebra: str
     goal: Callable[[PETSc.Vec], float]
     step: int = 0
     x: PETSc.Vec = field(init=False)

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx import parallel
-from signorini_fx.quantities import ContactTable, strain_energy
+from signorini_fx.quantities import ContactTable
 from signorini_fx.results import IterationRecord, OuterRecord
 from signorini_fx.solver import Solution, StepResult
 
@@ -39,7 +39,8 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "outer_iterations": len(history.outer),
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,
-        "strain_energy": strain_energy(solution.discretisation, solution.displacement),
+        "linear_algebra": solution.linear_algebra,
+        "strain_energy": solution.steps[-1].strain_energy,
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
@@ -153,6 +154,7 @@ def render(summary: dict[str, Any]) -> str:
         f"{summary['title'] or 'scene'}: {summary['status']}",
         f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves",
         f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
+        f"  linear algebra   {summary['linear_algebra']}",
     ]
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx import parallel
+from signorini_fx import options, parallel
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
 
-OPTIONS_PREFIX = "sfx_"
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _SNES = PETSc.SNES.ConvergedReason
@@ -91,21 +90,15 @@ class SemismoothNewton:
 
     def _create(self, symmetric: bool) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.problem.system.comm)
-        snes.setOptionsPrefix(OPTIONS_PREFIX)
+        snes.setOptionsPrefix(options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(self.problem.residual, self._residual)
         snes.setJacobian(self.problem.assemble_jacobian, self.problem.create_jacobian(symmetric=symmetric))
         snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self._max_iterations)
         snes.setConvergenceTest(self._test)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
-        # petsc4py 3.22 has no setter for the line search: a default option, set only if the user set none.
-        options = PETSc.Options(OPTIONS_PREFIX)
-        ours = not options.hasName("snes_linesearch_type")
-        if ours:
-            options["snes_linesearch_type"] = "basic"
-        snes.setFromOptions()
-        if ours:
-            options.delValue("snes_linesearch_type")
+        with options.default("snes_linesearch_type", "basic"):  # petsc4py 3.22 has no setter for it
+            snes.setFromOptions()
         self._max_iterations = snes.getTolerances()[3]
         return snes
 

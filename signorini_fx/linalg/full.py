@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -12,29 +13,31 @@ from petsc4py import PETSc
 from signorini_fx.discretisation import Discretisation, LoadCase
 
 
-def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
-    """The fastest sparse direct solver that this PETSc has for the task.
-
-    CHOLMOD factorises several times faster than MUMPS on one rank, but only symmetric positive definite matrices.
-    """
+@cache
+def has_package(package: str, kind: str = "cholesky") -> bool:
+    """Whether this PETSc can factorise with a package (``kind``: cholesky or lu)."""
     probe = PETSc.Mat().createAIJ((1, 1), nnz=1, comm=MPI.COMM_SELF)
     probe.setValue(0, 0, 1.0)
     probe.assemble()
+    pc = PETSc.PC().create(MPI.COMM_SELF)
+    pc.setOperators(probe)
+    pc.setType(kind)
+    try:
+        pc.setFactorSolverType(package)
+        pc.setFactorSetUpSolverType()
+    except PETSc.Error:
+        return False
+    return True
+
+
+def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
+    """The fastest sparse direct solver that this PETSc has for the task.
+
+    CHOLMOD factorises faster than MUMPS on one rank, but only symmetric positive definite matrices.
+    """
     kind = "cholesky" if symmetric else "lu"
     candidates = ["cholmod", "mumps"] if comm.size == 1 and symmetric else ["mumps", "superlu_dist"]
-    for package in [*candidates, "petsc"]:
-        pc = PETSc.PC().create(MPI.COMM_SELF)
-        pc.setOperators(probe)
-        pc.setType(kind)
-        try:
-            pc.setFactorSolverType(package)
-            pc.setFactorSetUpSolverType()
-        except PETSc.Error:
-            continue
-        finally:
-            pc.destroy()
-        return package
-    raise RuntimeError("PETSc has no direct solver")  # its own is always there
+    return next((package for package in candidates if has_package(package, kind)), "petsc")
 
 
 @dataclass

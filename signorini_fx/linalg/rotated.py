@@ -83,8 +83,19 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSys
     load, start = system.load.duplicate(), system.start.duplicate()
     rotation.multTranspose(system.load, load)
     rotation.multTranspose(system.start, start)
-    matrix = system.matrix.ptap(rotation)
+    matrix = _turned(system.matrix, rotation)
     turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, system.contact_dofs, system, rotation)
     normal = np.zeros_like(boundary.normal)
     normal[:, 0] = 1.0
     return turned, replace(boundary, normal=normal)
+
+
+def _turned(matrix: PETSc.Mat, rotation: PETSc.Mat) -> PETSc.Mat:
+    """Q^T A Q."""
+    if matrix.getType() != PETSc.Mat.Type.SEQDENSE:
+        return matrix.ptap(rotation)
+    q = rotation.convert(PETSc.Mat.Type.DENSE).getDenseArray()
+    result = matrix.duplicate()
+    result.getDenseArray()[:] = q.T @ matrix.getDenseArray() @ q
+    result.assemble()
+    return result

@@ -1,0 +1,51 @@
+"""Which kind of elastic system a problem gets, and why."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx import options, parallel
+from signorini_fx.discretisation import Discretisation
+from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.condensed import CondensedSystem
+from signorini_fx.linalg.full import FullSystem, has_package
+
+# Below this many unknowns a sparse factorisation costs no more than what condensation saves.
+_SMALL = 4_000
+# A dense solve costs n_c^3 / 3, a sparse one in two dimensions about 50 n^1.5 operations.
+_SPARSE_OPERATIONS = 50.0
+
+
+def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticSystem, str]:
+    """The elastic system, and the reason for its kind.
+
+    Args:
+        discretisation: the assembled body with a contact boundary.
+        wanted: ``full``, ``condensed`` or ``auto``.
+    """
+    d = discretisation
+    assert d.boundary is not None
+    kept = 2 * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+    reason = _against_condensing(d, kept)
+    if wanted == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
+        return CondensedSystem.of(d), "condensed: as asked for"
+    if wanted == "full" or reason is not None:
+        return FullSystem.of(d), f"full: {reason or 'as asked for'}"
+    memory = 3 * 8 * kept**2 / 2**20
+    return CondensedSystem.of(
+        d
+    ), f"condensed: {kept} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
+
+
+def _against_condensing(d: Discretisation, kept: int) -> str | None:
+    if d.tagged.mesh.comm.size > 1:
+        return "more than one rank"
+    if not has_package("mumps"):
+        return "PETSc has no MUMPS"
+    if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
+        return "the options choose a linear solver"
+    if d.dofs < _SMALL:
+        return f"only {d.dofs} unknowns"
+    if kept**3 / 3 > _SPARSE_OPERATIONS * d.dofs**1.5:
+        return f"{kept} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
+    return None

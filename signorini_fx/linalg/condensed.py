@@ -1,0 +1,110 @@
+"""The elastic system condensed onto the contact nodes: a small dense Schur complement, one rank.
+
+The elastic operator never changes and the nonlinearity lives on the contact boundary.  So the interior is eliminated
+once; all Newton steps of all outer iterations, load steps and values of gamma work on the dense matrix, and the
+interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.discretisation import Discretisation, LoadCase
+from signorini_fx.linalg.schur import SchurComplement
+
+
+@dataclass
+class CondensedSystem:
+    """See ``ElasticSystem``: x holds the displacement of the contact nodes, two components a node."""
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
+    contact_dofs: npt.NDArray[np.int32]
+    cases: tuple[LoadCase, ...]
+    schur: SchurComplement
+    interior: tuple[PETSc.Vec, ...]
+    condensed: npt.NDArray[np.float64]
+    step: int = 0
+
+    @classmethod
+    def of(cls, discretisation: Discretisation) -> CondensedSystem:
+        """Eliminate the interior and condense every load case.
+
+        Raises:
+            PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+        """
+        d = discretisation
+        assert d.boundary is not None
+        nodes, position = np.unique(d.boundary.nodes, return_inverse=True)
+        kept = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
+        schur = SchurComplement(d.stiffness, kept)
+        matrix = PETSc.Mat().createDense(
+            (kept.size, kept.size), array=np.asfortranarray(schur.dense), comm=d.boundary.comm
+        )
+        matrix.assemble()
+        interior = tuple(schur.solve_interior(case.load) for case in d.cases)
+        condensed = np.array(
+            [_condense(d.stiffness, case.load, x, kept) for case, x in zip(d.cases, interior, strict=True)]
+        )
+        contact_dofs = (2 * position.ravel()[:, None] + np.arange(2)).astype(np.int32)
+        load, start = matrix.createVecRight(), matrix.createVecRight()
+        system = cls(
+            d.boundary.comm,
+            matrix,
+            load,
+            start,
+            d.fixed[kept],
+            contact_dofs,
+            d.cases,
+            schur,
+            interior,
+            condensed.reshape(len(d.cases), kept.size),
+        )
+        system.set_step(0)
+        return system
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """A dense factorisation by LAPACK."""
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+
+    def set_step(self, step: int) -> None:
+        """The condensed loads and the prescribed displacements times their factors."""
+        self.step = step
+        factors = np.array([case.factors[step] for case in self.cases])
+        self.load.getArray()[:] = factors @ self.condensed
+        starts = [case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases]
+        self.start.getArray()[:] = sum(f * s for f, s in zip(factors, starts, strict=True))
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
+        kept = self.schur.kept
+        lifted, right = self.schur.matrix.createVecs()
+        lifted.set(0.0)
+        lifted.getArray()[kept] = x.getArray(readonly=True)
+        self.schur.matrix.mult(lifted, right)
+        right.getArray()[kept] = 0.0
+        result = self.schur.solve_interior(right)
+        result.scale(-1.0)
+        for case, particular in zip(self.cases, self.interior, strict=True):
+            result.axpy(case.factors[self.step], particular)
+        result.getArray()[kept] = x.getArray(readonly=True)
+        return result
+
+
+def _condense(
+    matrix: PETSc.Mat, load: PETSc.Vec, interior: PETSc.Vec, kept: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """b_c - A_ci A_ii^-1 b_i."""
+    residual = load.duplicate()
+    matrix.mult(interior, residual)
+    residual.aypx(-1.0, load)
+    return np.array(residual.getArray(readonly=True)[kept])
