@@ -105,7 +105,13 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
         return pressure, np.zeros_like(u_t)
     # A node about to leave has a negative pressure for one step, and its bound follows: the map stays affine.
     bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
-    return pressure, np.where(sets.slip == 0, data.mu_hat + data.gamma_t * slip_of(u_t, data), sets.slip * bound)
+    stick = data.mu_hat + data.gamma_t * slip_of(u_t, data)
+    return pressure, np.where(sets.slip == 0, stick, at_bound(sets, bound))
+
+
+def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
+    """-F g on A_f,-, F g on A_f,+ and zero on I_f, where the bound may be infinite."""
+    return sets.slip * np.where(sets.slip == 0, 0.0, bound)
 
 
 def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -113,8 +119,12 @@ def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedDa
     return np.where(sets.slip == 0, 0.0, slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t)
 
 
-def next_sets(u_n: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
-    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN)."""
+def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
+
+    A node whose bound is zero transmits nothing and belongs to the side to which it moves; ``transmitting`` leaves it
+    out.
+    """
     trial = trial_pressure(u_n, data)
     contact = keep_closed(trial > 0, data)
     if data.bound is None:
@@ -127,8 +137,8 @@ def next_sets(u_n: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> Active
     else:
         plus = xi + data.sigma * (mu - bound) > 0
         minus = xi + data.sigma * (mu + bound) < 0
-    # Where nothing can be transmitted there is no stick and no side: one name for it, or the sets would never repeat.
-    slip = np.where(bound == 0, 1, plus.astype(np.int8) - minus.astype(np.int8))
+    free = np.where(slip_of(u_t, data) < 0, -1, 1)
+    slip = np.where(bound == 0, free, plus.astype(np.int8) - minus.astype(np.int8))
     return ActiveSets(contact, slip.astype(np.int8))
 
 
@@ -137,8 +147,13 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
     _, mu = multipliers(sets, u_n, u_t, data)
     if data.coupling is not None:
         # At slip nodes mu is at its bound by construction, also where the pressure changes sign.
-        mu = np.where(sets.slip == 0, mu, sets.slip * data.friction_bound(trial_pressure(u_n, data)))
-    return next_sets(u_n, slip_multiplier(sets, mu, u_t, data), mu, data)
+        mu = np.where(sets.slip == 0, mu, at_bound(sets, data.friction_bound(trial_pressure(u_n, data))))
+    return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
+
+
+def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
+    """The sets with the nodes that can transmit no shear put into I_f, for counting and comparing."""
+    return ActiveSets(sets.contact, np.where(bound > 0, sets.slip, 0).astype(np.int8))
 
 
 def tangent_coefficients(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal, Nodal | None]:

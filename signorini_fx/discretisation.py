@@ -54,7 +54,7 @@ class Discretisation:
         scene: where it comes from.
         tagged: the mesh.
         space: vector Lagrange space Y_h of the displacement.
-        form: the compiled a(., .).
+        forms: the compiled terms of a(., .).
         stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
         cases: the loads, by their load factors.
         fixed: which dofs of this rank are prescribed, shape (owned dofs,).
@@ -68,7 +68,7 @@ class Discretisation:
     scene: Scene
     tagged: TaggedMesh
     space: fem.FunctionSpace
-    form: fem.Form
+    forms: tuple[fem.Form, ...]
     stiffness: PETSc.Mat
     cases: tuple[LoadCase, ...]
     fixed: npt.NDArray[np.bool_]
@@ -94,7 +94,7 @@ class Discretisation:
     def internal_forces(self, displacement: fem.Function) -> PETSc.Vec:
         """a(y, .) assembled anew, cell by cell, prescribed dofs included; a force per dof, collective."""
         index_map = self.space.dofmap.index_map
-        return _action(self.form, displacement, np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
+        return _action(self.forms, displacement, np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
 
     def external_forces(self, step: int) -> PETSc.Vec:
         """L of a load step assembled anew, a force per dof, collective."""
@@ -121,7 +121,11 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = _lame(scene, tagged)
         reduced = _reduced_degree(scene, mesh)
-        form = inventory.compile("elasticity", lambda: fem.form(forms.elastic_form(y, z, *lame, reduced)))
+        terms = forms.elastic_forms(y, z, *lame, reduced)
+        names = ("elasticity", "reduced volumetric elasticity")
+        elastic = tuple(
+            inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=False)
+        )
         supports = _supports(scene, space, facets, tagged)
         groups = _load_groups(scene)
         load_forms = [_load_form(loads, space, z, facets, inventory) for loads in groups.values()]
@@ -131,13 +135,16 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         ]
     with timings.phase("assemble"):
         every = [support for _, support in supports]
-        stiffness = fem_petsc.assemble_matrix(form, every, scene.young)
+        stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
+        for form in elastic[1:]:
+            stiffness.assemble()
+            fem_petsc.assemble_matrix(stiffness, form, every, scene.young)
         stiffness.assemble()
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
         inventory.matrices.append("stiffness")
         fixed = _fixed(space, every)
         cases = tuple(
-            _load_case(factors, loads, load_form, form, stiffness, supports, space, scene)
+            _load_case(factors, loads, load_form, elastic, stiffness, supports, space, scene)
             for (factors, loads), load_form in zip(groups.items(), load_forms, strict=True)
         )
         parts = [
@@ -152,7 +159,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
     x = space.tabulate_dof_coordinates()[:owned, :2]
     motions = rigid_motions(mesh.comm, x, fixed.reshape(-1, 2), tagged.size)
     return Discretisation(
-        scene, tagged, space, form, stiffness, cases, fixed, boundary, motions, lame, reduced, inventory
+        scene, tagged, space, elastic, stiffness, cases, fixed, boundary, motions, lame, reduced, inventory
     )
 
 
@@ -246,14 +253,15 @@ def _assemble(form: fem.Form) -> PETSc.Vec:
     return vector
 
 
-def _action(form: fem.Form, function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
+def _action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
     """a(function, .) where only the nodes ``blocks`` count: the lifting of a displacement prescribed there.
 
     dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
     """
     result = fem.Function(function.function_space)
     vector = result.x.petsc_vec
-    fem_petsc.apply_lifting(vector, [form], bcs=[[fem.dirichletbc(function, blocks)]])
+    for form in elastic:
+        fem_petsc.apply_lifting(vector, [form], bcs=[[fem.dirichletbc(function, blocks)]])
     vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
     vector.scale(-1.0)
     return vector.copy()
@@ -356,10 +364,10 @@ def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tup
     mesh = tagged.mesh
     facets = tagged.facets(effect.boundary)
     dim = mesh.topology.dim
-    middle = dmesh.compute_midpoints(mesh, dim - 1, facets)
-    cells = dmesh.compute_midpoints(mesh, dim, _entities(mesh, facets)[:, 0])
-    low, high = (parallel.global_bounds(mesh.comm, middle))[:, :2]
-    outward = parallel.global_sum(mesh.comm, (middle - cells).sum(axis=0))
+    corners = dmesh.entities_to_geometry(mesh, dim - 1, facets).ravel()
+    low, high = parallel.global_bounds(mesh.comm, mesh.geometry.x[corners][:, :2].astype(np.float64))
+    inside = dmesh.compute_midpoints(mesh, dim, _entities(mesh, facets)[:, 0])
+    outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
     flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
     if flat.size != 1:
         message = f"boundary {effect.boundary!r} is not straight along an axis: use bilateral contact without friction"
@@ -379,7 +387,7 @@ def _load_case(
     factors: tuple[float, ...],
     loads: list[_Load],
     load_form: fem.Form | None,
-    form: fem.Form,
+    elastic: tuple[fem.Form, ...],
     stiffness: PETSc.Mat,
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
     space: fem.FunctionSpace,
@@ -402,7 +410,7 @@ def _load_case(
         touched.append(dofs)
     if supports and parallel.global_max(space.mesh.comm, parallel.local_max(np.abs(prescribed.x.array))) != 0.0:
         blocks = np.unique(np.concatenate(touched) // 2).astype(np.int32)
-        load.axpy(-1.0, _action(form, prescribed, blocks))
+        load.axpy(-1.0, _action(elastic, prescribed, blocks))
         start.getArray()[:] = prescribed.x.array[: start.getLocalSize()]
     if supports:
         fixed = _fixed(space, [support for _, support in supports])

@@ -24,6 +24,10 @@ class SceneError(SignoriniError):
         self.source = source
         super().__init__("\n".join(f"{source}: {path}: {message}" for path, message in problems))
 
+    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
+        """Errors travel between ranks."""
+        return type(self), (self.problems, self.source)
+
 
 class MeshError(SignoriniError):
     """The mesh cannot be read or generated, or lacks something that the scene needs."""

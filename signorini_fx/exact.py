@@ -10,11 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, keep_closed, slip_of
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, keep_closed, slip_of
 from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.results import Status
@@ -29,13 +30,18 @@ class ExactProblem:
     sets exactly although the constrained columns of the Jacobian are empty.
     """
 
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
+    def __init__(
+        self, system: ElasticSystem, boundary: ContactBoundary, physical: ContactBoundary, motions: RigidMotions
+    ) -> None:
+        self._physical = physical
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
         self.loose: Status | None = None
+        self.renewed = True
+        self._constrained: dict[int, npt.NDArray[np.int32]] = {}
         self._motions = motions
         self._forced_first = False
         rows = np.arange(boundary.size)
@@ -72,7 +78,7 @@ class ExactProblem:
             return pressure, np.zeros_like(pressure)
         stick = -self._t_sign * reaction[self._t] / weight
         bound = self.data.friction_bound(pressure)
-        return pressure, np.where(sets.slip == 0, np.where(self._t_free, stick, 0.0), sets.slip * bound)
+        return pressure, np.where(sets.slip == 0, np.where(self._t_free, stick, 0.0), at_bound(sets, bound))
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
         u_n, u_t = self.traces(x)
@@ -87,7 +93,8 @@ class ExactProblem:
         from_stick = (shear > bound).astype(np.int8) - (shear < -bound).astype(np.int8)
         from_slip = np.where(slip * slip_of(u_t, self.data) < 0, 0, slip)
         following = np.where(slip == 0, from_stick, from_slip)
-        return ActiveSets(contact, np.where(bound == 0, 1, following).astype(np.int8))
+        free = np.where(slip_of(u_t, self.data) < 0, -1, 1)
+        return ActiveSets(contact, np.where(bound == 0, free, following).astype(np.int8))
 
     def _constraints(self, sets: ActiveSets) -> tuple[Any, Nodal]:
         """Constrained local dofs and the values that they are set to."""
@@ -97,6 +104,11 @@ class ExactProblem:
         origin = np.zeros(stick.size) if self.data.slip_origin is None else self.data.slip_origin
         values = np.concatenate([(self._n_sign * self.data.gap)[normal], (self._t_sign * origin)[stick]])
         return dofs, values
+
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+        bound = self.data.friction_bound(self.multipliers(x, self.sets)[0])
+        return bound, bound
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """See ``ContactProblem``."""
@@ -111,13 +123,13 @@ class ExactProblem:
         if not self._forced_first:
             self.following = self._classify(x)
         wanted = self.multipliers(x, self.sets)
-        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self.boundary, self._motions)
+        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self._physical, self._motions)
         dofs, values = self._constraints(self.following)
         shear = np.zeros(self.boundary.size)
         if self.data.has_friction:
             pressure, _ = self.multipliers(x, self.following)
             slipping = (self.following.slip != 0) & self._t_free
-            shear[slipping] = (self.following.slip * self.data.friction_bound(pressure))[slipping]
+            shear[slipping] = at_bound(self.following, self.data.friction_bound(pressure))[slipping]
         placed = x.copy()
         placed.getArray()[dofs] = values
         self.system.matrix.mult(placed, f)
@@ -132,6 +144,11 @@ class ExactProblem:
         self.sets = self.following
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
+        last = self._constrained.get(jacobian.handle)
+        self.renewed = parallel.any_rank(self.system.comm, last is None or not np.array_equal(last, dofs))
+        if not self.renewed:
+            return
+        self._constrained[jacobian.handle] = dofs
         self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         first = self.system.matrix.getOwnershipRange()[0]
         jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._diagonal)

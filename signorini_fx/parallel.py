@@ -34,6 +34,11 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     return total
 
 
+def any_rank(comm: MPI.Comm, condition: bool) -> bool:
+    """Whether ``condition`` holds on any rank."""
+    return bool(comm.allreduce(bool(condition), op=MPI.LOR))
+
+
 def global_max(comm: MPI.Comm, value: float) -> float:
     """Largest value over the ranks."""
     return float(comm.allreduce(float(value), op=MPI.MAX))

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import (
     ActiveSets,
@@ -15,6 +17,7 @@ from signorini_fx.complementarity import (
     classify,
     multipliers,
     tangent_coefficients,
+    trial_pressure,
 )
 from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
@@ -37,6 +40,7 @@ class ContactProblem(Protocol):
         following: active sets of the last residual.
         force_scale: size of the forces in the last residual.
         loose: how the body gets away from the sets of the last residual; None: they hold it.
+        renewed: whether the last Jacobian differs from the one before, so that it has to be factorised again.
     """
 
     system: ElasticSystem
@@ -46,6 +50,7 @@ class ContactProblem(Protocol):
     following: ActiveSets
     force_scale: float
     loose: Status | None
+    renewed: bool
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
@@ -60,6 +65,9 @@ class ContactProblem(Protocol):
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """(lambda, mu) at the contact nodes for given sets."""
+
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """The friction bounds that the current and the following sets stand for."""
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """A matrix with the pattern of the Jacobian."""
@@ -85,6 +93,7 @@ class RegularisedProblem:
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
         self.loose: Status | None = None
+        self.renewed = True
         self._motions = motions
         self._forced_first = False
         self._blocks = _NodeBlocks(system, boundary)
@@ -103,6 +112,12 @@ class RegularisedProblem:
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return multipliers(sets, *self.traces(x), self.data)
+
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+        u_n, _ = self.traces(x)
+        pressure, _ = self.multipliers(x, self.sets)
+        return self.data.friction_bound(pressure), self.data.friction_bound(trial_pressure(u_n, self.data))
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """See ``ContactProblem``: a copy of A, of which only the blocks of the contact nodes will change."""
@@ -128,13 +143,16 @@ class RegularisedProblem:
         """See ``ContactProblem``."""
         self.sets = self.following
         self._forced_first = False
-        self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
+        # PETSc keeps its factor as long as the matrix is left alone.
+        self.renewed = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
 
 
 class _NodeBlocks:
     """The 2 x 2 diagonal blocks of the contact nodes: the only entries of the Jacobian that ever change."""
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
+        self._comm = system.comm
+        self._last: dict[int, npt.NDArray[np.float64]] = {}
         first = system.matrix.getOwnershipRange()[0]
         dofs, node = np.unique(system.contact_dofs, axis=0, return_inverse=True)
         self._node = node.ravel()
@@ -145,8 +163,18 @@ class _NodeBlocks:
         n, t = boundary.normal, boundary.tangent
         self._nn, self._tt, self._tn = (weight * np.einsum("ij,ik->ijk", a, b) for a, b in ((n, n), (t, t), (t, n)))
 
-    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> None:
-        """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix."""
+    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> bool:
+        """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix, if they are not there.
+
+        Returns:
+            Whether the matrix has changed; the same on all ranks.
+        """
+        state = np.stack([normal, tangential, np.zeros_like(normal) if coupling is None else coupling])
+        last = self._last.get(matrix.handle)
+        same = last is not None and np.array_equal(last, state)
+        if not parallel.any_rank(self._comm, not same):
+            return False
+        self._last[matrix.handle] = state
         contact = normal[:, None, None] * self._nn + tangential[:, None, None] * self._tt
         if coupling is not None:
             contact += coupling[:, None, None] * self._tn
@@ -155,3 +183,4 @@ class _NodeBlocks:
         if self._rows.size:
             matrix.setValuesRCV(self._rows, self._rows, blocks)
         matrix.assemble()
+        return True

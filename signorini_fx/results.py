@@ -74,7 +74,8 @@ class IterationRecord:
         slip_minus: number of nodes in A_f,- of this solve.
         changed: number of nodes whose state changes by this solve, i.e. between sets k and k + 1.
         residual: Euclidean norm of the residual before this solve, relative to the forces at work.
-        seconds: wall time since the solve began, largest over the ranks.
+        factorised: whether the matrix had to be factorised anew for it.
+        seconds: wall time since the solve began, on this rank.
     """
 
     solve: int
@@ -85,6 +86,7 @@ class IterationRecord:
     slip_minus: int
     changed: int
     residual: float
+    factorised: bool
     seconds: float
 
 

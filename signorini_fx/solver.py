@@ -128,7 +128,7 @@ def solve(
         solution = _solve_linear(discretisation, history, timings)
     else:
         with timings.phase("iterate"):
-            task = _contact_task(discretisation, discretisation.boundary, history)
+            task = contact_task(discretisation, discretisation.boundary, history)
         solution = _solve_contact(discretisation, task, timings)
     if check and not solution.converged:
         raise ConvergenceError(solution)
@@ -219,7 +219,8 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     )
 
 
-def _contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
+def contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
+    """The contact problem of a discretised scene, ready for ``strategy.run`` or for an algorithm of one's own."""
     scene = discretisation.scene
     law = _friction_law(scene, boundary)
     first_sets, first_iteration = _first_sets(scene, boundary)

@@ -22,7 +22,7 @@ from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.exact import ExactProblem
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
@@ -53,6 +53,7 @@ class Task:
         has_coulomb: whether its bound follows the pressure anywhere.
         first_sets: sets of the first linear solve; None: from the iterate.
         first_iteration: its number.
+        start: (lambda, mu) to start from, where there are any.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
         linear_algebra: which kind of elastic system it is, and why.
@@ -76,6 +77,7 @@ class Task:
     history: History
     linear_algebra: str
     goal: Callable[[PETSc.Vec], float]
+    start: tuple[Nodal, Nodal] | None = None
     step: int = 0
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
@@ -109,7 +111,7 @@ class Task:
         """The inner method on the unregularised problem, with an iterate of its own."""
         if self._exact is None:
             system, boundary = rotate(self.system, self.boundary)
-            self._exact = self._newton(ExactProblem(system, boundary, self.motions))
+            self._exact = self._newton(ExactProblem(system, boundary, self.boundary, self.motions))
         return self._exact
 
     @property
@@ -133,7 +135,7 @@ class Task:
         self.data = replace(self.data, slip_origin=u_t)
         if self.law is not None:
             self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
-        self.first_sets, self.first_iteration = None, 1
+        self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
         self.problem = self._regularised
 
 
@@ -183,27 +185,40 @@ def _given_friction(task: Task, data: RegularisedData) -> Status:
 
 
 def _coulomb(task: Task, law: FrictionLaw) -> Status:
-    """Coulomb friction: in the first load step from the solution of the pure contact problem, else from the state."""
+    """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
     s, newton = task.settings, task.newton
-    if task.step == 0:
-        start = _coulomb_start(task)
+    first_sets, start = task.first_sets, task.start
+    if start is None:
+        data = _coulomb_start(task)
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
-            status = newton.solve(start, task.first_sets, first_iteration=task.first_iteration)
+            status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
         else:
-            status = _given_friction(task, start)
+            status = _given_friction(task, data)
         if status is not Status.CONVERGED:
             return status
+        start, first_sets = newton.multipliers(), None
+        if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
+            contact = task.problem.following.contact
+            first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
     data = replace(task.data, bound=law.given)
 
     def fixed() -> Status:
-        shift = s.algorithm == "alm"
-        return fixed_point(newton, data, law, tolerance=s.tolerance, max_outer=s.max_outer_iterations, shift=shift)
+        return fixed_point(
+            newton,
+            data,
+            law,
+            start,
+            first_sets,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
+            shift=s.algorithm == "alm",
+        )
 
     # The monolithic tangent knows neither a cap nor a pressure of either sign.
     smooth = law.cap is None and task.data.bilateral is None
     if s.coulomb != "newton" or s.algorithm == "alm" or not smooth:
         return fixed()
-    return coulomb_newton(task.unsymmetric_newton, data, law, fixed)
+    return coulomb_newton(task.unsymmetric_newton, data, law, first_sets, fixed)
 
 
 def _coulomb_start(task: Task) -> RegularisedData:
@@ -228,4 +243,5 @@ def _exact(task: Task) -> Status:
     if task.law is None or not task.has_coulomb or status is not Status.CONVERGED:
         return status
     s = task.settings
-    return fixed_point(newton, data, task.law, tolerance=s.tolerance, max_outer=s.max_outer_iterations)
+    start = newton.multipliers()
+    return fixed_point(newton, data, task.law, start, None, tolerance=s.tolerance, max_outer=s.max_outer_iterations)

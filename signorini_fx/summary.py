@@ -36,6 +36,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
         "iterations": sum(record.iteration > 0 for record in history.iterations),
         "linear_solves": history.linear_solves or 1,
+        "factorisations": sum(record.factorised for record in history.iterations) or 1,
         "outer_iterations": len(history.outer),
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,
@@ -152,7 +153,8 @@ def render(summary: dict[str, Any]) -> str:
     """The summary for a terminal."""
     lines = [
         f"{summary['title'] or 'scene'}: {summary['status']}",
-        f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves",
+        f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves, "
+        f"{summary['factorisations']} factorisations",
         f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
         f"  linear algebra   {summary['linear_algebra']}",
     ]

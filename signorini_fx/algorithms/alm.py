@@ -56,6 +56,8 @@ def augmented_lagrangian(
         change = newton.history.outer[-1].change
         if change is not None and change <= tolerance and not inexact:
             return Status.CONVERGED
+        # A problem that was cut off goes on with the sets that it has come to, a solved one with those of the new data.
+        cut_off = newton.continued_sets(data) if inexact else None
         data = replace(
             data,
             lambda_hat=pressure,
@@ -63,7 +65,7 @@ def augmented_lagrangian(
             gamma_n=data.gamma_n * gamma_factor,
             gamma_t=data.gamma_t * gamma_factor,
         )
-        first_sets, first_iteration = newton.continued_sets(data), 1
+        first_sets, first_iteration = cut_off or newton.continued_sets(data), 1
     return Status.OUTER_MAX_ITERATIONS
 
 

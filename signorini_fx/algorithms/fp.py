@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.results import Status
@@ -16,29 +14,27 @@ def fixed_point(
     newton: SemismoothNewton,
     data: RegularisedData,
     law: FrictionLaw,
+    start: tuple[Nodal, Nodal],
+    first_sets: ActiveSets | None,
     *,
     tolerance: float,
     max_outer: int,
     shift: bool = False,
 ) -> Status:
-    """Iterate g <- lambda from the solution that ``newton`` holds, until g changes by no more than ``tolerance``.
+    """Iterate g <- lambda until g changes by no more than ``tolerance``.
 
     Args:
-        newton: the inner method; holds the solution with the friction bound of the start (section 7: the pure contact
-            problem, g = 0).
+        newton: the inner method.
         data: gamma and the shifts; the bound is what this algorithm updates.
         law: gives the bound from the contact pressure.
+        start: (lambda, mu) that the iteration starts from; section 7: of the pure contact problem, g = 0.
+        first_sets: sets of the first linear solve; None: from the iterate that ``newton`` holds.
         tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c), section 7.
         max_outer: Tresca problems allowed.
         shift: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised
             solution.
     """
-    problem = newton.problem
-    g, shear = newton.multipliers()
-    first_sets: ActiveSets | None = None
-    if not problem.data.has_friction:
-        # The start knows no slip: mu = xi = 0, hence stick everywhere.
-        first_sets = ActiveSets(problem.following.contact, np.zeros_like(problem.following.slip))
+    g, shear = start
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         if shift:

@@ -10,7 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import options, parallel
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier, transmitting
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
 
@@ -149,22 +149,20 @@ class SemismoothNewton:
         problem = self.problem
         u_n, u_t = problem.traces(self.x)
         _, mu = self.multipliers()
-        return next_sets(u_n, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
+        return next_sets(u_n, u_t, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
 
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
-        sets, following = problem.sets, problem.following
-        slip = sets.slip
-        if problem.data.has_friction:
-            slip = np.where(problem.data.friction_bound(self.multipliers()[0]) > 0, slip, 0)
+        bounds = problem.friction_bounds(self.x)
+        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.following), bounds, strict=True))
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
                 [
                     np.count_nonzero(sets.contact),
-                    np.count_nonzero(slip > 0),
-                    np.count_nonzero(slip < 0),
+                    np.count_nonzero(sets.slip > 0),
+                    np.count_nonzero(sets.slip < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
@@ -207,6 +205,7 @@ class SemismoothNewton:
                 slip_minus=minus,
                 changed=changed,
                 residual=residual,
+                factorised=self.problem.renewed,
                 seconds=time.perf_counter() - self._start_time,
             )
         )
