@@ -1,4 +1,4 @@
-"""A rectangular block, meshed by gmsh: structured or unstructured, triangles or quadrilaterals.
+"""A rectangular block, meshed by gmsh: structured, graded or unstructured, triangles or quadrilaterals.
 
 ::
 
@@ -20,9 +20,11 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.meshes import coarser_grid
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
+Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
@@ -35,7 +37,8 @@ def generate(
     nx: Count = 120,
     ny: Count = 40,
     cell: Literal["quadrilateral", "triangle"] = "quadrilateral",
-    layout: Literal["structured", "unstructured"] = "structured",
+    layout: Literal["structured", "graded", "unstructured"] = "structured",
+    grading: Ratio = 20.0,
 ) -> Any:
     """A block with nx facets along bottom and top and ny along the sides.
 
@@ -46,7 +49,9 @@ def generate(
         nx: facets along x[0].
         ny: facets along x[1].
         cell: shape of the cells.
-        layout: a regular grid, or what gmsh makes of the sides' divisions.
+        layout: a regular grid; a grid that is finest at the middle of the bottom, with an even number of facets along
+            it (one is dropped otherwise, but for a single one); or what gmsh makes of the sides' divisions.
+        grading: graded: how many times longer the last facet from there is than the first, in both directions.
 
     Returns:
         The mesh with the boundaries left, right, bottom, top.
@@ -54,6 +59,9 @@ def generate(
 
     def draw(gmsh: Any) -> None:
         geo = gmsh.model.geo
+        if layout == "graded":
+            _draw_graded(gmsh, length, height, nx, ny, grading, cell)
+            return
         corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (length, 0), (length, height), (0, height))]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
@@ -76,3 +84,32 @@ def generate(
         gmsh.model.mesh.generate(2)
 
     return gmsh_mesh(comm, draw, name="block")
+
+
+def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grading: float, cell: str) -> None:
+    """Two grids side by side, their lines in geometric progression from the middle and from the bottom."""
+    geo = gmsh.model.geo
+    across, up = max(nx // 2, 1), ny
+    low, high = ([geo.addPoint(x, y, 0.0) for x in (0.0, length / 2, length)] for y in (0.0, height))
+    bottom, top = ([geo.addLine(row[1], row[end]) for end in (0, 2)] for row in (low, high))
+    uprights = [geo.addLine(a, b) for a, b in zip(low, high, strict=True)]
+    for lines, count in ((bottom + top, across), (uprights, up)):
+        for line in lines:
+            geo.mesh.setTransfiniteCurve(line, count + 1, "Progression", grading ** (1 / max(count - 1, 1)))
+    left, middle, right = uprights
+    loops = [[left, -top[0], -middle, bottom[0]], [bottom[1], right, -top[1], -middle]]
+    body = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
+    for part in body:
+        geo.mesh.setTransfiniteSurface(part)
+        if cell == "quadrilateral":
+            geo.mesh.setRecombine(2, part)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, body, name="body")
+    for lines, name in ((bottom, "bottom"), ([right], "right"), (top, "top"), ([left], "left")):
+        gmsh.model.addPhysicalGroup(1, lines, name=name)
+    gmsh.model.mesh.generate(2)
+
+
+def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    return coarser_grid(generate, parameters, factor)

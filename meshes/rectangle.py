@@ -22,6 +22,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import TaggedMesh, tag_boundaries
+from signorini_fx.meshes import coarser_grid
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=20_000)]
@@ -75,3 +76,8 @@ def name_sides(mesh: dmesh.Mesh, length: float, height: float) -> TaggedMesh:
             "top": lambda x: np.abs(x[1] - height) < near,
         },
     )
+
+
+def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    return coarser_grid(generate, parameters, factor)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
+import textwrap
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from signorini_fx import __version__
+
+if TYPE_CHECKING:
+    from signorini_fx.checks import Check, Cost
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH = 0, 1, 2, 3
 _RANK_VARIABLES = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
@@ -47,6 +52,12 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    check = commands.add_parser("check", help="say what a scene will do and what will hurt, without solving it")
+    check.add_argument("scene", type=Path, help="scene file (TOML)")
+    check.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
+    new.add_argument("file", type=Path, nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)")
+    commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return parser
 
@@ -59,10 +70,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         split = arguments.index("--")
         arguments, petsc_options = arguments[:split], arguments[split + 1 :]
     options = _parser().parse_args(arguments)
+    if options.command == "new":
+        return _new(options.file)
+    if options.command == "schema":
+        return _schema()
     from mpi4py import MPI
 
     try:
-        return _info() if options.command == "info" else _solve(options, petsc_options)
+        match options.command:
+            case "info":
+                return _info()
+            case "check":
+                return _check(options, petsc_options)
+        return _solve(options, petsc_options)
     except KeyboardInterrupt:
         return 130
     except Exception:
@@ -114,6 +134,105 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
         parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
+
+
+def _new(file: Path) -> int:
+    """Write the starting scene; only one of several processes does."""
+    from signorini_fx.template import starting_scene
+
+    if not _started_as_root():
+        return EXIT_OK
+    try:
+        with file.open("x", encoding="utf-8") as out:
+            out.write(starting_scene())
+    except FileExistsError:
+        print(f"signorini-fx: error: {file}: is there already: give another name, or remove it", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        print(f"signorini-fx: error: {file}: cannot be written: {reason}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    print(f"{file} is a scene that solves as it is; change it, then: signorini-fx check {file}")
+    return EXIT_OK
+
+
+def _schema() -> int:
+    from signorini_fx.template import scene_schema
+
+    if _started_as_root():
+        print(json.dumps(scene_schema(), indent=2))
+    return EXIT_OK
+
+
+def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+    from signorini_fx.errors import SceneError, SignoriniError
+    from signorini_fx.scene import parse_scene_text, read_scene_text
+
+    comm = MPI.COMM_WORLD
+    try:
+        text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
+        scene = parse_scene_text(text, options.scene)
+
+        import petsc4py
+
+        petsc4py.init(["signorini-fx", *petsc_options])
+        from signorini_fx.checks import check_scene
+
+        check = check_scene(scene, comm)
+    except SignoriniError as error:
+        if isinstance(error, SceneError):
+            error = SceneError(error.problems, str(options.scene))
+        if options.json:
+            problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
+            report = {"problems": [{"path": path, "message": message} for path, message in problems]}
+            parallel.log_on_root(comm, json.dumps(report, indent=2))
+        parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
+        return EXIT_BAD_INPUT
+    parallel.log_on_root(comm, json.dumps(check.as_dict(), indent=2) if options.json else _render(check))
+    return EXIT_OK
+
+
+def _render(check: Check) -> str:
+    """A check for a terminal."""
+    rows = [("effect", "", "why", "form", "unknowns", "linear solves")]
+    for effect in check.effects:
+        unknowns = f"{effect.unknowns:+d}" if effect.unknowns else ""
+        low, high = effect.solves
+        solves = "" if effect.solves == (0, 0) else f"{low:+d}" if low == high else f"{low:+d} to {high:+d}"
+        rows.append((effect.name, "on" if effect.on else "-", effect.why, ", ".join(effect.forms), unknowns, solves))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    count = len(check.warnings)
+    verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
+    lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_cost_lines(check.cost)]
+    for finding in check.findings:
+        text = f"{finding.level}: {finding.path}: {finding.message}"
+        lines += textwrap.wrap(text, width=110, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+    return "\n".join(lines)
+
+
+def _cost_lines(cost: Cost) -> list[str]:
+    low, high = cost.linear_solves
+    solves = f"{low}" if low == high else f"{low} to {high}"
+    return [
+        f"  Estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
+        f"{solves} linear solves ({cost.linear_algebra});",
+        f"  one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
+        f"altogether {_seconds(cost.seconds[0])} to {_seconds(cost.seconds[1])} and {_bytes(cost.memory_bytes)}.",
+    ]
+
+
+def _seconds(value: float) -> str:
+    if value < 0.01:
+        return "below 0.01 s"
+    return f"{value:.1g} s" if value < 10 else f"{value:.0f} s" if value < 600 else f"{value / 60:.0f} min"
+
+
+def _bytes(value: float) -> str:
+    return f"{value / 1e6:.0f} MB" if value < 1e9 else f"{value / 1e9:.1f} GB"
 
 
 def _info() -> int:

@@ -138,7 +138,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
         for form in elastic[1:]:
             stiffness.assemble()
-            fem_petsc.assemble_matrix(stiffness, form, every, scene.young)
+            fem_petsc.assemble_matrix(stiffness, form, every, scene.young)  # type: ignore[arg-type]
         stiffness.assemble()
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
         inventory.matrices.append("stiffness")

@@ -91,10 +91,7 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
     Raises:
         SceneError: unknown generator, or parameters that it refuses.
     """
-    known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
-    if name not in known:
-        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
-    generate: Callable[..., TaggedMesh] = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+    generate: Callable[..., TaggedMesh] = _generator(name).generate
     try:
         return generate(comm, **parameters)
     except ValidationError as error:
@@ -103,6 +100,19 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
             for d in error.errors()
         ]
         raise SceneError(problems) from None
+
+
+def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: int) -> dict[str, Any]:
+    """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
+
+    Raises:
+        SceneError: the generator has no function ``coarser(parameters, factor)``.
+    """
+    coarser = getattr(_generator(name), "coarser", None)
+    if coarser is None:
+        raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
+    result: dict[str, Any] = coarser(dict(parameters), factor)
+    return result
 
 
 def read_mesh(file: Path, comm: MPI.Comm) -> TaggedMesh:
@@ -125,6 +135,14 @@ def read_mesh(file: Path, comm: MPI.Comm) -> TaggedMesh:
             raise MeshError(f"{file}: gmsh cannot read it: {error}") from None
 
     return gmsh_mesh(comm, draw, name=str(file))
+
+
+def _generator(name: str) -> Any:
+    """The module of a generator."""
+    known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    if name not in known:
+        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
+    return importlib.import_module(f"signorini_fx.meshes.{name}")
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedMesh:

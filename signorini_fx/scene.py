@@ -284,7 +284,8 @@ class SolverSettings(_Model):
             the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
             (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
         coulomb: how the friction bound meets the pressure: ``fp`` (fixed point of Tresca problems, section 6.3; with
-            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is fp.
+            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where a coarser mesh
+            gives the start, else fp.
         gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
             Young's modulus over the size of the body.
         gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
@@ -299,6 +300,8 @@ class SolverSettings(_Model):
             the discretisation error.
         linear_algebra: ``full`` (all unknowns, sparse), ``condensed`` (the contact nodes only, dense; one rank),
             ``auto`` (condensed where it is cheaper).
+        levels: meshes of a nested iteration, each with elements half as large as the one before; the last is the mesh
+            of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.
         max_outer_iterations: outer iterations allowed.
         tolerance: the outer iteration stops when the friction bound changes relatively by no more than this.
@@ -315,6 +318,7 @@ class SolverSettings(_Model):
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
     linear_algebra: Literal["auto", "full", "condensed"] = "auto"
+    levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
     max_iterations: Count = 100
     max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7
@@ -385,6 +389,8 @@ class Scene(_Model):
             raise ValueError("give one material, or several, each with the name of its own region")
         if len({material.hypothesis for material in self.material}) > 1:
             raise ValueError("all materials must have the same hypothesis")
+        if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
+            raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from signorini_fx.expressions import sample
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
+from signorini_fx.nested import LevelRecord, carry_over, coarser_scenes
 from signorini_fx.quantities import Certificate, ContactState, Forces, Functionals, certify, functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
@@ -71,6 +72,7 @@ class Solution:
         parameters: gamma_n, gamma_t, sigma in force.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
+        levels: the meshes of a nested iteration, coarsest first; empty without.
     """
 
     scene: Scene
@@ -86,6 +88,7 @@ class Solution:
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
     linear_algebra: str = "full"
+    levels: tuple[LevelRecord, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -119,20 +122,50 @@ def solve(
         MeshError: the mesh cannot be had.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
+    history = History(observers=list(observers))
+    state: ContactState | None = None
+    levels: list[LevelRecord] = []
+    for level, coarse in enumerate(coarser_scenes(scene, scene.solver.levels)):
+        history.add(f"level {level}")
+        solution = _solve_level(coarse, comm, history, state)
+        levels.append(_level_record(level, solution))
+        state = solution.contact if solution.converged else None
+    if levels:
+        history.add(f"level {len(levels)}")
+    solution = _solve_level(scene, comm, history, state)
+    if levels:
+        solution = replace(solution, levels=(*levels, _level_record(len(levels), solution)))
+    if check and not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
+
+
+def _level_record(level: int, solution: Solution) -> LevelRecord:
+    own = solution.history.iterations[-sum(step.linear_solves for step in solution.steps) :]
+    return LevelRecord(
+        level=level,
+        dofs=solution.discretisation.dofs,
+        linear_solves=len(own),
+        factorisations=sum(record.factorised for record in own),
+        seconds=sum(solution.timings.seconds.values()),
+        status=solution.status.value,
+    )
+
+
+def _solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None) -> Solution:
+    """Solve on one mesh, from the contact state of a coarser one if there is any."""
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
-    history = History(observers=list(observers))
     if discretisation.boundary is None:
-        solution = _solve_linear(discretisation, history, timings)
-    else:
-        with timings.phase("iterate"):
-            task = contact_task(discretisation, discretisation.boundary, history)
-        solution = _solve_contact(discretisation, task, timings)
-    if check and not solution.converged:
-        raise ConvergenceError(solution)
-    return solution
+        return _solve_linear(discretisation, history, timings)
+    with timings.phase("condense"):
+        task = contact_task(discretisation, discretisation.boundary, history)
+    if state is not None:
+        sets, start = carry_over(state, discretisation.boundary)
+        task.first_sets, task.first_iteration, task.start = sets, 1, start
+    return _solve_contact(discretisation, task, timings)
 
 
 def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
@@ -162,7 +195,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
     return Solution(
         scene=scene,
         status=status,
-        algorithm=_algorithm_name(scene),
+        algorithm=_algorithm_name(scene, monolithic=task.monolithic),
         discretisation=discretisation,
         displacement=displacement,
         contact=contact,
@@ -252,13 +285,13 @@ def _parameters(task: Task, energy: float) -> dict[str, float]:
     return parameters
 
 
-def _algorithm_name(scene: Scene) -> str:
+def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
     """The algorithms in force, in the paper's abbreviations."""
     settings = scene.solver
     outer = "ssn" if settings.algorithm == "auto" else settings.algorithm
     if not scene.has_coulomb:
         return outer
-    if settings.coulomb == "newton":
+    if monolithic:
         return "coulomb-newton" if outer == "ssn" else f"{outer}, coulomb-newton"
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 

@@ -61,6 +61,7 @@ class Task:
         step: the load step, from 0.
         x: the iterate.
         problem: the problem that holds the answer.
+        monolithic: whether Coulomb friction was solved monolithically.
         regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
     """
 
@@ -81,6 +82,7 @@ class Task:
     step: int = 0
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
+    monolithic: bool = False
     regularisation_error: float | None = None
 
     def __post_init__(self) -> None:
@@ -216,8 +218,10 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
 
     # The monolithic tangent knows neither a cap nor a pressure of either sign.
     smooth = law.cap is None and task.data.bilateral is None
-    if s.coulomb != "newton" or s.algorithm == "alm" or not smooth:
+    wanted = s.coulomb == "newton" or (s.coulomb == "auto" and task.start is not None and task.step == 0)
+    if not wanted or s.algorithm == "alm" or not smooth:
         return fixed()
+    task.monolithic = True
     return coulomb_newton(task.unsymmetric_newton, data, law, first_sets, fixed)
 
 

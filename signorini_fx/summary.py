@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,8 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
             "dual": values.dual,
             "relative_duality_gap": values.relative_gap,
         }
+    if solution.levels:
+        summary["levels"] = [asdict(level) for level in solution.levels]
     if len(solution.steps) > 1:
         summary["steps"] = [_step_summary(result) for result in solution.steps]
     summary["compiled"] = solution.discretisation.inventory.forms

@@ -5,6 +5,7 @@ from __future__ import annotations
 from mpi4py import MPI
 
 from signorini_fx.mesh import generate_mesh
+from signorini_fx.quantities import contact_table
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import solve
 
@@ -24,6 +25,7 @@ def example1(
     generator="rectangle",
     degree=1,
     patch="all",
+    layout=None,
     length_unit=1.0,
     stress_unit=1.0,
     **settings,
@@ -38,6 +40,9 @@ def example1(
     solver = {"gamma_n": gamma_n, "gamma_t": gamma_t, "initial_contact": patch, **settings}
     if gamma != "auto":
         solver |= {"gamma_n": gamma_n * stress / length, "gamma_t": gamma_t * stress / length}
+    parameters = {"length": 3.0 * length, "height": length, "nx": nx, "ny": ny, "cell": cell}
+    if layout is not None:
+        parameters["layout"] = layout
     friction = {"law": "none"}
     if bound is not None:
         friction = {"law": "tresca", "bound": bound * stress}
@@ -45,10 +50,7 @@ def example1(
         friction = {"law": "coulomb", "coefficient": coefficient}
     return parse_scene(
         {
-            "mesh": {
-                "generator": generator,
-                "parameters": {"length": 3.0 * length, "height": length, "nx": nx, "ny": ny, "cell": cell},
-            },
+            "mesh": {"generator": generator, "parameters": parameters},
             "element": {"degree": degree},
             "material": {"young": 5000.0 * stress, "poisson": poisson},
             "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
@@ -76,3 +78,13 @@ def alone(scene, **options):
 def rectangle(comm=MPI.COMM_SELF, **parameters):
     """The mesh of the generator ``rectangle``."""
     return generate_mesh("rectangle", parameters, comm)
+
+
+def energy(solution):
+    """a(y, y) / 2 of the last load step."""
+    return solution.steps[-1].strain_energy
+
+
+def table_of(solution):
+    """The contact nodes as a table, in order along the boundary."""
+    return contact_table(solution.contact, [effect.boundary for effect in solution.scene.contact])

@@ -3,9 +3,7 @@
 import numpy as np
 import oracle
 import pytest
-from scenes import PATCH, alone, example1
-
-from signorini_fx.quantities import contact_table, strain_energy
+from scenes import PATCH, alone, energy, example1, table_of
 
 GRIDS = [(30, 10), (60, 20)]
 CELLS = ["quadrilateral", "triangle"]
@@ -21,7 +19,7 @@ def in_grid_order(solution, nx, ny):
 
 def agree(solution, reference, nx, ny):
     """Displacement, lambda, mu to 1e-9 of their largest values, the sets and the energy."""
-    table = contact_table(solution.contact, ["bottom"]).columns
+    table = table_of(solution).columns
     np.testing.assert_array_equal(table["state"] != "open", reference.in_contact)
     for ours, theirs in (
         (in_grid_order(solution, nx, ny), reference.u),
@@ -29,7 +27,7 @@ def agree(solution, reference, nx, ny):
         (table["shear"], reference.shear),
     ):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
-    assert strain_energy(solution.discretisation, solution.displacement) == pytest.approx(reference.energy, rel=1e-9)
+    assert energy(solution) == pytest.approx(reference.energy, rel=1e-9)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -40,7 +38,7 @@ def test_tresca(nx, ny, cell, gamma):
     solution = alone(example1(bound=1.5, nx=nx, ny=ny, cell=cell, gamma=gamma, patch=PATCH, sigma=1.0))
     reference = oracle.tresca(nx, ny, 0.4, 1.5, gamma, (1.25, 1.75), cell)
     agree(solution, reference, nx, ny)
-    table = contact_table(solution.contact, ["bottom"]).columns
+    table = table_of(solution).columns
     np.testing.assert_array_equal(np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]), reference.slip)
     assert solution.history.linear_solves == reference.solves
 

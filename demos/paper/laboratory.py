@@ -1,0 +1,143 @@
+"""What is measured: solutions, iterates, distances in the norms of the paper, zones of contact and stick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import Scene, Status, solve, solver
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.complementarity import project
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.quantities import ContactTable, contact_table
+from signorini_fx.results import Timings
+from signorini_fx.solver import Solution
+
+from .scenes import COMM
+
+Nodal = npt.NDArray[np.float64]
+
+
+def solved(scene: Scene, *, check: bool = True, **settings: Any) -> Solution:
+    """The solution of a scene, with other solver settings if any are given."""
+    if settings:
+        scene = scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)})
+    return solve(scene, COMM, check=check)
+
+
+def linear_solves(scene: Scene) -> int:
+    """Linear solves inside (SSN), what the paper calls iterations."""
+    return solved(scene).history.linear_solves
+
+
+def solves_per_problem(solution: Solution) -> list[int]:
+    """Linear solves of each regularised problem in turn."""
+    return [record.linear_solves for record in solution.history.outer]
+
+
+def counted(solves: int) -> int:
+    """Iterations as the paper seems to count them where an iteration starts from the solution of another problem.
+
+    Tables 4 and 5 and the totals given for (ALM) are met by one rule: the pass through step 2 that takes the first sets
+    from that solution counts, too.  Where the first sets are prescribed (Tables 1 and 3) there is no such pass.
+    """
+    return solves + 1
+
+
+def iterates(scene: Scene) -> list[Solution]:
+    """The iterates y^1, y^2, ... of (SSN), the solution last."""
+    found: list[Solution] = []
+    while not found or found[-1].status is Status.MAX_ITERATIONS:
+        found.append(solved(scene, check=False, max_iterations=len(found) + 1))
+    return found
+
+
+def outer_iterates(scene: Scene, count: int) -> list[Solution]:
+    """What (ALM) has after 1, 2, ..., count regularised problems."""
+    return [solved(scene, check=False, max_outer_iterations=problems + 1) for problems in range(count)]
+
+
+def energy_norm(solution: Solution, other: Solution | None = None) -> float:
+    """a(e, e)^(1/2) of the displacement, or of its difference to another one on the same mesh."""
+    difference = solution.discretisation.function(solution.displacement.x.petsc_vec)
+    if other is not None:
+        difference.x.array[:] -= other.displacement.x.array
+    energy = solution.discretisation.internal_forces(difference).dot(difference.x.petsc_vec)
+    return float(np.sqrt(max(0.0, energy)))
+
+
+def pressure_distance(solution: Solution, other: Solution) -> float:
+    """Distance of two contact pressures in L2(Gamma_c), relative to the norm of the other."""
+    norm = other.contact.boundary.norm
+    return norm(solution.contact.pressure - other.contact.pressure) / norm(other.contact.pressure)
+
+
+def multiplier_distances(solution: Solution, other: Solution) -> tuple[float, float]:
+    """Distances of lambda and of mu to those of another solution in L2(Gamma_c)."""
+    c, o = solution.contact, other.contact
+    return o.boundary.norm(c.pressure - o.pressure), o.boundary.norm(c.shear - o.shear)
+
+
+def quotients(errors: list[Any]) -> list[Any]:
+    """Each error divided by the one before."""
+    return [np.asarray(b) / np.asarray(a) for a, b in pairwise(errors)]
+
+
+def table_of(solution: Solution) -> ContactTable:
+    """The contact nodes, in order along the boundary."""
+    return contact_table(solution.contact, [effect.boundary for effect in solution.scene.contact])
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Where the nodes of Gamma_c are in contact, and where they stick in contact, as intervals of x_1."""
+
+    contact: list[tuple[float, float]]
+    stick: list[tuple[float, float]]
+
+
+def zones(solution: Solution) -> Zones:
+    """Contact and stick zone of a solution."""
+    table = table_of(solution)
+    touching = table.columns["state"] != "open"
+    sticking = table.columns["state"] == "stick"
+
+    def intervals(mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+        return [(round(first[0], 6), round(last[0], 6)) for first, last in table.zones(mask)]
+
+    return Zones(intervals(touching), intervals(sticking))
+
+
+@dataclass(frozen=True)
+class InexactStep:
+    """One regularised problem of inexact (ALM): linear solves spent on it, and its projected multipliers."""
+
+    linear_solves: int
+    pressure: Nodal
+    shear: Nodal
+
+
+def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[InexactStep]:
+    """(ALM) with at most ``most_solves`` linear solves for each problem, as section 7.1 describes it.
+
+    The dual variables are projected before the update.  Where an inner iteration is cut off, it goes on in the next
+    problem with the sets that follow from its last iterate.
+    """
+    discretisation = discretise(scene, load_mesh(scene, COMM), Timings())
+    task = solver.contact_task(discretisation, discretisation.boundary, History())
+    newton, data, sets = task.newton, task.data, task.first_sets
+    while True:
+        status = newton.solve(data, sets, max_iterations=most_solves)
+        pressure, shear = project(*newton.multipliers(), data)
+        yield InexactStep(newton.history.outer[-1].linear_solves, pressure, shear)
+        updated = replace(
+            data, lambda_hat=pressure, mu_hat=shear, gamma_n=growth * data.gamma_n, gamma_t=growth * data.gamma_t
+        )
+        sets = newton.continued_sets(updated if status is Status.CONVERGED else data)
+        data = updated

@@ -1,0 +1,97 @@
+"""The lower half of a disk that stands on the origin, meshed by gmsh, with small cells at the point of first contact.
+
+::
+
+       (-R,R)     top      (R,R)              (0,R) top (R,R)
+          +--------+--------+                    +--------+
+           \\      :       /                     |       /
+            \\    body    /  arc        symmetry |      /  arc
+              `-. : .-'                          |  .-'
+                 `+'                             +'
+                 (0,0)                         (0,0)
+
+             whole                             symmetric
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from mpi4py import MPI
+from pydantic import ConfigDict, Field, validate_call
+
+from signorini_fx.mesh import gmsh_mesh
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+def generate(
+    comm: MPI.Comm,
+    /,
+    *,
+    radius: Length = 8.0,
+    size: Length = 1.0,
+    contact_size: Length = 0.02,
+    contact_zone: Length = 0.5,
+    symmetric: bool = False,
+    cell: Literal["triangle", "quadrilateral"] = "triangle",
+) -> Any:
+    """Half a disk whose cells are small near the origin and grow with the distance from there.
+
+    Args:
+        comm: the ranks that share the mesh.
+        radius: R, a length.
+        size: length of the facets at the distance ``radius`` from the origin and beyond.
+        contact_size: length of the facets at the origin.
+        contact_zone: distance from the origin up to which cells are of that size.
+        symmetric: only the right half of it.
+        cell: shape of the cells.
+
+    Returns:
+        The mesh with the boundaries arc, top and, if it is symmetric, symmetry; the vertices of the arc are on the
+        circle, its facets are straight.
+    """
+
+    def draw(gmsh: Any) -> None:
+        geo = gmsh.model.geo
+        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        arcs = [geo.addCircleArc(lowest, centre, right)]
+        if symmetric:
+            top = [geo.addLine(right, centre)]
+            rest = [geo.addLine(centre, lowest)]
+        else:
+            left = geo.addPoint(-radius, radius, 0.0)
+            top = [geo.addLine(right, left)]
+            rest = [geo.addCircleArc(left, centre, lowest)]
+            arcs += rest
+        body = geo.addPlaneSurface([geo.addCurveLoop([arcs[0], *top, *rest])])
+        if cell == "quadrilateral":
+            geo.mesh.setRecombine(2, body)
+        geo.synchronize()
+        # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
+        stretch = 2.0 if cell == "quadrilateral" else 1.0
+        distance, sizes = gmsh.model.mesh.field.add("Distance"), gmsh.model.mesh.field.add("Threshold")
+        gmsh.model.mesh.field.setNumbers(distance, "PointsList", [lowest])
+        settings = {
+            "InField": distance,
+            "SizeMin": stretch * min(contact_size, size),
+            "SizeMax": stretch * size,
+            "DistMin": min(contact_zone, 0.99 * radius),
+            "DistMax": radius,
+        }
+        for name, value in settings.items():
+            gmsh.model.mesh.field.setNumber(sizes, name, value)
+        gmsh.model.mesh.field.setAsBackgroundMesh(sizes)
+        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
+            gmsh.option.setNumber(f"Mesh.{option}", 0)
+        if cell == "quadrilateral":
+            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
+        gmsh.model.addPhysicalGroup(2, [body], name="body")
+        gmsh.model.addPhysicalGroup(1, arcs, name="arc")
+        gmsh.model.addPhysicalGroup(1, top, name="top")
+        if symmetric:
+            gmsh.model.addPhysicalGroup(1, rest, name="symmetry")
+        gmsh.model.mesh.generate(2)
+
+    return gmsh_mesh(comm, draw, name="half_disk")

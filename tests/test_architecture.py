@@ -1,0 +1,106 @@
+"""The structure of the package, read from its imports."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "signorini_fx"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def imports(path, *, everywhere):
+    """Names of the modules that a file imports: everywhere, or when it is imported itself."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names = set()
+    todo = [tree]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        lazily = isinstance(node, ast.FunctionDef) or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+        if everywhere or not lazily:
+            todo += ast.iter_child_nodes(node)
+    return names
+
+
+def uses(path, *packages, everywhere=True):
+    """The imports of a file that belong to one of the packages."""
+    found = imports(path, everywhere=everywhere)
+    return {name for name in found if any(f"{name}.".startswith(f"{package}.") for package in packages)}
+
+
+def test_the_reader_of_imports_reads():
+    """The checks below would notice: forms.py imports ufl, expressions.py imports dolfinx lazily."""
+    assert uses(PACKAGE / "forms.py", "ufl") == {"ufl"}
+    assert uses(PACKAGE / "expressions.py", "dolfinx", everywhere=True)
+    assert not uses(PACKAGE / "expressions.py", "dolfinx", everywhere=False)
+    assert uses(PACKAGE / "forms.py", "signorini_fx.material")
+    assert len(MODULES) > 20
+
+
+@pytest.mark.parametrize("folder", ["algorithms", "linalg"])
+def test_the_seams_know_no_forms(folder):
+    """Neither the algorithms nor the linear algebra import ufl."""
+    files = sorted((PACKAGE / folder).glob("*.py"))
+    assert len(files) >= 2
+    assert {file.name: uses(file, "ufl") for file in files} == {file.name: set() for file in files}
+
+
+def test_algorithms_and_linear_algebra_are_strangers():
+    """Algorithms know the protocol of linalg/__init__.py at most, linear algebra knows no algorithm."""
+    for file in (PACKAGE / "algorithms").glob("*.py"):
+        kinds = {f"signorini_fx.linalg.{kind.stem}" for kind in (PACKAGE / "linalg").glob("[!_]*.py")}
+        assert not uses(file, *kinds), file.name
+    for file in (PACKAGE / "linalg").glob("*.py"):
+        assert not uses(file, "signorini_fx.algorithms"), file.name
+
+
+@pytest.mark.parametrize("module", ["scene", "expressions", "errors", "results"])
+def test_scenes_need_no_solver(module):
+    """A scene can be read and checked without dolfinx, PETSc, MPI or UFL."""
+    heavy = ("dolfinx", "petsc4py", "mpi4py", "ufl", "basix", "gmsh", "signorini_fx.mesh", "signorini_fx.parallel")
+    assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
+
+
+def compares_versions(path):
+    """Whether a file compares something called version."""
+    comparisons = (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Compare))
+    return any("version" in ast.unparse(node).lower() for node in comparisons)
+
+
+def test_versions_are_compared_in_one_place():
+    """Only compat.py does something else for another version of dolfinx."""
+    assert [file.name for file in MODULES if compares_versions(file)] == ["compat.py"]
+
+
+def python(code):
+    """Run code in a fresh interpreter, warnings as errors."""
+    return subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+
+
+def test_import_is_light():
+    """``import signorini_fx`` and reading a scene import neither dolfinx nor PETSc."""
+    code = "import sys, signorini_fx; signorini_fx.read_scene, signorini_fx.SceneError; "
+    heavy = "('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh', 'matplotlib')"
+    ended = python(code + f"print([name for name in {heavy} if name in sys.modules])")
+    assert (ended.stdout.strip(), ended.stderr) == ("[]", "")
+
+
+def test_public_names():
+    """Every public name can be imported, again and again, and none is a module in disguise."""
+    import signorini_fx
+
+    for _ in range(2):
+        for name in signorini_fx.__all__:
+            assert not isinstance(getattr(signorini_fx, name), type(sys)), name
+    from signorini_fx import solve
+
+    assert callable(solve)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        signorini_fx.nothing  # noqa: B018

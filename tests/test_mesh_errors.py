@@ -1,0 +1,149 @@
+"""Meshes that do not fit their scene, or are none: the message says what is there instead."""
+
+import gmsh
+import numpy as np
+import pytest
+from dolfinx import mesh
+from mpi4py import MPI
+from scenes import alone, example1, on_mesh, rectangle
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh import generate_mesh, read_mesh, tag_boundaries
+from signorini_fx.scene import MeshFile, PrescribedDisplacement, UnilateralContact
+
+
+def small(**changes):
+    """Example 1 on a small mesh, with some of its effects exchanged."""
+    return example1(nx=6, ny=2).model_copy(update=changes)
+
+
+def mistakes(scene):
+    """{path: message} of the mistakes that only the mesh reveals."""
+    with pytest.raises(SceneError) as caught:
+        alone(scene)
+    return dict(caught.value.problems)
+
+
+def test_missing_boundaries():
+    """Every name that the mesh does not have is reported, and those that it has are listed."""
+    found = mistakes(
+        small(contact=(UnilateralContact(boundary="foot"),), displacement=(PrescribedDisplacement(boundary="Left", x=0.0),))
+    )
+    assert set(found) == {"contact[0].boundary", "displacement[0].boundary"}
+    assert "'foot'" in found["contact[0].boundary"]
+    assert "bottom, left, right, top" in found["contact[0].boundary"]
+    assert "'Left'" in found["displacement[0].boundary"]
+
+
+def test_empty_boundary():
+    """A name without facets is a mistake, not a boundary where nothing happens."""
+    tagged = rectangle(nx=6, ny=2)
+    sides = {"left": 0.0, "right": 3.0}
+    markers = {name: lambda x, at=at: np.isclose(x[0], at) for name, at in sides.items()}
+    markers |= {"top": lambda x: np.isclose(x[1], 1.0), "bottom": lambda x: x[1] < -1.0}
+    found = mistakes(on_mesh(example1(nx=6, ny=2), tag_boundaries(tagged.mesh, markers)))
+    assert list(found) == ["contact[0].boundary"]
+    assert "'bottom'" in found["contact[0].boundary"]
+    assert "no exterior facets" in found["contact[0].boundary"]
+
+
+def test_interior_facets_are_no_boundary():
+    """Tags on facets inside the body do not count (dolfinx 0.10 would integrate over them)."""
+    tagged = rectangle(nx=4, ny=2)
+    inside = mesh.locate_entities(tagged.mesh, 1, lambda x: np.isclose(x[1], 0.5))
+    tags = mesh.meshtags(tagged.mesh, 1, inside, np.full(inside.size, 3, dtype=np.int32))
+    assert inside.size == 4
+    assert type(tagged)(tagged.mesh, tags, {"bottom": 3}).facets("bottom").size == 0
+
+
+def test_contact_and_normal_support_on_the_same_facets():
+    """Where the normal displacement is prescribed nothing is left for contact."""
+    found = mistakes(small(displacement=(PrescribedDisplacement(boundary="bottom", y=0.0),)))
+    assert list(found) == ["displacement[0]"]
+    assert "6 facets" in found["displacement[0]"]
+
+
+def test_contact_and_tangential_support_on_the_same_facets():
+    """A support along the foundation leaves contact its part: the body is held sideways at its foot."""
+    scene = small(displacement=(PrescribedDisplacement(boundary="bottom", x=0.0),))
+    solution = alone(scene)
+    assert np.abs(solution.contact.u_t).max() == 0.0
+    assert solution.contact.pressure.max() > 0.0
+
+
+def test_overlap_at_a_corner_is_no_mistake():
+    """Left and bottom share a node, no facet: Example 1 itself."""
+    assert alone(small()).converged
+
+
+def test_unknown_generator():
+    """The generators that there are, are listed."""
+    with pytest.raises(SceneError, match=r"mesh\.generator: no generator 'torus'; there are: block, .*rectangle"):
+        generate_mesh("torus", {}, MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("generator", ["rectangle", "block"])
+@pytest.mark.parametrize(
+    ("parameters", "path"),
+    [
+        ({"nx": 0}, "nx"),
+        ({"nx": 2.5}, "nx"),
+        ({"nx": 10**400}, "nx"),
+        ({"length": -1.0}, "length"),
+        ({"height": float("nan")}, "height"),
+        ({"cell": "hexahedron"}, "cell"),
+        ({"radius": 1.0}, "radius"),
+    ],
+)
+def test_bad_generator_parameters(generator, parameters, path):
+    """A generator refuses what it cannot mesh, with the path of the parameter."""
+    with pytest.raises(SceneError) as caught:
+        generate_mesh(generator, parameters, MPI.COMM_SELF)
+    assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("body.msh", None, "no such file"),
+        ("body.msh", "this is no mesh\n", "body.msh"),
+        ("body.geo", "Point(1) = {0, 0", "body.geo"),
+        ("body.geo", "Point(1) = {0, 0, 0};", "physical group"),
+        ("body.obj", "v 0 0 0\n", "unknown mesh format '.obj'"),
+    ],
+)
+def test_files_that_are_no_mesh(tmp_path, name, content, message):
+    """A MeshError names the file and says what is wrong; gmsh is left as it was found."""
+    file = tmp_path / name
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(MeshError, match=message):
+        alone(small(mesh=MeshFile(file=file)))
+    assert not gmsh.isInitialized()
+
+
+GEOMETRY = """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 3, 1};
+Transfinite Curve{1, 3} = 7; Transfinite Curve{2, 4} = 3; Transfinite Surface{1};
+Physical Surface("body") = {1};
+"""
+
+
+def test_mesh_without_names(tmp_path):
+    """A body without named boundaries can hold no scene."""
+    file = tmp_path / "body.geo"
+    file.write_text(GEOMETRY)
+    with pytest.raises(MeshError, match="no named boundary"):
+        read_mesh(file, MPI.COMM_SELF)
+
+
+def test_mesh_file(tmp_path):
+    """A geometry with physical groups is a mesh like that of a generator."""
+    file = tmp_path / "body.geo"
+    names = {"bottom": 1, "right": 2, "top": 3, "left": 4}
+    file.write_text(GEOMETRY + "".join(f'Physical Curve("{name}") = {{{tag}}};\n' for name, tag in names.items()))
+    ours = alone(small(mesh=MeshFile(file=file)))
+    assert ours.discretisation.dofs == 2 * 7 * 3
+    theirs = alone(example1(nx=6, ny=2, cell="triangle", generator="block"))
+    assert ours.contact.pressure.max() == pytest.approx(theirs.contact.pressure.max(), rel=0.1)

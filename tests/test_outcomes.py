@@ -1,0 +1,116 @@
+"""Scenes without a solution, or that the method does not solve: each ends in an outcome with a name."""
+
+import pytest
+from scenes import PATCH, alone, example1
+
+from signorini_fx.errors import ConvergenceError
+from signorini_fx.results import Status
+from signorini_fx.scene import SurfaceTraction
+
+SMALL = {"nx": 30, "ny": 10}
+
+
+def loaded(x, y):
+    """A traction on top."""
+    return (SurfaceTraction(boundary="top", x=x, y=y),)
+
+
+def outcome(scene):
+    """The status of the scene; with ``check`` it is raised, and the error says the same."""
+    solution = alone(scene, check=False)
+    if not solution.converged:
+        with pytest.raises(ConvergenceError) as caught:
+            alone(scene)
+        assert caught.value.solution.status is solution.status
+        assert str(caught.value) == f"{solution.status.value}: {solution.status.advice}"
+    return solution
+
+
+def test_converged():
+    """The scene that the others are made from has a solution, and its records say so."""
+    solution = outcome(example1(bound=1.5, **SMALL))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert solution.history.iterations[-1].changed == 0
+    assert solution.history.outer[-1].status == "converged"
+
+
+def test_free_sideways_without_friction():
+    """Contact without friction does not hold a body sideways: said before any linear solve."""
+    solution = outcome(example1(**SMALL).model_copy(update={"displacement": ()}))
+    assert solution.status is Status.NOT_HELD
+    assert solution.history.iterations == []
+
+
+@pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
+def test_friction_alone_holds_sideways(law):
+    """With friction the same body is held."""
+    solution = outcome(example1(**law, **SMALL).model_copy(update={"displacement": ()}))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+
+
+def test_no_contact_and_no_support():
+    """A linear scene whose body floats."""
+    scene = example1(**SMALL).model_copy(update={"displacement": (), "contact": ()})
+    assert outcome(scene).status is Status.NOT_HELD
+
+
+def test_no_contact_and_half_a_support():
+    """The sides of Example 1 leave the body free vertically."""
+    assert outcome(example1(**SMALL).model_copy(update={"contact": ()})).status is Status.NOT_HELD
+
+
+@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
+def test_pulled_off(law):
+    """A load that lifts the body off its foundation has no static solution."""
+    scene = example1(**law, **SMALL).model_copy(update={"traction": loaded(0.0, 20.0)})
+    assert outcome(scene).status is Status.OPEN
+
+
+@pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
+def test_pushed_off_sideways(law):
+    """A sideways load beyond what friction can carry slides the body away."""
+    scene = example1(**law, **SMALL).model_copy(update={"traction": loaded(10.0, -20.0), "displacement": ()})
+    assert outcome(scene).status is Status.SLIDES
+
+
+@pytest.mark.parametrize("gamma", [1e6, 1e7, 1e8])
+def test_cycling(gamma):
+    """sigma = 1 / gamma_2 cycles (section 7.1); the advice names the cure, and the cure works."""
+    solution = outcome(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH))
+    assert solution.status is Status.CYCLING
+    assert "sigma = 'auto'" in solution.status.advice
+    assert outcome(example1(bound=1.5, gamma=gamma, patch=PATCH)).status is Status.CONVERGED
+
+
+def test_small_gamma_does_not_cycle():
+    """At gamma = 1e5 sigma = 1 / gamma_2 still converges, after 8 solves like Table 1."""
+    solution = outcome(example1(bound=1.5, gamma=1e5, sigma=1e-5, patch=PATCH))
+    assert solution.status is Status.CONVERGED
+    assert solution.history.linear_solves == 8
+
+
+def test_too_few_iterations():
+    """The limit on linear solves is kept to the number."""
+    solution = outcome(example1(bound=1.5, patch=PATCH, max_iterations=3, **SMALL))
+    assert solution.status is Status.MAX_ITERATIONS
+    assert solution.history.linear_solves == 3
+
+
+def test_too_few_outer_iterations():
+    """One Tresca problem is not enough for Coulomb friction; its solution is carried all the same."""
+    solution = outcome(example1(coefficient=0.3, max_outer_iterations=1, **SMALL))
+    assert solution.status is Status.OUTER_MAX_ITERATIONS
+    assert len(solution.history.outer) == 2  # the pure contact problem that makes the start is one
+    assert solution.contact.pressure.max() == pytest.approx(20.0, rel=0.05)
+
+
+def test_gamma_beyond_double_precision():
+    """A penalty that drowns the stiffness ends in a name, not in a wrong result."""
+    assert outcome(example1(bound=1.5, gamma=1e16, patch=PATCH, **SMALL)).status is Status.ROUND_OFF
+
+
+def test_every_outcome_has_advice():
+    """Each status tells the user what to do."""
+    assert all(status.advice for status in Status)
