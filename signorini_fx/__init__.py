@@ -14,7 +14,9 @@ _PUBLIC = {
     "errors": ("ConvergenceError", "MeshError", "SceneError", "SignoriniError"),
     "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "results": ("Status",),
+    "io": ("write_results",),
     "scene": (
+        "BilateralContact",
         "BodyForce",
         "Box",
         "CoulombFriction",

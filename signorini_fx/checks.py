@@ -46,6 +46,7 @@ from signorini_fx.scene import (
 )
 from signorini_fx.strategy import LARGEST_GAMMA, START_GAMMA
 
+_Rows = npt.NDArray[np.float64]
 # Forces and motions below this share of their scale are round-off.
 _ZERO = 1e-8
 # A gap this many times larger than the estimated displacements is called out.
@@ -511,9 +512,8 @@ def _equilibrium(d: _Body, law: FrictionLaw | None) -> list[Finding]:
     free = motions.free
     if free.shape[1] == 0:
         return []
-    cone, given = _reactions(d, law)
-    resisted = cone if given.size == 0 else np.vstack((cone, given))
-    loose = _null_space(resisted, free.shape[1])
+    cone, given, directions = _reactions(d, law)
+    loose = _null_space(directions)
     if loose.shape[1]:
         names = _motions(free @ loose, motions)
         what = "the supports" if boundary is None else "the supports nor the contact"
@@ -525,7 +525,8 @@ def _equilibrium(d: _Body, law: FrictionLaw | None) -> list[Finding]:
         load, size = _load_on(d, step)
         pushed = pushed or float(np.linalg.norm(load)) > _ZERO * size
         away = _unbalanced(cone, load)
-        if not float(away @ load) > np.abs(given @ away).sum() + _ZERO * size * float(np.linalg.norm(away)):
+        left = float(np.linalg.norm(away))
+        if left <= _ZERO * size or left**2 <= np.abs(given @ away).sum():
             continue
         when = f"load step {step + 1}: " if d.scene.steps > 1 else ""
         warnings.append(
@@ -541,7 +542,7 @@ def _equilibrium(d: _Body, law: FrictionLaw | None) -> list[Finding]:
         return warnings
     alone = "the contact alone" if law is None or _normal_alone(d) else "friction"
     text = f"the supports do not hold {_motions(free, motions)}: {alone} must"
-    if not pushed and np.linalg.matrix_rank(given, tol=_ZERO) < free.shape[1] and not _has_bilateral(d):
+    if not pushed and np.linalg.matrix_rank(given) < free.shape[1] and not _has_bilateral(d):
         message = f"{text}, but no load presses the body on its foundation: its position is not determined"
         return [Finding("warning", "traction, body_force", message)]
     return [Finding("note", "displacement", f"{text}, and the loads press the body on")]
@@ -558,33 +559,33 @@ def _has_bilateral(d: _Body) -> bool:
     return any(contact.kind == "bilateral" for contact in d.scene.contact)
 
 
-def _reactions(d: _Body, law: FrictionLaw | None) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Contact reactions against the free motions, from all ranks, one a row.
+def _reactions(d: _Body, law: FrictionLaw | None) -> tuple[_Rows, _Rows, _Rows]:
+    """Contact reactions against the free motions, gathered from all ranks, one a row.
 
     Returns:
-        Generators of the cone of what the pressure and Coulomb friction can balance (a cap is not counted), scaled; and
-        what given friction balances at most, in either direction.
+        Generators, of length 1, of the cone that pressure and Coulomb friction can balance (a cap is not counted); what
+        given friction balances at most, in either direction; the directions in which there is any reaction.
     """
     boundary, free = d.boundary, d.motions.free
-    none = np.empty((0, free.shape[1]))
     if boundary is None:
-        return none, none
+        none = np.empty((0, free.shape[1]))
+        return none, none, none
     modes = d.motions.at(boundary.x) * boundary.free[:, :, None]
-    normal, tangent = (
-        np.einsum("ij,ijk->ik", direction, modes) @ free for direction in (boundary.normal, boundary.tangent)
-    )
-    coefficient = np.zeros(boundary.size) if law is None else law.coefficient
-    bilateral = solver._bilateral(d.scene, boundary)
+    normal = np.einsum("ij,ijk->ik", boundary.normal, modes) @ free
+    tangent = np.einsum("ij,ijk->ik", boundary.tangent, modes) @ free
+    zero = np.zeros(boundary.size)
+    coefficient, given = (zero, zero) if law is None else (law.coefficient, boundary.weight * law.given)
     edges = [normal + coefficient[:, None] * tangent, normal - coefficient[:, None] * tangent]
+    bilateral = solver._bilateral(d.scene, boundary)
     if bilateral is not None:
         edges += [-edge[bilateral] for edge in edges]
-    cone = parallel.gather_rows(boundary.comm, np.concatenate(edges))
+    directions = np.concatenate([normal, tangent[(coefficient > 0) | (given > 0)]])
+    cone, friction, directions = (
+        parallel.gather_rows(boundary.comm, rows)
+        for rows in (np.concatenate(edges), given[:, None] * tangent, directions)
+    )
     sizes = np.linalg.norm(cone, axis=1)
-    cone = cone[sizes > _ZERO] / sizes[sizes > _ZERO, None]
-    if law is None:
-        return cone, none
-    given = parallel.gather_rows(boundary.comm, (boundary.weight * law.given)[:, None] * tangent)
-    return cone, given[np.linalg.norm(given, axis=1) > 0]
+    return cone[sizes > _ZERO] / sizes[sizes > _ZERO, None], friction, directions
 
 
 def _load_on(d: _Body, step: int) -> tuple[npt.NDArray[np.float64], float]:
@@ -596,9 +597,9 @@ def _load_on(d: _Body, step: int) -> tuple[npt.NDArray[np.float64], float]:
     return total[:-1], float(total[-1])
 
 
-def _null_space(rows: npt.NDArray[np.float64], dim: int) -> npt.NDArray[np.float64]:
+def _null_space(rows: _Rows) -> _Rows:
     """Directions, one a column, across all the rows."""
-    values, vectors = np.linalg.eigh(rows.T @ rows if rows.size else np.zeros((dim, dim)))
+    values, vectors = np.linalg.eigh(rows.T @ rows)
     return vectors[:, values <= _ZERO**2 * max(float(values[-1]), 1e-300)]
 
 
@@ -665,7 +666,7 @@ def _gaps(d: _Body, data: RegularisedData) -> list[Finding]:
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.global_max(comm, parallel.local_max(-data.gap, -np.inf))
     found = []
-    if smallest < 0:
+    if smallest < -_ZERO * size:
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         found.append(
             Finding(
@@ -677,7 +678,7 @@ def _gaps(d: _Body, data: RegularisedData) -> list[Finding]:
     if d.motions.free.shape[1] > 0 or parallel.global_sum(comm, np.array(np.count_nonzero(~unilateral))) > 0:
         return found
     moved = max(_displacement_scale(d, step) for step in range(d.scene.steps))
-    if smallest >= 0 and moved == 0.0:
+    if smallest >= -_ZERO * size and moved == 0.0:
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         found.append(Finding("warning", "traction, body_force, displacement", message))
     elif smallest > _FAR * moved:

@@ -85,6 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _solve(options, petsc_options)
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # the reader of our output has gone, as in "| head"
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+        return EXIT_OK
     except Exception:
         # An error that only one rank meets would leave the others waiting for ever.
         traceback.print_exc()
@@ -109,7 +112,7 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
         import petsc4py
 
-        petsc4py.init(["signorini-fx", *petsc_options])
+        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
         from signorini_fx import io
         from signorini_fx.solver import solve
         from signorini_fx.summary import render, table_row
@@ -178,7 +181,7 @@ def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
         import petsc4py
 
-        petsc4py.init(["signorini-fx", *petsc_options])
+        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
         from signorini_fx.checks import check_scene
 
         check = check_scene(scene, comm)

@@ -233,6 +233,8 @@ def _entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np
     mesh.topology.create_connectivity(dim, dim - 1)
     facet_cells = mesh.topology.connectivity(dim - 1, dim)
     cell_facets = mesh.topology.connectivity(dim, dim - 1)
+    if facets.size == 0:  # a rank may have no cells at all
+        return np.empty((0, 2), dtype=np.int32)
     cells = facet_cells.array[facet_cells.offsets[facets]]
     per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
     return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)

@@ -41,6 +41,7 @@ class ExactProblem:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.renewed = True
+        self.moved: int | None = None
         self._constrained: dict[int, npt.NDArray[np.int32]] = {}
         self._motions = motions
         self._forced_first = False
@@ -138,6 +139,9 @@ class ExactProblem:
         array = f.getArray()
         np.add.at(array, self._t, self._t_sign * self.boundary.weight * shear)
         array[dofs] = self._diagonal * (x.getArray(readonly=True)[dofs] - values)
+
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """See ``ContactProblem``: rows come and go here, no factor is kept."""
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""

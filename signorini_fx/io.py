@@ -23,7 +23,7 @@ from pydantic import BaseModel
 from signorini_fx import compat, parallel
 from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
-from signorini_fx.quantities import ContactTable, contact_table
+from signorini_fx.quantities import ContactTable
 from signorini_fx.results import as_rows
 from signorini_fx.solver import Solution
 from signorini_fx.summary import summarise
@@ -66,7 +66,7 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
 
     Args:
         solution: what to write, converged or not.
-        folder: as it was prepared.
+        folder: made if it is not there.
         fields: write the fields for ParaView.
         pictures: draw the deformed mesh, the boundary profiles and the iteration history.
 
@@ -78,8 +78,8 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
     """
     comm = solution.comm
     part = folder / _PART
-    names = [effect.boundary for effect in solution.scene.contact]
-    table = contact_table(solution.contact, names) if solution.contact is not None else None
+    prepare_folder(comm, folder)
+    table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
     summary["scene"] = describe(solution.scene)
     steps = summary.get("steps", [])

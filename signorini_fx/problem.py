@@ -40,7 +40,8 @@ class ContactProblem(Protocol):
         following: active sets of the last residual.
         force_scale: size of the forces in the last residual.
         loose: how the body gets away from the sets of the last residual; None: they hold it.
-        renewed: whether the last Jacobian differs from the one before, so that it has to be factorised again.
+        renewed: whether the last Jacobian differs from the one before.
+        moved: contact nodes whose blocks differ from those of the last factorisation; None: not known.
     """
 
     system: ElasticSystem
@@ -51,6 +52,7 @@ class ContactProblem(Protocol):
     force_scale: float
     loose: Status | None
     renewed: bool
+    moved: int | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
@@ -75,6 +77,9 @@ class ContactProblem(Protocol):
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """The residual with the sets that follow from x."""
 
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """Take note that the Jacobian is factorised as it is now."""
+
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """The Jacobian with the sets of the last residual, which become the current ones."""
 
@@ -94,6 +99,7 @@ class RegularisedProblem:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.renewed = True
+        self.moved: int | None = None
         self._motions = motions
         self._forced_first = False
         self._blocks = _NodeBlocks(system, boundary)
@@ -144,7 +150,11 @@ class RegularisedProblem:
         self.sets = self.following
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is left alone.
-        self.renewed = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
+        self.renewed, self.moved = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
+
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """See ``ContactProblem``."""
+        self._blocks.factorised[jacobian.handle] = self._blocks.inserted[jacobian.handle]
 
 
 class _NodeBlocks:
@@ -152,7 +162,8 @@ class _NodeBlocks:
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
         self._comm = system.comm
-        self._last: dict[int, npt.NDArray[np.float64]] = {}
+        self.inserted: dict[int, npt.NDArray[np.float64]] = {}
+        self.factorised: dict[int, npt.NDArray[np.float64]] = {}
         first = system.matrix.getOwnershipRange()[0]
         dofs, node = np.unique(system.contact_dofs, axis=0, return_inverse=True)
         self._node = node.ravel()
@@ -163,18 +174,23 @@ class _NodeBlocks:
         n, t = boundary.normal, boundary.tangent
         self._nn, self._tt, self._tn = (weight * np.einsum("ij,ik->ijk", a, b) for a, b in ((n, n), (t, t), (t, n)))
 
-    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> bool:
+    def insert(
+        self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None
+    ) -> tuple[bool, int | None]:
         """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix, if they are not there.
 
         Returns:
-            Whether the matrix has changed; the same on all ranks.
+            Whether the matrix has changed, and how many nodes differ from the last factorisation, None if there is
+            none; the same on all ranks.
         """
         state = np.stack([normal, tangential, np.zeros_like(normal) if coupling is None else coupling])
-        last = self._last.get(matrix.handle)
-        same = last is not None and np.array_equal(last, state)
-        if not parallel.any_rank(self._comm, not same):
-            return False
-        self._last[matrix.handle] = state
+        known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
+        differ = [1 + state.size if old is None else np.count_nonzero((old != state).any(axis=0)) for old in known]
+        changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
+        since = None if known[1] is None else moved
+        if changed == 0:
+            return False, since
+        self.inserted[matrix.handle] = state
         contact = normal[:, None, None] * self._nn + tangential[:, None, None] * self._tt
         if coupling is not None:
             contact += coupling[:, None, None] * self._tn
@@ -183,4 +199,4 @@ class _NodeBlocks:
         if self._rows.size:
             matrix.setValuesRCV(self._rows, self._rows, blocks)
         matrix.assemble()
-        return True
+        return True, since

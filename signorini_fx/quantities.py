@@ -102,7 +102,7 @@ class Certificate:
         negative_pressure: largest -lambda.
         complementarity: largest |lambda (tau_N y - d)|.
         friction_cone: largest |mu| - F g.
-        wrong_way_slip: largest -mu tau_T y: slip against mu, which (2.3e') excludes.
+        wrong_way_slip: largest -mu xi: slip against mu, which (2.3e') excludes.
         stick_slip: largest |tau_T y| at stick nodes; |mu| / gamma by the regularisation.
     """
 
@@ -190,7 +190,7 @@ def certify(
         "negative_pressure": (-pressure[~contact.bilateral], stress),
         "complementarity": (np.abs(pressure * overlap), stress * length),
         "friction_cone": (np.abs(shear) - contact.bound, stress),
-        "wrong_way_slip": (-shear * contact.slip_length, stress * length),
+        "wrong_way_slip": (-shear * contact.xi, stress * length),
         "stick_slip": (np.abs(contact.slip_length)[(contact.slip == 0) & contact.has_friction], length),
     }
     values = {
@@ -212,8 +212,8 @@ def _share(part: float, whole: float) -> float:
 class Functionals:
     """Primal and dual functional of the regularised problem with given friction, energies per thickness.
 
-    Their difference is never negative for feasible lambda and mu, and zero at the solution only: a certificate of
-    optimality.
+    Their difference is never negative for feasible lambda and mu, and zero where (3.3b) and (3.3c) hold; together with
+    equilibrium (3.3a) it is a certificate of optimality.
 
     Attributes:
         primal: J_gamma(y) of section 3.

@@ -23,6 +23,7 @@ class Status(Enum):
     OPEN = "contact opens, no static equilibrium"
     SLIDES = "slides, no static equilibrium"
     SINGULAR = "linear system singular"
+    LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
     NOT_CERTIFIED = "certificate does not hold"
 
@@ -53,6 +54,10 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SINGULAR: "check that the prescribed displacements and the contact hold the body, and the mesh for slivers",
+    Status.LINEAR_SOLVER: (
+        "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
+        "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
+    ),
     Status.NOT_CERTIFIED: (
         "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
         "summary; lower solver.gamma_n and solver.gamma_t, or check the mesh"
@@ -73,7 +78,7 @@ class IterationRecord:
         slip_plus: number of nodes in A_f,+ of this solve.
         slip_minus: number of nodes in A_f,- of this solve.
         changed: number of nodes whose state changes by this solve, i.e. between sets k and k + 1.
-        residual: Euclidean norm of the residual before this solve, relative to the forces at work.
+        residual: Euclidean norm of the residual after this solve with the new sets, relative to the forces at work.
         factorised: whether the matrix had to be factorised anew for it.
         seconds: wall time since the solve began, on this rank.
     """

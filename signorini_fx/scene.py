@@ -294,17 +294,20 @@ class SolverSettings(_Model):
         initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
             problem; a box or an expression (true or > 0): a patch that is forced into contact.
         gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
-        gamma_factor: alm: growth of gamma from one problem to the next.
-        inner_iterations: alm: linear solves allowed for one problem (inexact); ``auto``: until its sets repeat.
+        gamma_factor: alm with given friction: growth of gamma from one problem to the next.
+        inner_iterations: alm with given friction: linear solves allowed for one problem (inexact); ``auto``: until its
+            sets repeat.
         regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
             the discretisation error.
-        linear_algebra: ``full`` (all unknowns, sparse), ``condensed`` (the contact nodes only, dense; one rank),
-            ``auto`` (condensed where it is cheaper).
+        linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or GMRES with
+            algebraic multigrid), ``condensed`` (the contact nodes only, dense; one rank), ``auto`` (condensed where it
+            is cheaper, else full).
         levels: meshes of a nested iteration, each with elements half as large as the one before; the last is the mesh
             of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.
         max_outer_iterations: outer iterations allowed.
-        tolerance: the outer iteration stops when the friction bound changes relatively by no more than this.
+        tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
+            relatively by no more than this.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
@@ -317,7 +320,7 @@ class SolverSettings(_Model):
     gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
-    linear_algebra: Literal["auto", "full", "condensed"] = "auto"
+    linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
     levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
     max_iterations: Count = 100
     max_outer_iterations: Count = 100

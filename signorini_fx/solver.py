@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,16 @@ from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import LevelRecord, carry_over, coarser_scenes
-from signorini_fx.quantities import Certificate, ContactState, Forces, Functionals, certify, functionals
+from signorini_fx.quantities import (
+    Certificate,
+    ContactState,
+    ContactTable,
+    Forces,
+    Functionals,
+    certify,
+    contact_table,
+    functionals,
+)
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 from signorini_fx.strategy import Task, run
@@ -64,7 +74,7 @@ class Solution:
         algorithm: the algorithms in force: ``linear``, ``ssn``, ``fp``, ...
         discretisation: mesh, space and operators.
         displacement: y, a finite element function.
-        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
+        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the conditions of the problem, checked anew after the solve.
         steps: one result a load step, as far as it went.
@@ -94,6 +104,17 @@ class Solution:
     def converged(self) -> bool:
         """Whether this is a solution, certificate included."""
         return self.status is Status.CONVERGED
+
+    @cached_property
+    def table(self) -> ContactTable:
+        """The contact boundary of all ranks as a table, the same on every rank; collective.
+
+        Raises:
+            ValueError: the scene has no contact.
+        """
+        if self.contact is None:
+            raise ValueError("the scene has no contact, hence no contact table")
+        return contact_table(self.contact, [effect.boundary for effect in self.scene.contact])
 
     @property
     def comm(self) -> MPI.Comm:
@@ -127,21 +148,24 @@ def solve(
     levels: list[LevelRecord] = []
     for level, coarse in enumerate(coarser_scenes(scene, scene.solver.levels)):
         history.add(f"level {level}")
+        before = history.linear_solves
         solution = _solve_level(coarse, comm, history, state)
-        levels.append(_level_record(level, solution))
+        levels.append(_level_record(level, solution, before))
         state = solution.contact if solution.converged else None
     if levels:
         history.add(f"level {len(levels)}")
+    before = history.linear_solves
     solution = _solve_level(scene, comm, history, state)
     if levels:
-        solution = replace(solution, levels=(*levels, _level_record(len(levels), solution)))
+        solution = replace(solution, levels=(*levels, _level_record(len(levels), solution, before)))
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
 
 
-def _level_record(level: int, solution: Solution) -> LevelRecord:
-    own = solution.history.iterations[-sum(step.linear_solves for step in solution.steps) :]
+def _level_record(level: int, solution: Solution, before: int) -> LevelRecord:
+    """What a level took, from the records after the first ``before``."""
+    own = solution.history.iterations[before:]
     return LevelRecord(
         level=level,
         dofs=solution.discretisation.dofs,
@@ -213,11 +237,12 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     """A scene without contact: one factorisation, one solve a load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        system = FullSystem.of(discretisation)
+        krylov = discretisation.scene.solver.linear_algebra == "krylov"
+        system = FullSystem.of(discretisation, krylov=krylov)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
-        system.configure(ksp, symmetric=True)
         ksp.setOperators(system.matrix)
+        system.configure(ksp, symmetric=True)
         ksp.setFromOptions()
         x = system.start.copy()
     for step in range(discretisation.scene.steps):
@@ -399,7 +424,8 @@ def _contact_state(task: Task) -> ContactState:
         u_t=u_t,
         pressure=pressure,
         shear=shear,
-        bound=data.friction_bound(pressure),
+        # Of the law itself: the iteration may have stopped with the bound of the pressure before.
+        bound=np.zeros_like(pressure) if not data.has_friction or task.law is None else task.law.bound(pressure),
         in_contact=sets.contact,
         slip=sets.slip,
         has_friction=data.has_friction,

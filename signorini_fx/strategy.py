@@ -216,8 +216,8 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             shift=s.algorithm == "alm",
         )
 
-    # The monolithic tangent knows neither a cap nor a pressure of either sign.
-    smooth = law.cap is None and task.data.bilateral is None
+    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
+    smooth = law.cap is None and task.data.bilateral is None and task.system.unsymmetric
     wanted = s.coulomb == "newton" or (s.coulomb == "auto" and task.start is not None and task.step == 0)
     if not wanted or s.algorithm == "alm" or not smooth:
         return fixed()

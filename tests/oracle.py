@@ -1,7 +1,8 @@
 """Example 1 of the paper once more, in NumPy and SciPy alone: an independent program to hold the package against.
 
-Written from sections 4, 6.3 and 7 of the paper; it shares no line with the package.  The grid is uniform, node (i, j) has
-number i + (nx + 1) j and dofs 2 n, 2 n + 1.  The interior is eliminated once, so that every step is a small dense solve.
+Written from sections 4, 6.3 and 7 of the paper; it shares no line with the package.  The grid is uniform: node (i, j)
+has number n = i + (nx + 1) j and dofs 2 n, 2 n + 1.  The interior is eliminated once, so that every step is a small
+dense solve.
 """
 
 from __future__ import annotations

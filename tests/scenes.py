@@ -32,8 +32,8 @@ def example1(
 ):
     """Example 1 of section 7.1: Tresca friction with ``bound``, Coulomb friction with ``coefficient``, or none.
 
-    ``gamma`` is one number, the pair (gamma_1, gamma_2), or "auto"; ``length_unit`` and ``stress_unit`` are what one unit
-    of the paper measures in the units of the scene; ``settings`` go to the solver, in the units of the scene.
+    ``gamma`` is one number, the pair (gamma_1, gamma_2), or "auto"; ``length_unit`` and ``stress_unit`` are what one
+    unit of the paper measures in the units of the scene; ``settings`` go to the solver, in the units of the scene.
     """
     length, stress = length_unit, stress_unit
     gamma_n, gamma_t = gamma if isinstance(gamma, tuple) else (gamma, gamma)

@@ -23,7 +23,9 @@ def imports(path, *, everywhere):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        lazily = isinstance(node, ast.FunctionDef) or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+        lazily = isinstance(node, ast.FunctionDef) or (
+            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        )
         if everywhere or not lazily:
             todo += ast.iter_child_nodes(node)
     return names
@@ -70,7 +72,9 @@ def test_scenes_need_no_solver(module):
 
 def compares_versions(path):
     """Whether a file compares something called version."""
-    comparisons = (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Compare))
+    comparisons = (
+        node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Compare)
+    )
     return any("version" in ast.unparse(node).lower() for node in comparisons)
 
 

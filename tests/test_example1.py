@@ -1,8 +1,8 @@
 """Example 1 of section 7.1: known numbers, and other discretisations of the same problem.
 
-The Q1 numbers (120 x 40, gamma = 1e8, nu = 0.4) are those of an independent program (oracle.py).  Refined to 480 x 160 they
-are energy 0.023207 and largest pressure 20.115: the 120 x 40 mesh is 0.09 % and 0.02 % off, P1 on the same nodes 0.24 %
-and 0.02 %.  Other elements must agree with Q1 to the sum of such errors.
+The Q1 numbers (120 x 40, gamma = 1e8, nu = 0.4) are those of an independent program (oracle.py).  Refined to 480 x 160
+they are energy 0.023207 and largest pressure 20.115: the 120 x 40 mesh is 0.09 % and 0.02 % off, P1 on the same nodes
+0.24 % and 0.02 %.  Other elements must agree with Q1 to the sum of such errors.
 """
 
 import numpy as np

@@ -131,7 +131,47 @@ def test_undefined_values():
 
 
 TOKENS = st.sampled_from(
-    ["x[0]", "x[1]", "x", "pi", "1", "2.5", "0", "-1", "+", "-", "*", "/", "**", "(", ")", "[", "]", ",", "<", "<=", ">", "==", "&", "|", "and", "or", "not", "if", "else", "sin", "sqrt", "abs", "max", "where", "log", "1.0", "1e400", ".", "'"]
+    [
+        "x[0]",
+        "x[1]",
+        "x",
+        "pi",
+        "1",
+        "2.5",
+        "0",
+        "-1",
+        "+",
+        "-",
+        "*",
+        "/",
+        "**",
+        "(",
+        ")",
+        "[",
+        "]",
+        ",",
+        "<",
+        "<=",
+        ">",
+        "==",
+        "&",
+        "|",
+        "and",
+        "or",
+        "not",
+        "if",
+        "else",
+        "sin",
+        "sqrt",
+        "abs",
+        "max",
+        "where",
+        "log",
+        "1.0",
+        "1e400",
+        ".",
+        "'",
+    ]
 )
 TEXTS = st.one_of(st.text(max_size=40), st.lists(TOKENS, max_size=12).map(" ".join))
 SQUARE = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
@@ -180,5 +220,10 @@ def test_numpy_and_ufl_agree(text):
 
 def test_sample():
     """Numbers, expressions and callables become one value a point."""
-    for value, expected in ((2.0, np.full(5, 2.0)), (Expression("x[1]"), x1), (lambda x: x[0] ** 2, x0**2), (lambda x: 3, np.full(5, 3.0))):
+    for value, expected in (
+        (2.0, np.full(5, 2.0)),
+        (Expression("x[1]"), x1),
+        (lambda x: x[0] ** 2, x0**2),
+        (lambda x: 3, np.full(5, 3.0)),
+    ):
         np.testing.assert_array_equal(sample(value, X), expected)

@@ -28,7 +28,14 @@ def test_units(law, length, stress):
     there = alone(example1(**law, gamma="auto", nx=60, ny=20, length_unit=length, stress_unit=stress))
     assert counts(there) == counts(here)
     ours, theirs = table_of(there).columns, table_of(here).columns
-    for name, unit in {"x": length, "gap": length, "u_n": length, "u_t": length, "pressure": stress, "shear": stress}.items():
+    for name, unit in {
+        "x": length,
+        "gap": length,
+        "u_n": length,
+        "u_t": length,
+        "pressure": stress,
+        "shear": stress,
+    }.items():
         close(ours[name] / unit, theirs[name])
     energies = [energy(solution) for solution in (there, here)]
     assert energies[0] == pytest.approx(energies[1] * stress * length**2, rel=1e-9)
@@ -52,7 +59,9 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize(
-    "law", [{"law": "none"}, {"law": "tresca", "bound": 1.5}, {"law": "coulomb", "coefficient": 0.4}], ids=lambda law: law["law"]
+    "law",
+    [{"law": "none"}, {"law": "tresca", "bound": 1.5}, {"law": "coulomb", "coefficient": 0.4}],
+    ids=lambda law: law["law"],
 )
 def test_mirror(law, cell):
     """The mirror image of the scene has the mirror image of the solution."""

@@ -27,7 +27,10 @@ def mistakes(scene):
 def test_missing_boundaries():
     """Every name that the mesh does not have is reported, and those that it has are listed."""
     found = mistakes(
-        small(contact=(UnilateralContact(boundary="foot"),), displacement=(PrescribedDisplacement(boundary="Left", x=0.0),))
+        small(
+            contact=(UnilateralContact(boundary="foot"),),
+            displacement=(PrescribedDisplacement(boundary="Left", x=0.0),),
+        )
     )
     assert set(found) == {"contact[0].boundary", "displacement[0].boundary"}
     assert "'foot'" in found["contact[0].boundary"]

@@ -39,7 +39,9 @@ def test_tresca(nx, ny, cell, gamma):
     reference = oracle.tresca(nx, ny, 0.4, 1.5, gamma, (1.25, 1.75), cell)
     agree(solution, reference, nx, ny)
     table = table_of(solution).columns
-    np.testing.assert_array_equal(np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]), reference.slip)
+    np.testing.assert_array_equal(
+        np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]), reference.slip
+    )
     assert solution.history.linear_solves == reference.solves
 
 
@@ -58,7 +60,10 @@ def test_coulomb(nx, ny, cell, coefficient):
 def test_numbers_of_example_1():
     """The numbers that the package's results are known by, from the oracle alone (Q1, 120 x 40, gamma = 1e8)."""
     middle = 40 * 121 + 60
-    tresca, coulomb = oracle.tresca(120, 40, 0.4, 1.5, (1e8, 1e8), (1.25, 1.75)), oracle.coulomb(120, 40, 0.4, 0.3, (1e8, 1e8))
+    tresca, coulomb = (
+        oracle.tresca(120, 40, 0.4, 1.5, (1e8, 1e8), (1.25, 1.75)),
+        oracle.coulomb(120, 40, 0.4, 0.3, (1e8, 1e8)),
+    )
     assert tresca.u[middle, 1] == pytest.approx(-0.00382157, abs=5e-9)
     assert coulomb.u[middle, 1] == pytest.approx(-0.00384852, abs=5e-9)
     assert (tresca.energy, coulomb.energy) == pytest.approx((0.0231870, 0.0234108), abs=5e-8)

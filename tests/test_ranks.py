@@ -88,9 +88,15 @@ def with_contact(**changes):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"contact": (UnilateralContact(boundary="foot"),)}, r"contact\[0\].boundary.*'foot'.*bottom, left, right, top"),
+        (
+            {"contact": (UnilateralContact(boundary="foot"),)},
+            r"contact\[0\].boundary.*'foot'.*bottom, left, right, top",
+        ),
         ({"displacement": (PrescribedDisplacement(boundary="bottom", y=0.0),)}, r"displacement\[0\].*6 facets"),
-        ({"displacement": (PrescribedDisplacement(boundary="left", x="sqrt(x[1] - 0.1)"),)}, "displacement.*not finite"),
+        (
+            {"displacement": (PrescribedDisplacement(boundary="left", x="sqrt(x[1] - 0.1)"),)},
+            "displacement.*not finite",
+        ),
         ({"traction": (SurfaceTraction(boundary="top", y="log(x[0] - 2.9)"),)}, "traction.*not finite"),
         (with_contact(gap=Expression("sqrt(x[0] - 0.1)")), r"contact\[0\].gap: is nan at \("),
         (with_contact(friction=TrescaFriction(bound="2.5 - x[0]")), r"contact\[0\].friction.bound: is -0.5 at \(3, "),

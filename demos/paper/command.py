@@ -24,7 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Compute what is asked for, write it, and return the exit code."""
     options = _options(arguments)
     if MPI.COMM_WORLD.size > 1:
-        print("paper.py works on one rank: start it without mpirun", file=sys.stderr)
+        if MPI.COMM_WORLD.rank == 0:
+            print("paper.py works on one rank: start it without mpirun", file=sys.stderr)
         return 2
     start = time.perf_counter()
     everything = options.tables is options.figures is options.studies is None
@@ -115,4 +116,5 @@ def _merged(tables: Sequence[Table]) -> dict[str, Any]:
 
 
 def _write_json(path: Path, numbers: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(numbers, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -153,7 +153,7 @@ def figure4(folder: Path) -> Picture:
         for m in range(longest)
     ]
     inner = Table(
-        "figure4",
+        "figure4_iterations",
         "Figure 4, right: inner iterations of (ALM-FP)",
         ["m \\ gamma", *map(power, gammas)],
         rows,

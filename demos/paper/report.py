@@ -49,15 +49,16 @@ class Entry:
     @property
     def text(self) -> str:
         """The computed number."""
-        return _shown(self.computed, self.form)
+        return shown(self.computed, self.form)
 
     @property
     def printed_text(self) -> str:
         """The printed number, empty where there is none."""
-        return "" if self.printed is None else _shown(self.printed, self.form)
+        return "" if self.printed is None else shown(self.printed, self.form)
 
 
-def _shown(value: Any, form: str) -> str:
+def shown(value: Any, form: str) -> str:
+    """A value as the tables show it."""
     if value is None:
         return ""
     if isinstance(value, str):
@@ -260,8 +261,8 @@ def write_page(
         if table.comparable
     )
     links = [
-        " ".join(f'<a href="#{item.name}">{label} {number}</a>' for number, item in enumerate(items, start=1))
-        for label, items in (("Table", tables), ("Figure", figures))
+        " ".join(f'<a href="#{item.name}">{html.escape(item.title.partition(":")[0])}</a>' for item in items)
+        for items in (tables, figures, studies)
     ]
     page = (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
@@ -269,9 +270,8 @@ def write_page(
         f"<style>{_STYLE}</style></head><body>"
         "<h1>K. Kunisch, G. Stadler: Generalized Newton methods for the 2D-Signorini contact problem with friction "
         "in function space (2005), section 7, recomputed</h1>"
-        f"<p>{_INTRODUCTION}</p><nav><p>{links[0]}</p><p>{links[1]}</p><p>"
-        + " ".join(f'<a href="#{study.name}">{html.escape(study.title)}</a>' for study in studies)
-        + f"</p></nav><table><tbody>{overview}</tbody></table>"
+        f"<p>{_INTRODUCTION}</p><nav>{''.join(f'<p>{line}</p>' for line in links)}</nav>"
+        f"<table><tbody>{overview}</tbody></table>"
         f"<h2>Tables</h2>{''.join(table.html() for table in tables)}"
         f"<h2>Figures</h2>{''.join(figure.html(folder) for figure in figures)}"
         f"<h2>Further studies</h2>{''.join(study.html() for study in studies)}"

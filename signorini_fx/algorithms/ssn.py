@@ -17,6 +17,8 @@ from signorini_fx.results import IterationRecord, OuterRecord, Status
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _SNES = PETSc.SNES.ConvergedReason
+# Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
+_NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 Observer = Callable[[IterationRecord | OuterRecord | str], None]
 
 
@@ -93,14 +95,24 @@ class SemismoothNewton:
         snes.setOptionsPrefix(options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(self.problem.residual, self._residual)
-        snes.setJacobian(self.problem.assemble_jacobian, self.problem.create_jacobian(symmetric=symmetric))
+        jacobian = self.problem.create_jacobian(symmetric=symmetric)
+        snes.setJacobian(self._assemble_jacobian, jacobian)
         snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self._max_iterations)
         snes.setConvergenceTest(self._test)
+        snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         with options.default("snes_linesearch_type", "basic"):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
         self._max_iterations = snes.getTolerances()[3]
         return snes
+
+    def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
+        """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
+        problem = self.problem
+        problem.assemble_jacobian(snes, x, jacobian)
+        self._factorised = problem.renewed and not problem.system.keep_factor(snes.getKSP(), problem.moved)
+        if self._factorised:
+            problem.factorised(jacobian)
 
     def solve(
         self,
@@ -130,7 +142,7 @@ class SemismoothNewton:
         self.snes.setTolerances(max_it=min(self._max_iterations, max_iterations or self._max_iterations))
         try:
             self.snes.solve(None, self.x)
-            status = self._status or _status(self.snes.getConvergedReason())
+            status = self._status or self._reason()
         except PETSc.Error:
             # Some factorisation packages raise where others set a reason; on one rank only they do.
             if self.problem.system.comm.size > 1:
@@ -190,6 +202,18 @@ class SemismoothNewton:
             return self._stop(problem.loose)
         return int(_SNES.CONVERGED_ITERATING)
 
+    def _reason(self) -> Status:
+        """Why SNES ended, where it was not the test that ended it."""
+        reason = self.snes.getConvergedReason()
+        if reason > 0:
+            return Status.CONVERGED
+        if reason == _SNES.DIVERGED_MAX_IT:
+            return Status.MAX_ITERATIONS
+        ksp = self.snes.getKSP()
+        if reason == _SNES.DIVERGED_LINEAR_SOLVE and ksp.getPC().getFailedReason() in _NOT_SINGULAR:
+            return Status.LINEAR_SOLVER
+        return Status.SINGULAR
+
     def _stop(self, status: Status) -> int:
         self._status = status
         return int(_SNES.DIVERGED_LOCAL_MIN)
@@ -205,7 +229,7 @@ class SemismoothNewton:
                 slip_minus=minus,
                 changed=changed,
                 residual=residual,
-                factorised=self.problem.renewed,
+                factorised=self._factorised,
                 seconds=time.perf_counter() - self._start_time,
             )
         )
@@ -214,11 +238,3 @@ class SemismoothNewton:
         """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
         state = 3 * sets.contact.astype(np.int64) + sets.slip + 1
         return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))
-
-
-def _status(reason: int) -> Status:
-    if reason > 0:
-        return Status.CONVERGED
-    if reason == _SNES.DIVERGED_MAX_IT:
-        return Status.MAX_ITERATIONS
-    return Status.SINGULAR

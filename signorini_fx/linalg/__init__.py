@@ -29,8 +29,23 @@ class ElasticSystem(Protocol):
     fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
 
+    @property
+    def unsymmetric(self) -> bool:
+        """Whether its linear solver can take an unsymmetric tangent."""
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks; the user's options are applied later and win."""
+        """Set the default linear solver for A plus contact blocks, whose operators it has already.
+
+        The user's options are applied later and win.
+        """
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+        """Decide whether the last factorisation serves the new matrix too, and set the solver accordingly.
+
+        Args:
+            ksp: the linear solver.
+            moved: contact nodes whose blocks have changed since that factorisation; None: not known.
+        """
 
     def set_step(self, step: int) -> None:
         """Make ``load`` and ``start`` those of a load step."""

@@ -21,7 +21,7 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
 
     Args:
         discretisation: the assembled body with a contact boundary.
-        wanted: ``full``, ``condensed`` or ``auto``.
+        wanted: ``full``, ``krylov``, ``condensed`` or ``auto``.
     """
     d = discretisation
     assert d.boundary is not None
@@ -29,6 +29,8 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
     reason = _against_condensing(d, kept)
     if wanted == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
         return CondensedSystem.of(d), "condensed: as asked for"
+    if wanted == "krylov":
+        return FullSystem.of(d, krylov=True), "full, Krylov: as asked for"
     if wanted == "full" or reason is not None:
         return FullSystem.of(d), f"full: {reason or 'as asked for'}"
     memory = 3 * 8 * kept**2 / 2**20

@@ -33,6 +33,7 @@ class CondensedSystem:
     interior: tuple[PETSc.Vec, ...]
     condensed: npt.NDArray[np.float64]
     step: int = 0
+    unsymmetric: bool = True
 
     @classmethod
     def of(cls, discretisation: Discretisation) -> CondensedSystem:
@@ -75,6 +76,10 @@ class CondensedSystem:
         """A dense factorisation by LAPACK."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+        """Never: a dense factorisation is cheap."""
+        return False
 
     def set_step(self, step: int) -> None:
         """The condensed loads and the prescribed displacements times their factors."""

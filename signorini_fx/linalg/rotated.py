@@ -30,9 +30,18 @@ class RotatedSystem:
     inner: ElasticSystem
     rotation: PETSc.Mat
 
+    @property
+    def unsymmetric(self) -> bool:
+        """As the system that is turned."""
+        return self.inner.unsymmetric
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """As the system that is turned."""
         self.inner.configure(ksp, symmetric=symmetric)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+        """As the system that is turned."""
+        return self.inner.keep_factor(ksp, moved)
 
     def set_step(self, step: int) -> None:
         """As the system that is turned."""

@@ -1,0 +1,220 @@
+"""Accuracy of the elements: rates of convergence against a solution that was made up, and locking.
+
+The made-up solution has contact, stick and slip in both directions (C.9).  The pressure is max(0, s), the shear the bound times clip(r, -1, 1), the slip grows where |r| > 1; the gap and the loads
+follow.  The zeros of s and of |r| - 1 are at thirds of the length: on the nodes of meshes whose number of facets is a
+multiple of three, else always a third of a facet away from one, so that the errors of a sequence of meshes can be
+compared.  The slip grows like (|r| - 1)^3, which leaves the displacement smooth enough for the rates of degree 2.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from scenes import alone, example1, rectangle
+
+from signorini_fx.scene import parse_scene
+
+YOUNG, POISSON = 200.0, 0.3
+MU = YOUNG / (2 * (1 + POISSON))
+LAME = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+LENGTH, HEIGHT = 2.0, 1.0
+BOUND, COEFFICIENT = 1.2, 0.4
+LAWS = {
+    "tresca": {"law": "tresca", "bound": BOUND},
+    "coulomb": {"law": "coulomb", "coefficient": COEFFICIENT},
+}
+ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
+
+# One text for both algebras: numbers at points and UFL.
+NUMBERS = SimpleNamespace(sin=np.sin, cos=np.cos, pos=lambda v: np.maximum(v, 0.0), clip=lambda v: np.clip(v, -1, 1))
+SYMBOLS = SimpleNamespace(
+    sin=ufl.sin,
+    cos=ufl.cos,
+    pos=lambda v: ufl.max_value(v, 0.0),
+    clip=lambda v: ufl.max_value(-1.0, ufl.min_value(v, 1.0)),
+)
+
+
+def s_of(m, x):
+    """Positive in contact, 1/3 < x < 5/3."""
+    return 8 * (1 - (1.5 * (x[0] - 1)) ** 2)
+
+
+def r_of(m, x):
+    """Slip along the tangent below 2/3, stick up to 4/3, slip against it above."""
+    return 3 * (1 - x[0])
+
+
+def pressure(m, x):
+    return m.pos(s_of(m, x))
+
+
+def shear(m, x, law):
+    bound = BOUND if law == "tresca" else COEFFICIENT * pressure(m, x)
+    return bound * m.clip(r_of(m, x))
+
+
+def displacement(m, x):
+    slip = 0.002 * (m.pos(r_of(m, x) - 1) ** 3 - m.pos(-r_of(m, x) - 1) ** 3)
+    across = slip * (1 - x[1]) ** 2 + 0.01 * x[1] * m.sin(2 * x[0])
+    up = 0.01 * m.cos(1.7 * x[0]) * (1 + x[1]) + 0.01 * m.sin(2 * x[1])
+    return across, up
+
+
+def gap(x):
+    """Closed in contact, open beside it."""
+    return -displacement(NUMBERS, x)[1] + 0.02 * np.maximum(0, -s_of(NUMBERS, x))
+
+
+def made_up(tagged, degree, law, **solver):
+    """The scene that has this solution."""
+    x = ufl.SpatialCoordinate(tagged.mesh)
+    epsilon = ufl.sym(ufl.grad(ufl.as_vector(displacement(SYMBOLS, x))))
+    sigma = LAME * ufl.tr(epsilon) * ufl.Identity(2) + 2 * MU * epsilon
+    force = -ufl.div(sigma)
+    side = ufl.dot(sigma, ufl.FacetNormal(tagged.mesh))
+    # sigma n + lambda n + mu t with n = (0, -1) and t = (1, 0).
+    below = -sigma[0, 1] + shear(SYMBOLS, x, law), -sigma[1, 1] - pressure(SYMBOLS, x)
+    loads = {"left": side, "right": side, "bottom": below}
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": degree},
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": {
+                "boundary": "top",
+                "x": lambda x: displacement(NUMBERS, x)[0],
+                "y": lambda x: displacement(NUMBERS, x)[1],
+            },
+            "traction": [{"boundary": name, "x": load[0], "y": load[1]} for name, load in loads.items()],
+            "body_force": {"x": force[0], "y": force[1]},
+            "contact": {"boundary": "bottom", "gap": gap, "friction": LAWS[law]},
+            "solver": {"algorithm": "exact", **solver},
+        }
+    )
+
+
+def errors(count, cell, degree, law, **solver):
+    """Energy norm, L2 norm, pressure and shear in L2 of the contact boundary, all relative, and the wrong nodes."""
+    tagged = rectangle(length=LENGTH, height=HEIGHT, nx=count, ny=count // 2, cell=cell)
+    solution = alone(made_up(tagged, degree, law, **solver))
+    # In a richer space: against the interpolant in its own a solution looks better than it is.
+    richer = fem.functionspace(tagged.mesh, ("Lagrange", degree + 2, (2,)))
+    exact, found = fem.Function(richer), fem.Function(richer)
+    exact.interpolate(lambda x: np.array(displacement(NUMBERS, x)))
+    found.interpolate(solution.displacement)
+    found.x.array[:] -= exact.x.array
+
+    def norms(v):
+        epsilon = ufl.sym(ufl.grad(v))
+        lame, mu = solution.discretisation.lame
+        energy = lame * ufl.tr(epsilon) ** 2 + 2 * mu * ufl.inner(epsilon, epsilon)
+        return [np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))]
+
+    contact = solution.contact
+    boundary, x = contact.boundary, contact.boundary.x.T
+    fields = (contact.pressure, pressure(NUMBERS, x)), (contact.shear, shear(NUMBERS, x, law))
+    sizes = [boundary.norm(ours - theirs) / boundary.norm(theirs) for ours, theirs in fields]
+    touching, r = s_of(NUMBERS, x) > 0, r_of(NUMBERS, x)
+    sliding = np.where(np.abs(r) > 1, np.sign(r), 0)
+    transmits = touching | (law == "tresca")
+    wrong = np.count_nonzero(contact.in_contact != touching), np.count_nonzero((contact.slip != sliding) & transmits)
+    relative = [error / size for error, size in zip(norms(found), norms(exact), strict=True)]
+    return np.array([*relative, *sizes]), wrong
+
+
+def rates(counts, *case):
+    """Slopes of the errors over the mesh size in log scale, and the largest numbers of wrong nodes."""
+    rows, wrong = zip(*(errors(count, *case) for count in counts), strict=True)
+    slopes = -np.polyfit(np.log(counts), np.log(rows), 1)[0]
+    return dict(zip(("energy", "l2", "pressure", "shear"), slopes, strict=True)), np.max(wrong, axis=0)
+
+
+each_law = pytest.mark.parametrize("law", LAWS)
+each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
+
+
+@each_law
+@each_element
+def test_rates_with_kinks_off_the_nodes(cell, degree, law):
+    """Energy O(h^p), displacement O(h^2).
+
+    For degree 2 the kinks of pressure and shear inside a facet, which the nodal rule integrates with an error of h^2 each,
+    keep the displacement from the third order.
+    """
+    slopes, wrong = rates([16, 32, 64], cell, degree, law)
+    assert slopes["energy"] > (0.95 if degree == 1 else 1.85)
+    assert slopes["l2"] > (1.8 if degree == 1 else 2.0)
+    assert slopes["pressure"] > 1.2
+    assert slopes["shear"] > 1.2
+    assert wrong[0] == 0
+    assert wrong[1] <= 2
+
+
+@each_law
+@each_element
+def test_rates_with_kinks_at_nodes(cell, degree, law):
+    """The full orders: energy O(h^p), displacement O(h^(p+1)); the pressure 1.5 and 2."""
+    slopes, wrong = rates([24, 48, 96] if degree == 1 else [12, 24, 48], cell, degree, law)
+    assert slopes["energy"] > (0.95 if degree == 1 else 1.9)
+    assert slopes["l2"] > (1.85 if degree == 1 else 2.9)
+    assert slopes["pressure"] > (1.4 if degree == 1 else 1.95)
+    assert slopes["shear"] > (1.45 if degree == 1 else 1.7)
+    # A node where s = 0 or |r| = 1 may be in either set.
+    assert max(wrong) <= 2
+
+
+@pytest.mark.parametrize("solver", [{"algorithm": "ssn"}, {"algorithm": "ssn", "coulomb": "newton"}, {"algorithm": "path-following"}])
+@each_element
+def test_regularisation_costs_no_accuracy(cell, degree, solver):
+    """The automatic gamma, and the one that path-following finds, leave the error of the mesh, and hardly more."""
+    exact, _ = errors(16, cell, degree, "coulomb")
+    regularised, _ = errors(16, cell, degree, "coulomb", **solver)
+    assert regularised[0] < (1.3 if solver["algorithm"] == "path-following" else 1.01) * exact[0]
+
+
+@pytest.mark.long
+@each_law
+@each_element
+@pytest.mark.parametrize("counts", [(32, 64, 128, 256), (24, 48, 96, 192)])
+def test_rates_on_fine_meshes(cell, degree, law, counts):
+    """The same on finer meshes, with less to spare."""
+    slopes, _ = rates(counts, cell, degree, law)
+    at_nodes = counts[0] % 3 == 0
+    assert slopes["energy"] > (0.98 if degree == 1 else 1.9)
+    assert slopes["l2"] > (1.9 if degree == 1 else 2.9 if at_nodes else 2.1)
+    assert slopes["pressure"] > (1.95 if degree == 2 and at_nodes else 1.25)
+
+
+def sinking(poisson, cell, degree, volumetric, nx):
+    """u_y at the middle of the top of Example 1."""
+    scene = example1(poisson=poisson, bound=1.5, gamma="auto", nx=nx, ny=nx // 3, cell=cell, degree=degree)
+    element = scene.element.model_copy(update={"volumetric": volumetric})
+    solution = alone(scene.model_copy(update={"element": element}))
+    x = solution.discretisation.space.tabulate_dof_coordinates()
+    middle = np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0))
+    return solution.displacement.x.array[2 * middle + 1]
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.4, 0.49, 0.4999, 0.499999])
+def test_reduced_elements_do_not_lock(poisson):
+    """Nearly incompressible: reduced integration stays within 1 % of a fine reference, full Q1 loses two thirds."""
+    reference = sinking(poisson, "quadrilateral", 2, "reduced", 90)
+    for cell, degree in ELEMENTS[1:]:
+        assert sinking(poisson, cell, degree, "reduced", 30) == pytest.approx(reference, rel=0.005)
+    # The triangle of degree 2 has another reduced form than the quadrilateral: two references, not one.
+    assert sinking(poisson, "triangle", 2, "reduced", 90) == pytest.approx(reference, rel=0.001)
+    if poisson >= 0.45:
+        assert sinking(poisson, "quadrilateral", 1, "auto", 30) == sinking(poisson, "quadrilateral", 1, "reduced", 30)
+    if poisson > 0.4999:
+        assert abs(sinking(poisson, "quadrilateral", 1, "full", 30)) < 0.4 * abs(reference)
+
+
+if __name__ == "__main__":
+    for counts in ([16, 32, 64], [12, 24, 48], [32, 64, 128, 256], [24, 48, 96, 192]):
+        for law in LAWS:
+            for cell, degree in ELEMENTS:
+                slopes, wrong = rates(counts, cell, degree, law)
+                print(counts, law, cell, degree, {k: round(float(v), 2) for k, v in slopes.items()}, wrong)
