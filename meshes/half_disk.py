@@ -1,11 +1,11 @@
-"""The lower half of a disk that stands on the origin, meshed by gmsh, with small cells at the point of first contact.
+r"""The lower half of a disk that stands on the origin, meshed by gmsh, with small cells at the point of first contact.
 
 ::
 
        (-R,R)     top      (R,R)              (0,R) top (R,R)
           +--------+--------+                    +--------+
-           \\      :       /                     |       /
-            \\    body    /  arc        symmetry |      /  arc
+           \      :       /                     |       /
+            \    body    /  arc        symmetry |      /  arc
               `-. : .-'                          |  .-'
                  `+'                             +'
                  (0,0)                         (0,0)
@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
@@ -95,3 +96,10 @@ def generate(
         gmsh.model.mesh.generate(2)
 
     return gmsh_mesh(comm, draw, name="half_disk")
+
+
+def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    defaults = inspect.signature(generate).parameters
+    sizes = {name: factor * parameters.get(name, defaults[name].default) for name in ("size", "contact_size")}
+    return parameters | sizes

@@ -32,6 +32,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.linalg import choice
 from signorini_fx.linalg.rotated import along_axes
 from signorini_fx.mesh import TaggedMesh, load_mesh
+from signorini_fx.nested import coarser_scenes
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions, rigid_motions
 from signorini_fx.scene import (
@@ -149,25 +150,31 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         SceneError: the scene does not fit its mesh.
         MeshError: the mesh cannot be had.
     """
-    d = _body(scene, load_mesh(scene, comm))
+    for coarse in coarser_scenes(scene, scene.solver.levels):
+        _validated(coarse, comm)
+    d, law, data = _validated(scene, comm)
     cost = _cost(d)
-    findings = [*_locking(d), *_memory(cost)]
-    boundary = d.boundary
-    if boundary is None:
-        findings += _equilibrium(d, None)
-    else:
-        law = solver._friction_law(scene, boundary)
-        data = solver._regularised_data(scene, cast(Discretisation, d), boundary, law)
-        solver._first_sets(scene, boundary)
-        _check_exact(scene, boundary)
+    findings = [*_locking(d), *_memory(cost), *_equilibrium(d, law)]
+    if d.boundary is not None and data is not None:
         findings += [
-            *_equilibrium(d, law),
             *_gaps(d, data),
-            *_uniqueness(scene, boundary, law),
+            *_uniqueness(scene, d.boundary, law),
             *_regularisation(scene, data, scene.young / d.tagged.size),
             *_monolithic(scene),
         ]
     return Check(scene.title, tuple(_effects(d)), tuple(d.inventory.forms), cost, tuple(findings))
+
+
+def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None, RegularisedData | None]:
+    """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
+    d = _body(scene, load_mesh(scene, comm))
+    if d.boundary is None:
+        return d, None, None
+    law = solver._friction_law(scene, d.boundary)
+    data = solver._regularised_data(scene, cast(Discretisation, d), d.boundary, law)
+    solver._first_sets(scene, d.boundary)
+    _check_exact(scene, d.boundary)
+    return d, law, data
 
 
 # --- what the solver would set up, but for the stiffness -------------------------------------------------------------
@@ -299,11 +306,14 @@ def _effects(d: _Body) -> list[Effect]:
     if not scene.traction:
         found.append(Effect("traction", False, "no [[traction]]"))
     found += _contacts(d)
-    steps = scene.steps
-    one, all_steps = _linear_solves(scene, _contact_nodes(d), steps=1), _linear_solves(scene, _contact_nodes(d))
-    why = f"factors has {steps} numbers" if steps > 1 else "no factors" if not _with_factors(scene) else "one number"
-    found.append(Effect("load steps", steps > 1, why, solves=_minus(all_steps, one)))
-    return found
+    nodes = _contact_nodes(d)
+    one, every = (_linear_solves(scene, nodes, steps=steps, levels=1) for steps in (1, scene.steps))
+    numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
+    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
+    found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
+    nested = scene.solver.levels > 1 and d.boundary is not None
+    solves = _minus(_linear_solves(scene, nodes), every)
+    return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 
 def _elasticity(d: _Body) -> Effect:
@@ -354,14 +364,14 @@ def _contacts(d: _Body) -> list[Effect]:
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
         name = f"contact {effect.boundary}"
         without = scene.model_copy(update={"contact": _frictionless(scene.contact[: index + 1])})
-        total = _linear_solves(without, nodes, steps=1)
+        total = _linear_solves(without, nodes, steps=1, levels=1)
         why = f"{effect.kind}, {count} nodes"
         found.append(Effect(name, True, why, (name,), solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
         law = effect.friction
         with_it = (*scene.contact[: index + 1], *_frictionless(scene.contact[index + 1 :]))
-        total = _linear_solves(scene.model_copy(update={"contact": with_it}), nodes, steps=1)
+        total = _linear_solves(scene.model_copy(update={"contact": with_it}), nodes, steps=1, levels=1)
         name = f"friction {effect.boundary}"
         found.append(Effect(name, friction_acts(law), _friction(law), solves=_minus(total, previous)))
         previous = total
@@ -370,10 +380,6 @@ def _contacts(d: _Body) -> list[Effect]:
 
 def _frictionless(contacts: Any) -> tuple[Any, ...]:
     return tuple(contact.model_copy(update={"friction": TrescaFriction(bound=0.0)}) for contact in contacts)
-
-
-def _with_factors(scene: Scene) -> bool:
-    return any(load.factors is not None for load in scene.loads)
 
 
 def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:
@@ -416,8 +422,8 @@ _SOLVES = {"none": (1.0, 2.0), "tresca": (1.0, 3.0), "fp": (1.5, 6.0), "newton":
 _MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
 # What a process holds before it has a mesh, and what the mesh, the forms and the vectors need per unknown.
 _BASE_BYTES, _BYTES_PER_DOF = 1.4e8, 1.0e3
-# Dense Cholesky, operations per second.
-_DENSE_SPEED = 1e10
+# Dense Cholesky, operations per second; a solve by CG with algebraic multigrid, seconds per unknown.
+_DENSE_SPEED, _KRYLOV_SECONDS = 1e10, 1e-5
 
 
 def _contact_nodes(d: _Body) -> int:
@@ -426,19 +432,20 @@ def _contact_nodes(d: _Body) -> int:
     return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
 
 
-def _linear_solves(scene: Scene, nodes: int, *, steps: int | None = None) -> tuple[int, int]:
+def _linear_solves(scene: Scene, nodes: int, *, steps: int | None = None, levels: int | None = None) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
-    steps = scene.steps if steps is None else steps
+    steps, levels = steps or scene.steps, levels or scene.solver.levels
     if not scene.contact:
-        return steps, steps
+        return steps * levels, steps * levels
     kind = "tresca" if scene.has_friction else "none"
     if scene.has_coulomb:
         kind = "newton" if scene.solver.coulomb == "newton" else "fp"
     more = _MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
-    levels = math.log2(max(nodes, 2))
-    low, high = (factor * levels + extra for factor, extra in zip(_SOLVES[kind], more, strict=True))
-    # A later load step starts from the sets of the one before.
-    return round(low) + 2 * (steps - 1), round(high) * steps
+    size = math.log2(max(nodes / 2 ** (levels - 1), 4))
+    low, high = (round(factor * size) + extra for factor, extra in zip(_SOLVES[kind], more, strict=True))
+    # A later load step starts from the sets of the one before, a finer mesh from those of the coarser one.
+    low, high = low + 2 * (steps - 1), high * steps
+    return low + 2 * (levels - 1) * steps, high + 5 * (levels - 1) * steps
 
 
 def _cost(d: _Body) -> Cost:
@@ -449,15 +456,17 @@ def _cost(d: _Body) -> Cost:
     entries = n * max(15.0, 7.6 * (math.log2(n) - 5.1))
     factorisation = 1e-6 * n + 3e-9 * n**1.5
     solves = _linear_solves(d.scene, nodes)
-    reason, each, dense = "one factorisation for all load steps", 0.1 * factorisation, 0
-    if d.boundary is not None:
-        wanted = d.scene.solver.linear_algebra
+    wanted, dense = d.scene.solver.linear_algebra, 0
+    reason, once, each = "one factorisation for all load steps", factorisation, 0.1 * factorisation
+    if wanted == "krylov":
+        reason, once, each, entries = "Krylov", 0.0, _KRYLOV_SECONDS * n, 0.0
+    elif d.boundary is not None:
         against = choice._against_condensing(cast(Discretisation, d), 2 * nodes)
-        condensed = comm.size == 1 and wanted != "full" and (against is None or wanted == "condensed")
-        dense = 2 * nodes if condensed else 0
-        each = dense**3 / 3 / _DENSE_SPEED + 1e-4 if condensed else factorisation
-        reason = "condensed" if condensed else f"full: {against or 'as asked for'}"
-    once = (2.0 if dense else 1.0 if d.boundary is None else 0.0) * factorisation
+        if comm.size == 1 and wanted != "full" and (against is None or wanted == "condensed"):
+            dense = 2 * nodes
+            reason, once, each = "condensed", 2 * factorisation, dense**3 / 3 / _DENSE_SPEED + 1e-4
+        else:
+            reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     matrix = 12.0 * 18 * n
     return Cost(

@@ -151,6 +151,16 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
     return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
 
 
+def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
+    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is."""
+    if data.bound is None:
+        return sets
+    free = data.bound == 0
+    if data.coupling is not None:
+        free &= (data.coupling == 0) | ~sets.contact
+    return ActiveSets(sets.contact, np.where(free & (sets.slip == 0), 1, sets.slip).astype(np.int8))
+
+
 def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
     """The sets with the nodes that can transmit no shear put into I_f, for counting and comparing."""
     return ActiveSets(sets.contact, np.where(bound > 0, sets.slip, 0).astype(np.int8))

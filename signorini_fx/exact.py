@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, keep_closed, slip_of
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, keep_closed, release, slip_of
 from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.results import Status
@@ -62,7 +62,7 @@ class ExactProblem:
         self.data = data
         self._forced_first = first_sets is not None
         if first_sets is not None:
-            self.following = first_sets
+            self.following = release(first_sets, data)
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""

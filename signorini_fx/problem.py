@@ -16,6 +16,7 @@ from signorini_fx.complementarity import (
     RegularisedData,
     classify,
     multipliers,
+    release,
     tangent_coefficients,
     trial_pressure,
 )
@@ -109,7 +110,7 @@ class RegularisedProblem:
         self.data = data
         self._forced_first = first_sets is not None
         if first_sets is not None:
-            self.following = first_sets
+            self.following = release(first_sets, data)
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""

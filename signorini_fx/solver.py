@@ -204,7 +204,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
             status = run(task)
         with timings.phase("certify"):
             displacement = discretisation.function(task.displacement())
-            contact = _contact_state(task)
+            contact = contact_state(task)
             forces = Forces.of(discretisation, displacement, step)
             certificate = certify(discretisation, displacement, forces, contact)
             if status is Status.CONVERGED and not certificate.holds:
@@ -412,7 +412,8 @@ def _first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, in
     return ActiveSets(inside, every.slip), 1
 
 
-def _contact_state(task: Task) -> ContactState:
+def contact_state(task: Task) -> ContactState:
+    """The contact nodes of this rank as the answer of a task has them."""
     problem, newton = task.problem, task.answer
     sets, data = problem.sets, problem.data
     u_n, u_t = problem.traces(newton.x)

@@ -95,7 +95,7 @@ LOOPS = UP + 3 * (BACK + AGAIN)
 @each_method
 @pytest.mark.parametrize("loading", [by_force, by_displacement])
 def test_hysteresis_loop(loading, method):
-    """Pushed to and fro, the block runs through the same loop from the first full cycle on; friction never gives work."""
+    """Pushed to and fro, the block runs through one loop from the first full cycle on; friction never gives work."""
     steps = alone(loading(1.0 if loading is by_force else 0.004, LOOPS, **method)).steps
     assert len(steps) == len(LOOPS)
     assert all(step.status is Status.CONVERGED and step.certificate.holds for step in steps)
@@ -143,7 +143,7 @@ def test_halving_the_increments(loading, push, coarse):
 
 
 def test_order_of_loading_matters():
-    """Pressed and pushed at once is another state than pressed first: the slip of the pressing stays (the static law)."""
+    """Pressed and pushed at once (the static law) is another state than pressed first, whose slip stays."""
     first = alone(by_displacement(0.0036, [0.0, 1.0], algorithm="exact")).contact
     at_once = alone(by_displacement(0.0036, algorithm="exact")).contact
     assert 0.01 < np.linalg.norm(first.shear - at_once.shear) / np.linalg.norm(first.shear) < 0.2
@@ -182,4 +182,5 @@ def test_scene_file():
     steps = alone(read_scene(SCENES / "press_and_slide.toml")).steps
     forces = [friction_force(step.contact) for step in steps]
     assert forces[-16:] == pytest.approx(forces[-32:-16], rel=1e-6, abs=1e-6)
+    assert max(forces) > 16.0
     assert min(step.contact.friction_work for step in steps) >= 0

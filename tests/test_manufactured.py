@@ -1,9 +1,10 @@
 """Accuracy of the elements: rates of convergence against a solution that was made up, and locking.
 
-The made-up solution has contact, stick and slip in both directions (C.9).  The pressure is max(0, s), the shear the bound times clip(r, -1, 1), the slip grows where |r| > 1; the gap and the loads
-follow.  The zeros of s and of |r| - 1 are at thirds of the length: on the nodes of meshes whose number of facets is a
-multiple of three, else always a third of a facet away from one, so that the errors of a sequence of meshes can be
-compared.  The slip grows like (|r| - 1)^3, which leaves the displacement smooth enough for the rates of degree 2.
+The made-up solution has contact, stick and slip in both directions (C.9).  The pressure is max(0, s), the shear the
+bound times clip(r, -1, 1), the slip grows where |r| > 1; the gap and the loads follow.  The zeros of s and |r| - 1 are
+at sixths of the length: on the nodes of meshes whose number of facets is a multiple of six, else always at the same
+distance from one, so that the errors of a sequence of meshes can be compared.  The slip grows like (|r| - 1)^3, which
+leaves the displacement smooth enough for the rates of degree 2.
 """
 
 from types import SimpleNamespace
@@ -141,8 +142,8 @@ each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 def test_rates_with_kinks_off_the_nodes(cell, degree, law):
     """Energy O(h^p), displacement O(h^2).
 
-    For degree 2 the kinks of pressure and shear inside a facet, which the nodal rule integrates with an error of h^2 each,
-    keep the displacement from the third order.
+    For degree 2 the kinks of pressure and shear inside a facet keep the displacement from the third order: the nodal
+    rule makes an error of h^2 at each.
     """
     slopes, wrong = rates([16, 32, 64], cell, degree, law)
     assert slopes["energy"] > (0.95 if degree == 1 else 1.85)
@@ -166,7 +167,9 @@ def test_rates_with_kinks_at_nodes(cell, degree, law):
     assert max(wrong) <= 2
 
 
-@pytest.mark.parametrize("solver", [{"algorithm": "ssn"}, {"algorithm": "ssn", "coulomb": "newton"}, {"algorithm": "path-following"}])
+@pytest.mark.parametrize(
+    "solver", [{"algorithm": "ssn"}, {"algorithm": "ssn", "coulomb": "newton"}, {"algorithm": "path-following"}]
+)
 @each_element
 def test_regularisation_costs_no_accuracy(cell, degree, solver):
     """The automatic gamma, and the one that path-following finds, leave the error of the mesh, and hardly more."""

@@ -47,8 +47,8 @@ class ElasticSystem(Protocol):
             moved: contact nodes whose blocks have changed since that factorisation; None: not known.
         """
 
-    def set_step(self, step: int) -> None:
-        """Make ``load`` and ``start`` those of a load step."""
+    def set_step(self, step: int, scale: float = 1.0) -> None:
+        """Make ``load`` and ``start`` those of a load step, times ``scale``."""
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """All displacement dofs from x."""

@@ -7,7 +7,7 @@ interior is recovered at the end with the same factor.  The interior matrix is r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,7 @@ class CondensedSystem:
     schur: SchurComplement
     interior: tuple[PETSc.Vec, ...]
     condensed: npt.NDArray[np.float64]
-    step: int = 0
+    factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     unsymmetric: bool = True
 
     @classmethod
@@ -81,13 +81,12 @@ class CondensedSystem:
         """Never: a dense factorisation is cheap."""
         return False
 
-    def set_step(self, step: int) -> None:
+    def set_step(self, step: int, scale: float = 1.0) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.step = step
-        factors = np.array([case.factors[step] for case in self.cases])
-        self.load.getArray()[:] = factors @ self.condensed
-        starts = [case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases]
-        self.start.getArray()[:] = sum(f * s for f, s in zip(factors, starts, strict=True))
+        self.factors = scale * np.array([case.factors[step] for case in self.cases])
+        starts = np.array([case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases])
+        self.load.getArray()[:] = self.factors @ self.condensed
+        self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
@@ -99,8 +98,8 @@ class CondensedSystem:
         right.getArray()[kept] = 0.0
         result = self.schur.solve_interior(right)
         result.scale(-1.0)
-        for case, particular in zip(self.cases, self.interior, strict=True):
-            result.axpy(case.factors[self.step], particular)
+        for factor, particular in zip(self.factors, self.interior, strict=True):
+            result.axpy(factor, particular)
         result.getArray()[kept] = x.getArray(readonly=True)
         return result
 

@@ -86,13 +86,13 @@ class FullSystem:
         system.set_step(0)
         return system
 
-    def set_step(self, step: int) -> None:
+    def set_step(self, step: int, scale: float = 1.0) -> None:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
         for case in self.cases:
-            self.load.axpy(case.factors[step], case.load)
-            self.start.axpy(case.factors[step], case.start)
+            self.load.axpy(scale * case.factors[step], case.load)
+            self.start.axpy(scale * case.factors[step], case.start)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky where the matrix is symmetric; or CG or GMRES with algebraic multigrid."""

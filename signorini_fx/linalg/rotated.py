@@ -43,9 +43,9 @@ class RotatedSystem:
         """As the system that is turned."""
         return self.inner.keep_factor(ksp, moved)
 
-    def set_step(self, step: int) -> None:
+    def set_step(self, step: int, scale: float = 1.0) -> None:
         """As the system that is turned."""
-        self.inner.set_step(step)
+        self.inner.set_step(step, scale)
         self.rotation.multTranspose(self.inner.load, self.load)
         self.rotation.multTranspose(self.inner.start, self.start)
 

@@ -1,0 +1,106 @@
+"""Many values of one parameter on the same body: one elimination of the elastic system serves them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.discretisation import Discretisation, discretise
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh import load_mesh
+from signorini_fx.quantities import Certificate, ContactState, Forces, certify
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import Scene
+from signorini_fx.solver import contact_state, contact_task
+from signorini_fx.strategy import Task, run
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The solution for one value of the parameter.
+
+    The contact state is there; displacement and certificate, which need the whole body, are computed when asked for.
+
+    Attributes:
+        value: of the parameter.
+        status: how the iteration ended.
+        contact: nodal state of the contact boundary of this rank.
+        linear_solves: linear solves for this value.
+    """
+
+    value: float
+    status: Status
+    contact: ContactState
+    linear_solves: int
+    _discretisation: Discretisation
+    _task: Task
+    _x: PETSc.Vec
+    _load: float
+
+    def displacement(self) -> fem.Function:
+        """The displacement of the whole body; collective, one back substitution."""
+        system = self._task.problem.system
+        system.set_step(0, self._load)
+        return self._discretisation.function(system.displacement(self._x))
+
+    def certificate(self) -> Certificate:
+        """The conditions of the problem, checked anew on the whole body; collective."""
+        displacement = self.displacement()
+        forces = Forces.of(self._discretisation, displacement, 0)
+        forces.external.scale(self._load)
+        return certify(self._discretisation, displacement, forces, self.contact)
+
+
+def sweep(
+    scene: Scene,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    coefficients: Sequence[float] | None = None,
+    loads: Sequence[float] | None = None,
+) -> list[SweepPoint]:
+    """Solve a scene for many friction coefficients, or many multiples of all its loads.
+
+    Every value is a problem of its own (the static law, no history); the one before only gives the start.
+
+    Args:
+        scene: the scene, with one load step.
+        comm: the ranks that share the work; the call is collective.
+        coefficients: values that replace the coefficient of all Coulomb friction in the scene.
+        loads: factors for all tractions, body forces and prescribed displacements.
+
+    Raises:
+        SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
+    """
+    if (coefficients is None) == (loads is None):
+        raise SceneError([("sweep", "give either coefficients or loads")])
+    if scene.steps > 1 or not scene.contact:
+        raise SceneError([("sweep", "needs a scene with contact and one load step")])
+    if coefficients is not None and not scene.has_coulomb:
+        raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
+    discretisation = discretise(scene, load_mesh(scene, comm), Timings())
+    assert discretisation.boundary is not None
+    history = History()
+    task = contact_task(discretisation, discretisation.boundary, history)
+    law = task.law
+    points: list[SweepPoint] = []
+    for value in (coefficients if coefficients is not None else loads) or ():
+        before, load = history.linear_solves, value if loads is not None else 1.0
+        task.system.set_step(0, load)
+        fixed = task.system.fixed
+        task.x.getArray()[fixed] = task.system.start.getArray(readonly=True)[fixed]
+        if coefficients is not None and law is not None:
+            task.law = replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0))
+        status = run(task)
+        contact = contact_state(task)
+        x = task.answer.x.copy()
+        points.append(SweepPoint(value, status, contact, history.linear_solves - before, discretisation, task, x, load))
+        if status is Status.CONVERGED:
+            task.first_sets, task.first_iteration = task.problem.sets, 1
+            task.start = task.answer.multipliers()
+    return points
