@@ -34,7 +34,7 @@ _PUBLIC = {
         "read_scene",
     ),
     "solver": ("Solution", "solve"),
-    "sweep": ("SweepPoint", "sweep"),
+    "parameter_sweep": ("SweepPoint", "sweep"),
 }
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 

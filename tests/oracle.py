@@ -185,13 +185,17 @@ def tresca(nx, ny, poisson, bound, gamma, patch, cell="quadrilateral"):
 
 
 def coulomb(nx, ny, poisson, coefficient, gamma, cell="quadrilateral", tolerance=1e-7):
-    """Algorithm (FP) of section 6.3 from the pure contact problem; it counts the solves of the start as well."""
+    """Algorithm (FP) of section 6.3 from the pure contact problem; it counts the solves of the start as well.
+
+    The first friction sets are stick in contact (xi = mu = 0) and free elsewhere, where nothing can be transmitted.
+    """
     body = block(nx, ny, poisson, cell)
     nobody = np.zeros(nx + 1, dtype=int)
     start = ssn(body, None, gamma, np.ones(nx + 1, dtype=bool), nobody)
     result, g, solves = start, start.pressure, start.solves
     for outer in range(1, 100):
-        result = ssn(body, coefficient * g, gamma, result.in_contact, result.slip)
+        slip = np.where(g > 0, 0, 1) if outer == 1 else result.slip
+        result = ssn(body, coefficient * g, gamma, result.in_contact, slip)
         result.outer, solves = outer, solves + result.solves
         change = result.pressure - g
         g = result.pressure
