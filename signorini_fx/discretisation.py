@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -38,12 +38,19 @@ class LoadCase:
         form: the compiled terms of L, None if the case only prescribes displacements.
         load: L minus what its prescribed displacements contribute; E times their value in their rows.
         start: zero, with its prescribed displacements put in.
+        resultant: what ``load`` does on the three rigid motions, forces, shape (3,).
     """
 
     factors: tuple[float, ...]
     form: fem.Form | None
     load: PETSc.Vec
     start: PETSc.Vec
+    resultant: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+def load_resultant(cases: tuple[LoadCase, ...], step: int) -> npt.NDArray[np.float64]:
+    """What the loads of a load step do on the three rigid motions, shape (3,)."""
+    return sum((case.factors[step] * case.resultant for case in cases), np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -153,11 +160,12 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         ]
     boundary = join(parts) if parts else None
     _check_finite(cases)
-    if boundary is not None:
-        _check_overlap(scene, boundary, facets, tagged)
     owned = space.dofmap.index_map.size_local
     x = space.tabulate_dof_coordinates()[:owned, :2]
     motions = rigid_motions(mesh.comm, x, fixed.reshape(-1, 2), tagged.size)
+    cases = tuple(replace(case, resultant=_resultant(case.load, motions, x, fixed)) for case in cases)
+    if boundary is not None:
+        _check_overlap(scene, boundary, facets, tagged)
     return Discretisation(
         scene, tagged, space, elastic, stiffness, cases, fixed, boundary, motions, lame, reduced, inventory
     )
@@ -418,6 +426,16 @@ def _load_case(
         fixed = _fixed(space, [support for _, support in supports])
         load.getArray()[fixed] = scene.young * start.getArray()[fixed]
     return LoadCase(factors, load_form, load, start)
+
+
+def _resultant(
+    load: PETSc.Vec, motions: RigidMotions, x: npt.NDArray[np.float64], fixed: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64]:
+    """What a load does on the rigid motions; only needed, and only taken, where one of them is free."""
+    if motions.free.shape[1] == 0:
+        return np.zeros(3)
+    forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, 2)
+    return parallel.global_sum(load.comm.tompi4py(), np.einsum("ij,ijk->k", forces, motions.at(x)))
 
 
 def _unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:

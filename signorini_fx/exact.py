@@ -18,6 +18,7 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, keep_closed, release, slip_of
 from signorini_fx.holding import hold
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.problem import ROUND_OFF, stiffness_scale
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 
@@ -40,8 +41,9 @@ class ExactProblem:
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
         self.loose: Status | None = None
-        self.renewed = True
+        self.kept = False
         self.moved: int | None = None
+        self._factorised: dict[int, npt.NDArray[np.int32]] = {}
         self._constrained: dict[int, npt.NDArray[np.int32]] = {}
         self._motions = motions
         self._forced_first = False
@@ -54,8 +56,7 @@ class ExactProblem:
         self._n_free = boundary.free[rows, axis]
         self._t_free = boundary.free[rows, 1 - axis]
         self._work = system.load.duplicate()
-        diagonal = parallel.global_max(system.comm, parallel.local_max(system.matrix.getDiagonal().getArray()))
-        self._diagonal = diagonal
+        self._diagonal = stiffness_scale(system)
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``; gamma, sigma and the shifts of the data play no part."""
@@ -124,7 +125,16 @@ class ExactProblem:
         if not self._forced_first:
             self.following = self._classify(x)
         wanted = self.multipliers(x, self.sets)
-        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self._physical, self._motions)
+        held = hold(
+            self.following,
+            self.sets,
+            *wanted,
+            self.data,
+            self._physical,
+            self._motions,
+            self.system.resultant,
+        )
+        self.following, self.loose, self.kept = held
         dofs, values = self._constraints(self.following)
         shear = np.zeros(self.boundary.size)
         if self.data.has_friction:
@@ -134,23 +144,27 @@ class ExactProblem:
         placed = x.copy()
         placed.getArray()[dofs] = values
         self.system.matrix.mult(placed, f)
-        self.force_scale = max(f.norm(), self.system.load.norm())
+        self.force_scale = max(f.norm(), self.system.load.norm(), ROUND_OFF * self._diagonal * placed.norm())
         f.axpy(-1.0, self.system.load)
         array = f.getArray()
         np.add.at(array, self._t, self._t_sign * self.boundary.weight * shear)
         array[dofs] = self._diagonal * (x.getArray(readonly=True)[dofs] - values)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
-        """See ``ContactProblem``: rows come and go here, no factor is kept."""
+        """See ``ContactProblem``."""
+        self._factorised[jacobian.handle] = self._constrained[jacobian.handle]
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""
         self.sets = self.following
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
+        comm = self.system.comm
+        factorised = self._factorised.get(jacobian.handle)
+        differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, dofs))
+        self.moved = None if differs else 0  # rows come and go: either the matrix is the same or it is another one
         last = self._constrained.get(jacobian.handle)
-        self.renewed = parallel.any_rank(self.system.comm, last is None or not np.array_equal(last, dofs))
-        if not self.renewed:
+        if not parallel.any_rank(comm, last is None or not np.array_equal(last, dofs)):
             return
         self._constrained[jacobian.handle] = dofs
         self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linprog
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
@@ -26,8 +27,9 @@ def hold(
     data: RegularisedData,
     boundary: ContactBoundary,
     motions: RigidMotions,
-) -> tuple[ActiveSets, Status | None]:
-    """Sets near ``following`` that hold the body, and None; or ``following`` and how the body gets away; collective.
+    resultant: npt.NDArray[np.float64],
+) -> tuple[ActiveSets, Status | None, bool]:
+    """Sets near ``following`` that hold the body, or how the body gets away; collective.
 
     Args:
         following: the sets that the iterate asks for.
@@ -37,14 +39,18 @@ def hold(
         data: the problem.
         boundary: the contact nodes.
         motions: rigid motions of the body.
+        resultant: what the load does on the rigid motions, shape (3,).
+
+    Returns:
+        The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
     """
     if motions.free.shape[1] == 0 or motions.held_by(boundary, following.contact, _stick(following, data)):
-        return following, None
+        return following, None, False
     bound = data.friction_bound(pressure)
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
     able = (bound > 0) if data.has_friction else ~everywhere
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
-        return following, Status.NOT_HELD
+        return following, Status.NOT_HELD, False
     slipping = _ranked(boundary, (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
     opening = _ranked(boundary, sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
@@ -54,9 +60,58 @@ def hold(
             stick = kept_stick | (kept_contact & able & (sets.slip == 0))
             held = ActiveSets(following.contact | kept_contact, np.where(stick, 0, following.slip).astype(np.int8))
             if motions.held_by(boundary, held.contact, _stick(held, data)):
-                return held, None
+                return held, None, True
+    if balance_exists(data, boundary, motions, resultant):
+        # The iterate is still far from it: hold the body with all that could, and let the next iterates release.
+        contact = following.contact | sets.contact
+        everything = ActiveSets(contact, np.where(contact & able, 0, following.slip).astype(np.int8))
+        if motions.held_by(boundary, contact, _stick(everything, data)):
+            return everything, None, True
+        return sets, None, True
     pressing = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
-    return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN
+    return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
+
+
+def balance_exists(
+    data: RegularisedData,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    resultant: npt.NDArray[np.float64],
+) -> bool:
+    """Whether admissible contact tractions can balance the load on the free rigid motions; collective.
+
+    lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load: a
+    linear programme with one to three equations.  Where it has no solution there is no static equilibrium, whatever the
+    body's shape and stiffness.
+    """
+    if not resultant.any():  # nothing presses: every position off the foundation is as good as another
+        return False
+    modes = boundary.weight[:, None, None] * boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
+    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
+    tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
+    zero = np.zeros(boundary.size)
+    given = zero if data.bound is None else data.bound
+    coupling = zero if data.coupling is None else data.coupling
+    bilateral = zero if data.bilateral is None else data.bilateral.astype(float)
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, given, coupling, bilateral)))
+    k = motions.free.shape[1]
+    normal, tangential = table[:, :k], table[:, k : 2 * k]
+    given, coupling, bilateral = table[:, 2 * k :].T
+    n = len(table)
+    # mu <= given + coupling lambda and -mu <= given + coupling lambda; an infinite bound is no row.
+    finite = np.isfinite(given)
+    cone, unit = -np.diag(coupling)[finite], np.eye(n)[finite]
+    rows, limits = np.block([[cone, unit], [cone, -unit]]), np.tile(given[finite], 2)
+    scale = max(float(np.abs(resultant).max()), 1e-300)
+    result = linprog(
+        np.zeros(2 * n),
+        A_ub=rows,
+        b_ub=limits / scale,
+        A_eq=np.hstack((normal.T, tangential.T)),
+        b_eq=motions.free.T @ resultant / scale,
+        bounds=[(None if sign else 0.0, None) for sign in bilateral] + [(None, None)] * n,
+    )
+    return bool(result.status == 0)
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:

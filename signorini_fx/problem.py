@@ -41,8 +41,9 @@ class ContactProblem(Protocol):
         following: active sets of the last residual.
         force_scale: size of the forces in the last residual.
         loose: how the body gets away from the sets of the last residual; None: they hold it.
-        renewed: whether the last Jacobian differs from the one before.
-        moved: contact nodes whose blocks differ from those of the last factorisation; None: not known.
+        kept: whether these sets differ from those that the iterate asked for, in order to hold it.
+        moved: contact nodes whose blocks in the Jacobian differ from those of its last factorisation; None: there is
+            none, or too many to tell.
     """
 
     system: ElasticSystem
@@ -52,7 +53,7 @@ class ContactProblem(Protocol):
     following: ActiveSets
     force_scale: float
     loose: Status | None
-    renewed: bool
+    kept: bool
     moved: int | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -85,6 +86,14 @@ class ContactProblem(Protocol):
         """The Jacobian with the sets of the last residual, which become the current ones."""
 
 
+ROUND_OFF = 1e-8
+
+
+def stiffness_scale(system: ElasticSystem) -> float:
+    """Largest diagonal entry of the elastic matrix, about E; collective."""
+    return parallel.global_max(system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True)))
+
+
 class RegularisedProblem:
     """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
 
@@ -99,10 +108,12 @@ class RegularisedProblem:
         self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
         self.force_scale = 0.0
         self.loose: Status | None = None
-        self.renewed = True
+        self.kept = False
         self.moved: int | None = None
         self._motions = motions
         self._forced_first = False
+        # Forces below this share of E |x| are round-off of a stress-free motion.
+        self._faint = ROUND_OFF * stiffness_scale(system)
         self._blocks = _NodeBlocks(system, boundary)
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -138,10 +149,19 @@ class RegularisedProblem:
         if not self._forced_first:
             self.following = classify(self.sets, *self.traces(x), self.data)
         wanted = self.multipliers(x, self.sets)
-        self.following, self.loose = hold(self.following, self.sets, *wanted, self.data, self.boundary, self._motions)
+        held = hold(
+            self.following,
+            self.sets,
+            *wanted,
+            self.data,
+            self.boundary,
+            self._motions,
+            self.system.resultant,
+        )
+        self.following, self.loose, self.kept = held
         pressure, shear = self.multipliers(x, self.following)
         self.system.matrix.mult(x, f)
-        self.force_scale = max(f.norm(), self.system.load.norm())
+        self.force_scale = max(f.norm(), self.system.load.norm(), self._faint * x.norm())
         f.axpy(-1.0, self.system.load)
         forces = self.boundary.nodal_forces(pressure, shear) * self.boundary.free
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
@@ -151,7 +171,7 @@ class RegularisedProblem:
         self.sets = self.following
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is left alone.
-        self.renewed, self.moved = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
+        self.moved = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
@@ -175,14 +195,11 @@ class _NodeBlocks:
         n, t = boundary.normal, boundary.tangent
         self._nn, self._tt, self._tn = (weight * np.einsum("ij,ik->ijk", a, b) for a, b in ((n, n), (t, t), (t, n)))
 
-    def insert(
-        self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None
-    ) -> tuple[bool, int | None]:
+    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> int | None:
         """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix, if they are not there.
 
         Returns:
-            Whether the matrix has changed, and how many nodes differ from the last factorisation, None if there is
-            none; the same on all ranks.
+            How many nodes differ from the last factorisation, None if there is none; the same on all ranks.
         """
         state = np.stack([normal, tangential, np.zeros_like(normal) if coupling is None else coupling])
         known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
@@ -190,7 +207,7 @@ class _NodeBlocks:
         changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
         since = None if known[1] is None else moved
         if changed == 0:
-            return False, since
+            return since
         self.inserted[matrix.handle] = state
         contact = normal[:, None, None] * self._nn + tangential[:, None, None] * self._tt
         if coupling is not None:
@@ -200,4 +217,4 @@ class _NodeBlocks:
         if self._rows.size:
             matrix.setValuesRCV(self._rows, self._rows, blocks)
         matrix.assemble()
-        return True, since
+        return since

@@ -16,6 +16,7 @@ from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
+from signorini_fx.problem import ROUND_OFF
 
 # A violation above this share of the solution's own scale refuses the certificate.
 CERTIFICATE_TOLERANCE = 1e-6
@@ -161,7 +162,9 @@ def certify(
     """Check the conditions of a load step independently of how the solution was found; collective."""
     comm = discretisation.tagged.mesh.comm
     reaction = forces.internal.copy()
-    scale = max(reaction.norm(), forces.external.norm())
+    # A stress-free motion has forces too: round-off of E |y|.
+    young = discretisation.scene.young
+    scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * young * displacement.x.petsc_vec.norm())
     reaction.axpy(-1.0, forces.external)
     owned = reaction.getArray()
     if contact is None:
@@ -178,11 +181,12 @@ def certify(
     shear = np.where(alone, tangential, contact.shear)
     np.add.at(nodal, boundary.nodes, boundary.nodal_forces(contact.pressure, contact.shear))
     residual = _norm(comm, owned[~discretisation.fixed])
+    length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), np.abs(shear))))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    inside = np.sqrt(2 * discretisation.scene.young * forces.strain_energy) / discretisation.tagged.size
-    stress = max(stress, _FAINT * inside)
-    length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
+    inside = np.sqrt(2 * young * forces.strain_energy) / discretisation.tagged.size
+    finest = -parallel.global_max(comm, parallel.local_max(-boundary.weight, -np.inf))
+    stress = max(stress, _FAINT * inside, ROUND_OFF * young * length / finest)
     overlap = contact.u_n - contact.gap
     overlap = np.where(contact.bilateral, np.abs(overlap), overlap)
     figures = {

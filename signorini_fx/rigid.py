@@ -12,7 +12,7 @@ from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 
 # Share of a motion, against the best held one, below which it counts as not held at all.
-_HELD = 1e-10
+_HELD = 1e-8
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from signorini_fx.estimators import recovery_error
 from signorini_fx.expressions import sample
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
+from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import LevelRecord, carry_over, coarser_scenes
 from signorini_fx.quantities import (
@@ -281,6 +282,8 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
     """The contact problem of a discretised scene, ready for ``strategy.run`` or for an algorithm of one's own."""
     scene = discretisation.scene
     law = _friction_law(scene, boundary)
+    if scene.solver.algorithm == "exact":
+        check_rotation(boundary)
     first_sets, first_iteration = _first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra)
     return Task(

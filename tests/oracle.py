@@ -168,7 +168,8 @@ def ssn(body, bound, gamma, in_contact, slip, sigma=1.0, limit=100):
             shear = np.where(slip == 0, gamma_t * u_t, slip * bound)
             xi = np.where(slip == 0, 0, u_t - slip * bound / gamma_t)
             new_slip = (xi + sigma * (shear - bound) > 0).astype(int) - (xi + sigma * (shear + bound) < 0)
-        if np.array_equal(new_contact, in_contact) and np.array_equal(new_slip, slip):
+        transmits = bound is not None and bound > 0
+        if np.array_equal(new_contact, in_contact) and np.array_equal(new_slip * transmits, slip * transmits):
             everywhere = body.displacement(u)
             energy = everywhere.ravel() @ (body.stiffness @ everywhere.ravel()) / 2
             return Result(everywhere, pressure, shear, in_contact, slip, solves, energy)

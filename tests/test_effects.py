@@ -299,7 +299,6 @@ def test_ranks_add_nothing(count):
     assert contact.compiled == 3
 
 
-@pytest.mark.xfail(strict=True, reason="SNES takes back what keep_factor asks of the preconditioner")
 @pytest.mark.parametrize("friction", [{"law": "none"}, TRESCA, COULOMB], ids=["none", "tresca", "coulomb"])
 def test_records_know_the_factorisations(count, friction):
     """What the records say of factorisations is what PETSc did."""

@@ -68,4 +68,4 @@ def test_numbers_of_example_1():
     assert coulomb.u[middle, 1] == pytest.approx(-0.00384852, abs=5e-9)
     assert (tresca.energy, coulomb.energy) == pytest.approx((0.0231870, 0.0234108), abs=5e-8)
     assert (tresca.pressure.max(), coulomb.pressure.max()) == pytest.approx((20.1121, 20.1810), abs=5e-5)
-    assert (tresca.solves, coulomb.solves) == (11, 17)
+    assert (tresca.solves, coulomb.solves) == (11, 16)

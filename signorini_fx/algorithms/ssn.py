@@ -11,11 +11,13 @@ from petsc4py import PETSc
 
 from signorini_fx import options, parallel
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier, transmitting
+from signorini_fx.petsc_c import call
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
 
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
+_RENEW, _KEEP = -2, -1
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -110,9 +112,12 @@ class SemismoothNewton:
         """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
         problem = self.problem
         problem.assemble_jacobian(snes, x, jacobian)
-        self._factorised = problem.renewed and not problem.system.keep_factor(snes.getKSP(), problem.moved)
+        moved = problem.moved if self._may_keep or problem.moved == 0 else None
+        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved)
         if self._factorised:
             problem.factorised(jacobian)
+        # SNES decides on the factor after this callback: -2 renews it once, -1 keeps it.
+        call("SNESSetLagPreconditioner", snes, _RENEW if self._factorised else _KEEP)
 
     def solve(
         self,
@@ -139,10 +144,22 @@ class SemismoothNewton:
         self._stalls = 0
         self._last_residual = np.inf
         self._status: Status | None = None
-        self.snes.setTolerances(max_it=min(self._max_iterations, max_iterations or self._max_iterations))
+        limit = min(self._max_iterations, max_iterations or self._max_iterations)
+        self.snes.setTolerances(max_it=limit)
+        self._may_keep = True
         try:
             self.snes.solve(None, self.x)
             status = self._status or self._reason()
+            while status is Status.LINEAR_SOLVER and not self._factorised and self._may_keep:
+                # The old factor did not serve: the same step once more, with a new one from here on.
+                self._may_keep = False
+                self._seen.clear()
+                done = self.history.linear_solves - self._before
+                self._first_iteration = first_iteration + done
+                self.snes.setTolerances(max_it=limit - done)
+                self.problem.set_data(data, self.problem.sets)
+                self.snes.solve(None, self.x)
+                status = self._status or self._reason()
         except PETSc.Error:
             # Some factorisation packages raise where others set a reason; on one rank only they do.
             if self.problem.system.comm.size > 1:
@@ -188,6 +205,8 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
+            if problem.kept:  # these sets were only kept because others would not hold the body
+                return self._stop(Status.CYCLING)
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right, the linear solve was not exact: the next step with the same sets refines it.

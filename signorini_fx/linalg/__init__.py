@@ -30,6 +30,10 @@ class ElasticSystem(Protocol):
     contact_dofs: npt.NDArray[np.int32]
 
     @property
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """What the load of the current load step does on the three rigid motions, the same on all ranks, shape (3,)."""
+
+    @property
     def unsymmetric(self) -> bool:
         """Whether its linear solver can take an unsymmetric tangent."""
 
@@ -44,7 +48,8 @@ class ElasticSystem(Protocol):
 
         Args:
             ksp: the linear solver.
-            moved: contact nodes whose blocks have changed since that factorisation; None: not known.
+            moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
+                there is none, or too many to tell.
         """
 
     def set_step(self, step: int, scale: float = 1.0) -> None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.discretisation import Discretisation, LoadCase
+from signorini_fx.discretisation import Discretisation, LoadCase, load_resultant
 from signorini_fx.linalg.schur import SchurComplement
 
 
@@ -26,6 +26,7 @@ class CondensedSystem:
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
     cases: tuple[LoadCase, ...]
@@ -62,6 +63,7 @@ class CondensedSystem:
             matrix,
             load,
             start,
+            np.zeros(3),
             d.fixed[kept],
             contact_dofs,
             d.cases,
@@ -78,12 +80,13 @@ class CondensedSystem:
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
-        """Never: a dense factorisation is cheap."""
-        return False
+        """Only for the same matrix: a dense factorisation is cheap."""
+        return moved == 0
 
     def set_step(self, step: int, scale: float = 1.0) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = scale * np.array([case.factors[step] for case in self.cases])
+        self.resultant = scale * load_resultant(self.cases, step)
         starts = np.array([case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases])
         self.load.getArray()[:] = self.factors @ self.condensed
         self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import options
-from signorini_fx.discretisation import Discretisation, LoadCase
+from signorini_fx.discretisation import Discretisation, LoadCase, load_resultant
 
 
 @cache
@@ -46,7 +46,8 @@ _MUMPS_RELAXATION = (14, 100)
 # An exact factor of a matrix that differs in the blocks of k nodes lets CG converge in about 2 k steps; each costs a
 # back substitution, of which a factorisation is worth ten or more.
 _LAG = 4
-_LAGGED_TOLERANCE = 1e-13
+_LAGGED_STEPS = 20
+_LAGGED_TOLERANCE = 1e-12
 _KRYLOV_TOLERANCE = 1e-11
 
 
@@ -62,6 +63,7 @@ class FullSystem:
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
     contact_dofs: npt.NDArray[np.int32]
     cases: tuple[LoadCase, ...]
@@ -79,7 +81,7 @@ class FullSystem:
         nodes = d.boundary.nodes if d.boundary is not None else np.empty(0, dtype=np.int32)
         dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, d.fixed, dofs, d.cases, krylov)
+        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, np.zeros(3), d.fixed, dofs, d.cases, krylov)
         if krylov:
             d.stiffness.setBlockSize(2)
             d.stiffness.setNearNullSpace(_rigid_modes(d))
@@ -90,6 +92,7 @@ class FullSystem:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
+        self.resultant = scale * load_resultant(self.cases, step)
         for case in self.cases:
             self.load.axpy(scale * case.factors[step], case.load)
             self.start.axpy(scale * case.factors[step], case.start)
@@ -112,14 +115,13 @@ class FullSystem:
             pc.getFactorMatrix().setMumpsIcntl(*_MUMPS_RELAXATION)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
-        """Yes, as a preconditioner, where only a few contact nodes have moved."""
+        """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
         if self.krylov or options.user_sets("ksp_") or options.user_sets("pc_"):
-            return False
-        kept = moved is not None and 0 < moved <= _LAG
-        ksp.getPC().setReusePreconditioner(kept)
-        if kept:
+            return moved == 0
+        kept = moved is not None and moved <= _LAG
+        if kept and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
-            ksp.setTolerances(rtol=_LAGGED_TOLERANCE, max_it=20 * _LAG)
+            ksp.setTolerances(rtol=_LAGGED_TOLERANCE, max_it=_LAGGED_STEPS)
         else:
             ksp.setType(PETSc.KSP.Type.PREONLY)
         return kept

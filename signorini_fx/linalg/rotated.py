@@ -31,6 +31,11 @@ class RotatedSystem:
     rotation: PETSc.Mat
 
     @property
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """As the system that is turned: rigid motions are those of space."""
+        return self.inner.resultant
+
+    @property
     def unsymmetric(self) -> bool:
         """As the system that is turned."""
         return self.inner.unsymmetric
@@ -62,20 +67,28 @@ def along_axes(boundary: ContactBoundary) -> bool:
     return parallel.global_max(boundary.comm, parallel.local_max(off)) < _ALONG_AXIS
 
 
-def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSystem, ContactBoundary]:
-    """The system and the boundary with all normals along an axis; unchanged where they are.
+def check_rotation(boundary: ContactBoundary) -> None:
+    """Whether every contact node can be turned into its normal and tangent; collective.
 
     Raises:
         SceneError: a contact node has two normals, or a prescribed component across its normal.
     """
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
     crossed = nodes[counts > 1].size > 0
-    aligned = along_axes(boundary)
-    mixed = not aligned and not boundary.free.all()
+    mixed = not along_axes(boundary) and not boundary.free.all()
     if parallel.global_max(boundary.comm, float(crossed or mixed)) > 0:
         reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
-    if aligned:
+
+
+def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSystem, ContactBoundary]:
+    """The system and the boundary with all normals along an axis; unchanged where they are.
+
+    Raises:
+        SceneError: see ``check_rotation``.
+    """
+    check_rotation(boundary)
+    if along_axes(boundary):
         return system, boundary
     sizes = system.matrix.getSizes()
     rotation = PETSc.Mat().createAIJ(sizes, nnz=(2, 0), comm=system.comm)

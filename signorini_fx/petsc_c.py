@@ -1,0 +1,29 @@
+"""PETSc functions that petsc4py has no binding for, called in C.
+
+They are found by way of petsc4py's own library, hence in the very PETSc that petsc4py uses.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+from petsc4py import PETSc
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return ctypes.CDLL(PETSc.__file__)
+
+
+def call(name: str, *arguments: Any) -> None:
+    """Call a C function; petsc4py objects are passed by their handles.
+
+    Raises:
+        PETSc.Error: the function returned an error code.
+    """
+    converted = [ctypes.c_void_p(a.handle) if isinstance(a, PETSc.Object) else a for a in arguments]
+    code = getattr(_library(), name)(*converted)
+    if code:
+        raise PETSc.Error(code)
