@@ -74,8 +74,10 @@ class Rival:
     def _step(self, sets: Sets, bound: Floats | None) -> _Iterate:
         """Step 4 with given sets."""
         (contact, slip), gamma, w = sets, example1.GAMMA, self.weight
-        stick = np.zeros(self.x.size) if bound is None else np.where(slip == 0, gamma * w * self.movable, 0.0)
-        diagonal = self.elastic + np.concatenate((np.where(contact, gamma * w, 0.0), stick))
+        # A bound of zero transmits nothing: such a node neither sticks nor slips.
+        stick = np.zeros_like(contact) if bound is None else (slip == 0) & (bound > 0)
+        springs = np.concatenate((np.where(contact, gamma * w, 0.0), np.where(stick, gamma * w * self.movable, 0.0)))
+        diagonal = self.elastic + springs
         if self.factorised is None or not np.array_equal(diagonal, self.factorised):
             columns = np.arange(self.rows.size + 1, dtype=PETSc.IntType)
             self.matrix.setValuesIJV(columns, self.rows, diagonal, rowmap=self.rows)
@@ -94,7 +96,7 @@ class Rival:
         y = self.y.getArray(readonly=True)
         u_n, u_t = -y[self.normal], y[self.tangential]
         pressure = np.where(contact, gamma * (u_n - self.gap), 0.0)
-        shear = np.zeros_like(u_t) if bound is None else np.where(slip == 0, gamma * u_t, slip * bound)
+        shear = np.zeros_like(u_t) if bound is None else np.where(stick, gamma * u_t, slip * bound)
         return _Iterate(u_n, u_t, sets, pressure, shear)
 
     def next_sets(self, last: _Iterate, bound: Floats | None) -> Sets:
@@ -104,9 +106,7 @@ class Rival:
             return contact, np.zeros_like(slip)
         elastic = example1.GAMMA * last.u_t
         sign = np.where(slip == 0, np.sign(elastic), slip)
-        sliding = np.where(sign * elastic > bound, sign, 0)
-        # A bound of zero transmits nothing: such a node is on the side to which it moves.
-        return contact, np.where(bound == 0, np.where(last.u_t < 0, -1, 1), sliding).astype(np.int8)
+        return contact, np.where((sign * elastic > bound) & (bound > 0), sign, 0).astype(np.int8)
 
     def ssn(self, sets: Sets, bound: Floats | None, limit: int = 100) -> _Iterate:
         """Algorithm (SSN)."""
@@ -121,10 +121,9 @@ class Rival:
         """Contact and stick at all nodes, with which section 7 starts."""
         return np.ones(self.x.size, dtype=bool), np.zeros(self.x.size, dtype=np.int8)
 
-    def answer(self, last: _Iterate, bound: Floats) -> Answer:
+    def answer(self, last: _Iterate) -> Answer:
         """In the form in which all contestants answer."""
         contact, slip = last.sets
-        slip = np.where(bound > 0, slip, 0).astype(np.int8)
         return Answer(self.x, last.pressure, last.shear, contact, slip, self.solves, self.factorisations)
 
 
@@ -132,7 +131,7 @@ def tresca(tagged: TaggedMesh) -> Answer:
     """Tresca friction by (SSN), contact and stick everywhere at the start."""
     rival = Rival(tagged)
     bound = np.full(rival.x.size, example1.BOUND)
-    return rival.answer(rival.ssn(rival.everywhere(), bound), bound)
+    return rival.answer(rival.ssn(rival.everywhere(), bound))
 
 
 def coulomb(tagged: TaggedMesh) -> Answer:
@@ -145,6 +144,6 @@ def coulomb(tagged: TaggedMesh) -> Answer:
         last = rival.ssn(sets, bound)
         change, g = last.pressure - g, last.pressure
         if np.sqrt(rival.weight @ change**2) <= example1.TOLERANCE * np.sqrt(rival.weight @ g**2):
-            return rival.answer(last, bound)
+            return rival.answer(last)
         sets = rival.next_sets(last, example1.COEFFICIENT * g)
     raise RuntimeError("the rival has no fixed point")

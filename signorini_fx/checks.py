@@ -28,9 +28,8 @@ from signorini_fx import parallel, solver
 from signorini_fx.boundary import ContactBoundary, join
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.discretisation import LOCKING_POISSON, Discretisation, LoadCase
-from signorini_fx.errors import SceneError
 from signorini_fx.linalg import choice
-from signorini_fx.linalg.rotated import along_axes
+from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import coarser_scenes
 from signorini_fx.results import Inventory
@@ -48,6 +47,8 @@ from signorini_fx.scene import (
 from signorini_fx.strategy import LARGEST_GAMMA, START_GAMMA
 
 _Rows = npt.NDArray[np.float64]
+# What ``estimators.StressRecovery`` compiles.
+_RECOVERY = ("stress moments", "stress recovery error", "stress mass")
 # Forces and motions below this share of their scale are round-off.
 _ZERO = 1e-8
 # A gap this many times larger than the estimated displacements is called out.
@@ -171,10 +172,10 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None,
     if d.boundary is None:
         return d, None, None
     law = solver._friction_law(scene, d.boundary)
-    data = solver._regularised_data(scene, cast(Discretisation, d), d.boundary, law)
+    if scene.solver.algorithm == "exact":
+        check_rotation(d.boundary)
     solver._first_sets(scene, d.boundary)
-    _check_exact(scene, d.boundary)
-    return d, law, data
+    return d, law, solver._regularised_data(scene, cast(Discretisation, d), d.boundary, law)
 
 
 # --- what the solver would set up, but for the stiffness -------------------------------------------------------------
@@ -238,6 +239,8 @@ def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
         form = inventory.compile(f"contact {effect.boundary}", partial(build._unit_contact_form, space, z, where))
         parts.append(build._contact_part(space, form, where, index, fixed, effect.direction))
     boundary = join(parts) if parts else None
+    if boundary is not None and _estimates_error(scene):
+        inventory.forms += _RECOVERY
     build._check_finite(tuple(cases))
     if boundary is not None:
         build._check_overlap(scene, boundary, facets, tagged)
@@ -258,6 +261,10 @@ def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
     )
 
 
+def _estimates_error(scene: Scene) -> bool:
+    return scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
+
+
 def _load_case(
     factors: tuple[float, ...],
     loads: list[Any],
@@ -274,15 +281,6 @@ def _load_case(
         if any(effect is one for one in loads):
             fem_petsc.set_bc(prescribed.x.petsc_vec, [support])
     return LoadCase(factors, form, load, prescribed.x.petsc_vec.copy())
-
-
-def _check_exact(scene: Scene, boundary: ContactBoundary) -> None:
-    """What ``linalg.rotated.rotate`` refuses."""
-    crossed = np.unique(boundary.nodes).size < boundary.size
-    mixed = not along_axes(boundary) and not boundary.free.all()
-    if scene.solver.algorithm == "exact" and parallel.global_max(boundary.comm, float(crossed or mixed)) > 0:
-        reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
-        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
 
 
 # --- effects ---------------------------------------------------------------------------------------------------------
@@ -313,6 +311,9 @@ def _effects(d: _Body) -> list[Effect]:
     found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
     nested = scene.solver.levels > 1 and d.boundary is not None
     solves = _minus(_linear_solves(scene, nodes), every)
+    estimate = d.boundary is not None and _estimates_error(scene)
+    why = f"algorithm = {scene.solver.algorithm!r}"
+    found.append(Effect("error estimate", estimate, why, _RECOVERY if estimate else ()))
     return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 

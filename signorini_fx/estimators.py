@@ -16,38 +16,53 @@ from signorini_fx.material import stress
 _PROJECTION_TOLERANCE = 1e-6
 
 
-def recovery_error(discretisation: Discretisation, displacement: fem.Function) -> float:
-    """Energy norm sqrt(a(e, e)) of the discretisation error by stress recovery (Zienkiewicz and Zhu); collective.
+class StressRecovery:
+    """Zienkiewicz and Zhu's estimate of the discretisation error; compiled and assembled once, asked often.
 
     The stress is projected onto the continuous functions of the displacement's degree, and its difference to the
     discontinuous stress is measured with the compliance.
     """
-    d = discretisation
-    space = fem.functionspace(d.tagged.mesh, ("Lagrange", d.scene.element.degree, (3,)))
-    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-    sigma = stress(displacement, *d.lame)
-    raw = ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
-    mass = fem_petsc.assemble_matrix(fem.form(ufl.inner(y, z) * ufl.dx))
-    mass.assemble()
-    moments = fem_petsc.assemble_vector(fem.form(ufl.inner(raw, z) * ufl.dx))
-    moments.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    projection = mass.createVecRight()
-    ksp = PETSc.KSP().create(d.tagged.mesh.comm)
-    ksp.setOperators(mass)
-    ksp.setType(PETSc.KSP.Type.CG)
-    ksp.getPC().setType(PETSc.PC.Type.JACOBI)
-    ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
-    ksp.solve(moments, projection)
-    recovered = fem.Function(space)
-    recovered.x.array[: projection.getLocalSize()] = projection.getArray(readonly=True)
-    recovered.x.scatter_forward()
-    return _compliance_norm(d, recovered - raw)
+
+    def __init__(self, discretisation: Discretisation) -> None:
+        d = discretisation
+        self._comm = d.tagged.mesh.comm
+        self._displacement = fem.Function(d.space)
+        space = fem.functionspace(d.tagged.mesh, ("Lagrange", d.scene.element.degree, (3,)))
+        self._recovered = fem.Function(space)
+        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+        sigma = stress(self._displacement, *d.lame)
+        raw = ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+        compiled = d.inventory.compile
+        self._moments = compiled("stress moments", lambda: fem.form(ufl.inner(raw, z) * ufl.dx))
+        density = _compliance(self._recovered - raw, *d.lame)
+        self._square = compiled("stress recovery error", lambda: fem.form(density * ufl.dx))
+        mass = fem_petsc.assemble_matrix(compiled("stress mass", lambda: fem.form(ufl.inner(y, z) * ufl.dx)))
+        mass.assemble()
+        d.inventory.matrices.append("stress mass")
+        self._ksp = PETSc.KSP().create(self._comm)
+        self._ksp.setOperators(mass)
+        self._ksp.setType(PETSc.KSP.Type.CG)
+        self._ksp.getPC().setType(PETSc.PC.Type.JACOBI)
+        self._ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
+        self._projection = mass.createVecRight()
+
+    def error(self, x: PETSc.Vec) -> float:
+        """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
+        _fill(self._displacement, x)
+        moments = fem_petsc.assemble_vector(self._moments)
+        moments.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        self._ksp.solve(moments, self._projection)
+        _fill(self._recovered, self._projection)
+        value = self._comm.allreduce(fem.assemble_scalar(self._square))
+        return float(np.sqrt(max(value, 0.0)))
 
 
-def _compliance_norm(d: Discretisation, tau: Any) -> float:
-    """Sqrt of the integral of C^-1 tau : tau for a stress tau = (xx, yy, xy)."""
-    lame, mu = d.lame
+def _fill(function: fem.Function, x: PETSc.Vec) -> None:
+    function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
+    function.x.scatter_forward()
+
+
+def _compliance(tau: Any, lame: Any, mu: Any) -> Any:
+    """C^-1 tau : tau for a stress tau = (xx, yy, xy)."""
     trace = tau[0] + tau[1]
-    density = (tau[0] ** 2 + tau[1] ** 2 + 2 * tau[2] ** 2 - lame / (2 * (lame + mu)) * trace**2) / (2 * mu)
-    value = d.tagged.mesh.comm.allreduce(fem.assemble_scalar(fem.form(density * ufl.dx)))
-    return float(np.sqrt(max(value, 0.0)))
+    return (tau[0] ** 2 + tau[1] ** 2 + 2 * tau[2] ** 2 - lame / (2 * (lame + mu)) * trace**2) / (2 * mu)

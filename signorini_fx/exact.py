@@ -42,6 +42,7 @@ class ExactProblem:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.kept = False
+        self._definite: set[int] = set()
         self.moved: int | None = None
         self._factorised: dict[int, npt.NDArray[np.int32]] = {}
         self._constrained: dict[int, npt.NDArray[np.int32]] = {}
@@ -117,7 +118,7 @@ class ExactProblem:
         jacobian = self.system.matrix.duplicate(copy=True)
         jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         if symmetric:
-            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+            self._definite.add(jacobian.handle)
         return jacobian
 
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -170,3 +171,5 @@ class ExactProblem:
         self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         first = self.system.matrix.getOwnershipRange()[0]
         jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._diagonal)
+        if jacobian.handle in self._definite:
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)

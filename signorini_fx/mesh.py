@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ class TaggedMesh(TaggedMeshBase):
         self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
         return np.intersect1d(tagged, dmesh.exterior_facet_indices(self.mesh.topology)).astype(np.int32)
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Diagonal of the bounding box, a length; the same on all ranks."""
         x = self.mesh.geometry.x[:, : self.mesh.geometry.dim].astype(np.float64)

@@ -19,8 +19,9 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_multiplier, slip_of
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, SceneError
-from signorini_fx.estimators import recovery_error
+from signorini_fx.estimators import StressRecovery
 from signorini_fx.expressions import sample
+from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
@@ -299,7 +300,7 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
         first_iteration=first_iteration,
         natural_gamma=scene.young / discretisation.tagged.size,
         history=history,
-        goal=lambda x: _allowed_regularisation_error(discretisation, system.displacement(x)),
+        goal=_goal(discretisation, system),
     )
 
 
@@ -324,13 +325,18 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-def _allowed_regularisation_error(discretisation: Discretisation, x: PETSc.Vec) -> float:
-    """What path-following may leave, in the energy norm."""
-    displacement = discretisation.function(x)
+def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
+    """What path-following may leave at an iterate of the system, in the energy norm."""
     wanted = discretisation.scene.solver.regularisation_error
-    if wanted == "auto":
-        return recovery_error(discretisation, displacement)
-    return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
+    if discretisation.scene.solver.algorithm == "path-following" and wanted == "auto":
+        recovery = StressRecovery(discretisation)
+        return lambda x: recovery.error(system.displacement(x))
+
+    def share(x: PETSc.Vec) -> float:
+        displacement = discretisation.function(system.displacement(x))
+        return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
+
+    return share
 
 
 def _friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:

@@ -81,6 +81,7 @@ def test_effects_of_example_1():
         "contact bottom": (True, ("contact bottom",), 0),
         "friction bottom": (True, (), 0),
         "load steps": (False, (), 0),
+        "error estimate": (False, (), 0),
         "nested iteration": (False, (), 0),
     }
     assert report.forms == ("elasticity", "traction top", "contact bottom")
@@ -106,6 +107,9 @@ VARIANTS = {
     "no contact": block(contact=[]),
     "everything": block(**ALL),
     "linear": block(**{**ALL, "contact": []}),
+    "path-following": block(solver={"algorithm": "path-following"}),
+    "path-following to a given error": block(solver={"algorithm": "path-following", "regularisation_error": 1e-4}),
+    "path-following without contact": block(contact=[], solver={"algorithm": "path-following"}),
 }
 
 
@@ -133,6 +137,7 @@ def test_every_effect_of_a_scene_with_all_of_them():
         "traction right": "it is 0",
         "friction bottom": "tresca, bound = 0: frictionless",
         "friction right": "no friction",
+        "error estimate": "algorithm = 'auto'",
         "nested iteration": "levels = 1",
     }
     assert effects["traction top"].forms == ("traction top",)

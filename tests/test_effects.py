@@ -306,7 +306,6 @@ def test_records_know_the_factorisations(count, friction):
     assert counts.factorisations == sum(record.factorised for record in solution.history.iterations)
 
 
-@pytest.mark.xfail(strict=True, reason="recovery_error compiles three forms each time, and notes none")
 def test_path_following(count):
     """Its error estimate projects the stress: three forms and a mass matrix, each once however long the path is."""
     data = {**ELASTIC, "contact": [{**CONTACT, "friction": TRESCA}]}

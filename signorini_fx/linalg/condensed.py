@@ -48,9 +48,7 @@ class CondensedSystem:
         nodes, position = np.unique(d.boundary.nodes, return_inverse=True)
         kept = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
         schur = SchurComplement(d.stiffness, kept)
-        matrix = PETSc.Mat().createDense(
-            (kept.size, kept.size), array=np.asfortranarray(schur.dense), comm=d.boundary.comm
-        )
+        matrix = PETSc.Mat().createDense((kept.size, kept.size), array=schur.dense.T, comm=d.boundary.comm)
         matrix.assemble()
         interior = tuple(schur.solve_interior(case.load) for case in d.cases)
         condensed = np.array(

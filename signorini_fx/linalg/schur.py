@@ -53,9 +53,8 @@ class SchurComplement:
         values = np.ctypeslib.as_array(entries, shape=(kept.size, kept.size)).copy()
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         call("MatDestroy", ctypes.byref(dense))
-        # MUMPS fills one triangle only.
-        lower = np.tril(values) if np.abs(np.tril(values, -1)).sum() > 0 else np.triu(values).T
-        self.dense = lower + np.tril(lower, -1).T
+        _symmetrise(values)
+        self.dense = values
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
 
     def solve_interior(self, right: PETSc.Vec) -> PETSc.Vec:
@@ -68,3 +67,14 @@ class SchurComplement:
     def __del__(self) -> None:
         if getattr(self, "_factor", None):
             call("MatDestroy", ctypes.byref(self._factor))
+
+
+def _symmetrise(values: npt.NDArray[np.float64], block: int = 256) -> None:
+    """Complete a symmetric matrix of which MUMPS has filled one triangle, in place."""
+    if values.shape[0] > 1 and values[-1, 0] == 0.0:
+        values = values.T
+    for k in range(0, values.shape[0], block):
+        here = slice(k, k + block)
+        lower = np.tril(values[here, here])
+        values[here, here] = lower + np.tril(lower, -1).T
+        values[here, k + block :] = values[k + block :, here].T
