@@ -51,6 +51,8 @@ _Rows = npt.NDArray[np.float64]
 _RECOVERY = ("stress moments", "stress recovery error", "stress mass")
 # Forces and motions below this share of their scale are round-off.
 _ZERO = 1e-8
+# Friction above this is taken for as much as is wanted.
+_ROUGH = 1e6
 # A gap this many times larger than the estimated displacements is called out.
 _FAR = 10.0
 
@@ -585,10 +587,12 @@ def _reactions(d: _Body, law: FrictionLaw | None) -> tuple[_Rows, _Rows, _Rows]:
     tangent = np.einsum("ij,ijk->ik", boundary.tangent, modes) @ free
     zero = np.zeros(boundary.size)
     coefficient, given = (zero, zero) if law is None else (law.coefficient, boundary.weight * law.given)
-    edges = [normal + coefficient[:, None] * tangent, normal - coefficient[:, None] * tangent]
+    edges = [normal + coefficient[:, None] * tangent, normal - coefficient[:, None] * tangent, normal]
+    rough = coefficient > _ROUGH
+    edges += [tangent[rough], -tangent[rough]]
     bilateral = solver._bilateral(d.scene, boundary)
     if bilateral is not None:
-        edges += [-edge[bilateral] for edge in edges]
+        edges += [-edge[bilateral] for edge in edges[:3]]
     directions = np.concatenate([normal, tangent[(coefficient > 0) | (given > 0)]])
     cone, friction, directions = (
         parallel.gather_rows(boundary.comm, rows)
