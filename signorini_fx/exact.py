@@ -15,15 +15,13 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, keep_closed, release, slip_of
-from signorini_fx.holding import hold
+from signorini_fx.complementarity import ActiveSets, Nodal, at_bound, keep_closed, slip_of
 from signorini_fx.linalg import ElasticSystem
-from signorini_fx.problem import ROUND_OFF, stiffness_scale
-from signorini_fx.results import Status
+from signorini_fx.problem import ProblemState
 from signorini_fx.rigid import RigidMotions
 
 
-class ExactProblem:
+class ExactProblem(ProblemState):
     """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see
     ``problem.ContactProblem``.
 
@@ -34,20 +32,9 @@ class ExactProblem:
     def __init__(
         self, system: ElasticSystem, boundary: ContactBoundary, physical: ContactBoundary, motions: RigidMotions
     ) -> None:
-        self._physical = physical
-        self.system = system
-        self.boundary = boundary
-        self.data: RegularisedData
-        self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
-        self.force_scale = 0.0
-        self.loose: Status | None = None
-        self.kept = False
-        self._definite: set[int] = set()
-        self.moved: int | None = None
+        super().__init__(system, boundary, physical, motions)
         self._factorised: dict[int, npt.NDArray[np.int32]] = {}
         self._constrained: dict[int, npt.NDArray[np.int32]] = {}
-        self._motions = motions
-        self._forced_first = False
         rows = np.arange(boundary.size)
         axis = np.argmax(np.abs(boundary.normal), axis=1)
         self._n = system.contact_dofs[rows, axis]
@@ -57,18 +44,6 @@ class ExactProblem:
         self._n_free = boundary.free[rows, axis]
         self._t_free = boundary.free[rows, 1 - axis]
         self._work = system.load.duplicate()
-        self._diagonal = stiffness_scale(system)
-
-    def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """See ``ContactProblem``; gamma, sigma and the shifts of the data play no part."""
-        self.data = data
-        self._forced_first = first_sets is not None
-        if first_sets is not None:
-            self.following = release(first_sets, data)
-
-    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """See ``ContactProblem``."""
-        return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
@@ -115,27 +90,15 @@ class ExactProblem:
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """See ``ContactProblem``."""
-        jacobian = self.system.matrix.duplicate(copy=True)
+        jacobian = super().create_jacobian(symmetric=symmetric)
         jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        if symmetric:
-            self._definite.add(jacobian.handle)
         return jacobian
 
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
         if not self._forced_first:
             self.following = self._classify(x)
-        wanted = self.multipliers(x, self.sets)
-        held = hold(
-            self.following,
-            self.sets,
-            *wanted,
-            self.data,
-            self._physical,
-            self._motions,
-            self.system.resultant,
-        )
-        self.following, self.loose, self.kept = held
+        self._hold(*self.multipliers(x, self.sets))
         dofs, values = self._constraints(self.following)
         shear = np.zeros(self.boundary.size)
         if self.data.has_friction:
@@ -145,11 +108,11 @@ class ExactProblem:
         placed = x.copy()
         placed.getArray()[dofs] = values
         self.system.matrix.mult(placed, f)
-        self.force_scale = max(f.norm(), self.system.load.norm(), ROUND_OFF * self._diagonal * placed.norm())
+        self._measure(f, placed)
         f.axpy(-1.0, self.system.load)
         array = f.getArray()
         np.add.at(array, self._t, self._t_sign * self.boundary.weight * shear)
-        array[dofs] = self._diagonal * (x.getArray(readonly=True)[dofs] - values)
+        array[dofs] = self._stiffness * (x.getArray(readonly=True)[dofs] - values)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
@@ -170,6 +133,5 @@ class ExactProblem:
         self._constrained[jacobian.handle] = dofs
         self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         first = self.system.matrix.getOwnershipRange()[0]
-        jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._diagonal)
-        if jacobian.handle in self._definite:
-            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+        jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._stiffness)
+        self._declare(jacobian)

@@ -89,19 +89,12 @@ class ContactProblem(Protocol):
 ROUND_OFF = 1e-8
 
 
-def stiffness_scale(system: ElasticSystem) -> float:
-    """Largest diagonal entry of the elastic matrix, about E; collective."""
-    return parallel.global_max(system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True)))
+class ProblemState:
+    """The state that every contact problem keeps, and what becomes of it; see ``ContactProblem``."""
 
-
-class RegularisedProblem:
-    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
-
-    For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
-    See ``ContactProblem``.
-    """
-
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
+    def __init__(
+        self, system: ElasticSystem, boundary: ContactBoundary, physical: ContactBoundary, motions: RigidMotions
+    ) -> None:
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
@@ -109,13 +102,15 @@ class RegularisedProblem:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.kept = False
-        self._definite: set[int] = set()
         self.moved: int | None = None
+        self._physical = physical
         self._motions = motions
         self._forced_first = False
+        self._definite: set[int] = set()
         # Forces below this share of E |x| are round-off of a stress-free motion.
-        self._faint = ROUND_OFF * stiffness_scale(system)
-        self._blocks = _NodeBlocks(system, boundary)
+        self._stiffness = parallel.global_max(
+            system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
+        )
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``."""
@@ -128,6 +123,47 @@ class RegularisedProblem:
         """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
 
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """See ``ContactProblem``: a copy of A."""
+        jacobian = self.system.matrix.duplicate(copy=True)
+        if symmetric:
+            self._definite.add(jacobian.handle)
+        return jacobian
+
+    def _declare(self, jacobian: PETSc.Mat) -> None:
+        """PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T."""
+        if jacobian.handle in self._definite:
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+
+    def _hold(self, pressure: Nodal, shear: Nodal) -> None:
+        """Replace the following sets by sets that hold the body, or note how it gets away."""
+        self.following, self.loose, self.kept = hold(
+            self.following,
+            self.sets,
+            pressure,
+            shear,
+            self.data,
+            self._physical,
+            self._motions,
+            self.system.resultant,
+        )
+
+    def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Take the size of the forces A x as the scale of the residual."""
+        self.force_scale = max(forces.norm(), self.system.load.norm(), ROUND_OFF * self._stiffness * x.norm())
+
+
+class RegularisedProblem(ProblemState):
+    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
+
+    For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
+    See ``ContactProblem``.
+    """
+
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
+        super().__init__(system, boundary, boundary, motions)
+        self._blocks = _NodeBlocks(system, boundary)
+
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return multipliers(sets, *self.traces(x), self.data)
@@ -138,31 +174,14 @@ class RegularisedProblem:
         pressure, _ = self.multipliers(x, self.sets)
         return self.data.friction_bound(pressure), self.data.friction_bound(trial_pressure(u_n, self.data))
 
-    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
-        """See ``ContactProblem``: a copy of A, of which only the blocks of the contact nodes will change."""
-        jacobian = self.system.matrix.duplicate(copy=True)
-        if symmetric:
-            self._definite.add(jacobian.handle)
-        return jacobian
-
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
         if not self._forced_first:
             self.following = classify(self.sets, *self.traces(x), self.data)
-        wanted = self.multipliers(x, self.sets)
-        held = hold(
-            self.following,
-            self.sets,
-            *wanted,
-            self.data,
-            self.boundary,
-            self._motions,
-            self.system.resultant,
-        )
-        self.following, self.loose, self.kept = held
+        self._hold(*self.multipliers(x, self.sets))
         pressure, shear = self.multipliers(x, self.following)
         self.system.matrix.mult(x, f)
-        self.force_scale = max(f.norm(), self.system.load.norm(), self._faint * x.norm())
+        self._measure(f, x)
         f.axpy(-1.0, self.system.load)
         forces = self.boundary.nodal_forces(pressure, shear) * self.boundary.free
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
@@ -173,9 +192,7 @@ class RegularisedProblem:
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is left alone.
         self.moved = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
-        if jacobian.handle in self._definite:
-            # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T.
-            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+        self._declare(jacobian)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
