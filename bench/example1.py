@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from signorini_fx.mesh import TaggedMesh, generate_mesh
 from signorini_fx.scene import Scene, parse_scene
-from signorini_fx.solver import Solution
+from signorini_fx.solution import Solution
 
 Floats = npt.NDArray[np.float64]
 

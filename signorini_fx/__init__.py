@@ -33,7 +33,8 @@ _PUBLIC = {
         "UnilateralContact",
         "read_scene",
     ),
-    "solver": ("Solution", "solve"),
+    "solution": ("Solution",),
+    "solver": ("solve",),
     "parameter_sweep": ("SweepPoint", "sweep"),
 }
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}

@@ -12,9 +12,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import forms, parallel
+from signorini_fx.assembly import assemble, facet_entities, measure
 
 Nodal = npt.NDArray[np.float64]
 
@@ -76,3 +79,53 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
     return ContactBoundary(parts[0].comm, **fields)
+
+
+def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
+    """(lambda, tau_N z) for lambda = 1, with the nodal rule: the nodal weights times the normals."""
+    ds = measure(space.mesh, [facets], forms.nodal_rule(space.element.basix_element.degree))(1)
+    one = fem.Constant(space.mesh, default_scalar_type(1.0))
+    return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
+
+
+def contact_part(
+    space: fem.FunctionSpace,
+    form: fem.Form,
+    facets: npt.NDArray[np.int32],
+    index: int,
+    fixed: npt.NDArray[np.bool_],
+    direction: tuple[float, float] | None,
+) -> ContactBoundary:
+    """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
+    moments = assemble(form).getArray().reshape(-1, 2)
+    weight = np.linalg.norm(moments, axis=1)
+    nodes = np.flatnonzero(weight > 0).astype(np.int32)
+    normal = moments[nodes] / weight[nodes, None]
+    if direction is not None:
+        normal = np.tile(np.asarray(direction) / np.hypot(*direction), (nodes.size, 1))
+    return ContactBoundary(
+        comm=space.mesh.comm,
+        nodes=nodes,
+        x=space.tabulate_dof_coordinates()[nodes, :2],
+        weight=weight[nodes],
+        normal=normal,
+        part=np.full(nodes.size, index, dtype=np.int32),
+        free=~fixed.reshape(-1, 2)[nodes],
+        segments=_segments(space, facets, index),
+        global_nodes=space.dofmap.index_map.local_to_global(nodes),
+    )
+
+
+def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
+    """The part and the global node numbers of each facet, in order along it, shape (facets, degree + 2)."""
+    degree = space.element.basix_element.degree
+    layout = space.dofmap.dof_layout
+    rows = []
+    for cell, local in facet_entities(space.mesh, facets):
+        # Vertices come first, then what is inside the facet.
+        closure = layout.entity_closure_dofs(space.mesh.topology.dim - 1, int(local))
+        first, last, *middle = space.dofmap.cell_dofs(cell)[closure]
+        rows.append([first, *middle, last])
+    local_nodes = np.array(rows, dtype=np.int32).reshape(-1, degree + 1)
+    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
+    return np.column_stack((np.full(len(rows), part, dtype=np.int64), nodes))

@@ -23,13 +23,15 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
+from signorini_fx import contact_data, loads, parallel
 from signorini_fx import discretisation as build
-from signorini_fx import parallel, solver
-from signorini_fx.boundary import ContactBoundary, join
+from signorini_fx.assembly import assemble
+from signorini_fx.boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
-from signorini_fx.discretisation import LOCKING_POISSON, Discretisation, LoadCase
+from signorini_fx.discretisation import LOCKING_POISSON, Discretisation
 from signorini_fx.linalg import choice
 from signorini_fx.linalg.rotated import check_rotation
+from signorini_fx.loads import LoadCase
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import coarser_scenes
 from signorini_fx.results import Inventory
@@ -45,6 +47,7 @@ from signorini_fx.scene import (
     friction_acts,
 )
 from signorini_fx.strategy import LARGEST_GAMMA, START_GAMMA
+from signorini_fx.supports import check_overlap, dirichlet_conditions, fixed_dofs
 
 _Rows = npt.NDArray[np.float64]
 # What ``estimators.StressRecovery`` compiles.
@@ -173,11 +176,11 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None,
     d = _body(scene, load_mesh(scene, comm))
     if d.boundary is None:
         return d, None, None
-    law = solver._friction_law(scene, d.boundary)
+    law = contact_data.friction_law(scene, d.boundary)
     if scene.solver.algorithm == "exact":
         check_rotation(d.boundary)
-    solver._first_sets(scene, d.boundary)
-    return d, law, solver._regularised_data(scene, cast(Discretisation, d), d.boundary, law)
+    contact_data.first_sets(scene, d.boundary)
+    return d, law, contact_data.regularised_data(scene, cast(Discretisation, d), d.boundary, law)
 
 
 # --- what the solver would set up, but for the stiffness -------------------------------------------------------------
@@ -221,31 +224,31 @@ class _Body:
 
 def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
     """Compile and assemble loads and contact boundaries, and raise what ``discretise`` would raise."""
-    facets = build._boundary_facets(scene, tagged)
+    facets = build.boundary_facets(scene, tagged)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (2,)))
     z = ufl.TestFunction(space)
-    build._lame(scene, tagged)
-    reduced = build._reduced_degree(scene, tagged.mesh)
+    build.lame_coefficients(scene, tagged)
+    reduced = build.reduced_degree(scene, tagged.mesh)
     inventory = Inventory(["elasticity", *(["reduced volumetric elasticity"] if reduced is not None else [])])
-    supports = build._supports(scene, space, facets, tagged)
-    fixed = build._fixed(space, [support for _, support in supports])
+    supports = dirichlet_conditions(scene, space, facets, tagged)
+    fixed = fixed_dofs(space, [support for _, support in supports])
     cases, load_forms = [], {}
-    for factors, loads in build._load_groups(scene).items():
-        form = build._load_form(loads, space, z, facets, inventory)
+    for factors, group in loads.load_groups(scene).items():
+        form = loads.compile_load(group, space, z, facets, inventory)
         if form is not None:
             load_forms[factors] = inventory.forms[-1]
-        cases.append(_load_case(factors, loads, form, supports, space))
+        cases.append(_load_case(factors, group, form, supports, space))
     parts = []
     for index, effect in enumerate(scene.contact):
         where = facets[effect.boundary]
-        form = inventory.compile(f"contact {effect.boundary}", partial(build._unit_contact_form, space, z, where))
-        parts.append(build._contact_part(space, form, where, index, fixed, effect.direction))
+        form = inventory.compile(f"contact {effect.boundary}", partial(unit_contact_form, space, z, where))
+        parts.append(contact_part(space, form, where, index, fixed, effect.direction))
     boundary = join(parts) if parts else None
     if boundary is not None and _estimates_error(scene):
         inventory.forms += _RECOVERY
-    build._check_finite(tuple(cases))
+    loads.check_finite(tuple(cases))
     if boundary is not None:
-        build._check_overlap(scene, boundary, facets, tagged)
+        check_overlap(scene, boundary, facets, tagged)
     x = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local, :2]
     motions = rigid_motions(tagged.mesh.comm, x, fixed.reshape(-1, 2), tagged.size)
     return _Body(
@@ -276,7 +279,7 @@ def _load_case(
 ) -> LoadCase:
     """L and the prescribed displacements of loads that share their factors."""
     prescribed = fem.Function(space)
-    load = prescribed.x.petsc_vec.copy() if form is None else build._assemble(form)
+    load = prescribed.x.petsc_vec.copy() if form is None else assemble(form)
     for effect, support in supports:
         dofs, _ = support.dof_indices()
         prescribed.x.array[dofs] = 0.0
@@ -296,7 +299,7 @@ def _effects(d: _Body) -> list[Effect]:
         return (d.load_forms[load.factors or (1.0,) * scene.steps],)
 
     body = scene.body_force
-    if body is None or build._is_zero(body.x, body.y):
+    if body is None or loads.is_zero(body.x, body.y):
         found.append(Effect("body force", False, "it is 0" if body is not None else "no [body_force]"))
     else:
         found.append(Effect("body force", True, f"({_text(body.x)}, {_text(body.y)})", form_of(body)))
@@ -404,7 +407,7 @@ def _prescribed(effect: PrescribedDisplacement) -> str:
 def _traction(effect: SurfaceTraction) -> str:
     """What acts, empty if nothing does."""
     parts = (("x", effect.x), ("y", effect.y), ("pressure", effect.pressure))
-    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not build._is_zero(value))
+    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not loads.is_zero(value))
 
 
 def _friction(law: Friction) -> str:
@@ -426,7 +429,7 @@ _MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
 # What a process holds before it has a mesh, and what the mesh, the forms and the vectors need per unknown.
 _BASE_BYTES, _BYTES_PER_DOF = 1.4e8, 1.0e3
 # Dense Cholesky, operations per second; a solve by CG with algebraic multigrid, seconds per unknown.
-_DENSE_SPEED, _KRYLOV_SECONDS = 1e10, 1e-5
+_DENSE_SPEED, _KRYLOV_SECONDS = 2e10, 1e-5
 
 
 def _contact_nodes(d: _Body) -> int:
@@ -467,7 +470,7 @@ def _cost(d: _Body) -> Cost:
         against = choice._against_condensing(cast(Discretisation, d), 2 * nodes)
         if comm.size == 1 and wanted != "full" and (against is None or wanted == "condensed"):
             dense = 2 * nodes
-            reason, once, each = "condensed", 2 * factorisation, dense**3 / 3 / _DENSE_SPEED + 1e-4
+            reason, once, each = "condensed", 1.4 * factorisation, dense**3 / 3 / _DENSE_SPEED + 1e-4
         else:
             reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
@@ -528,9 +531,10 @@ def _equilibrium(d: _Body, law: FrictionLaw | None) -> list[Finding]:
     loose = _null_space(directions)
     if loose.shape[1]:
         names = _motions(free @ loose, motions)
-        what = "the supports" if boundary is None else "the supports nor the contact"
-        advice = "prescribe a displacement" + ("" if boundary is None else ", or add friction")
-        return [Finding("warning", "displacement", f"nothing holds the body: {what} resist {names}; {advice}")]
+        who, advice = "the supports do not resist", "prescribe a displacement"
+        if boundary is not None:
+            who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
+        return [Finding("warning", "displacement", f"nothing holds the body: {who} {names}; {advice}")]
     warnings: list[Finding] = []
     pushed = False
     for step in range(d.scene.steps):
@@ -545,9 +549,9 @@ def _equilibrium(d: _Body, law: FrictionLaw | None) -> list[Finding]:
             Finding(
                 "warning",
                 "traction, body_force",
-                f"{when}there is no static equilibrium: the loads drive the body along "
-                f"{_motions(free @ away[:, None], motions)}, and neither its supports nor the contact can hold it "
-                "there: turn the loads, prescribe a displacement, or raise the friction",
+                f"{when}there is no static equilibrium: the loads drive {_motions(free @ away[:, None], motions)}, "
+                "which neither the supports nor the contact can stop: turn the loads, prescribe a displacement, or "
+                "raise the friction",
             )
         )
     if warnings:
@@ -590,7 +594,7 @@ def _reactions(d: _Body, law: FrictionLaw | None) -> tuple[_Rows, _Rows, _Rows]:
     edges = [normal + coefficient[:, None] * tangent, normal - coefficient[:, None] * tangent, normal]
     rough = coefficient > _ROUGH
     edges += [tangent[rough], -tangent[rough]]
-    bilateral = solver._bilateral(d.scene, boundary)
+    bilateral = contact_data.bilateral_nodes(d.scene, boundary)
     if bilateral is not None:
         edges += [-edge[bilateral] for edge in edges[:3]]
     directions = np.concatenate([normal, tangent[(coefficient > 0) | (given > 0)]])
@@ -770,12 +774,12 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
             )
             found.append(Finding("warning", f"solver.{name}", message))
         if gamma < START_GAMMA * natural and settings.algorithm != "alm":
-            error = "penetration" if name == "gamma_n" else "elastic slip"
+            error = "a penetration" if name == "gamma_n" else "an elastic slip"
             message = (
                 f"{gamma:g} is below {START_GAMMA * natural:.1g}, {START_GAMMA:g} times E over the size of the body: "
-                f"an {error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
+                f"{error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
                 "'auto', or algorithm = 'alm'"
-            ).replace("an penetration", "a penetration")
+            )
             found.append(Finding("warning", f"solver.{name}", message))
     if scene.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
         message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"

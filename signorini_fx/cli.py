@@ -210,22 +210,25 @@ def _render(check: Check) -> str:
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
-    lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_cost_lines(check.cost)]
+    lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
     for finding in check.findings:
-        text = f"{finding.level}: {finding.path}: {finding.message}"
-        lines += textwrap.wrap(text, width=110, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+        lines += _wrapped(f"{finding.level}: {finding.path}: {finding.message}")
     return "\n".join(lines)
 
 
-def _cost_lines(cost: Cost) -> list[str]:
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, width=110, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+
+
+def _estimate(cost: Cost) -> str:
     low, high = cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
-    return [
-        f"  Estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
-        f"{solves} linear solves ({cost.linear_algebra});",
-        f"  one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
-        f"altogether {_seconds(cost.seconds[0])} to {_seconds(cost.seconds[1])} and {_bytes(cost.memory_bytes)}.",
-    ]
+    return (
+        f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
+        f"{solves} linear solves ({cost.linear_algebra}); "
+        f"one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
+        f"altogether {_seconds(cost.seconds[0])} to {_seconds(cost.seconds[1])} and {_bytes(cost.memory_bytes)}"
+    )
 
 
 def _seconds(value: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from signorini_fx.solver import Solution
+    from signorini_fx.solution import Solution
 
 
 class SignoriniError(Exception):

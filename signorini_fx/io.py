@@ -25,7 +25,7 @@ from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
 from signorini_fx.quantities import ContactTable
 from signorini_fx.results import as_rows
-from signorini_fx.solver import Solution
+from signorini_fx.solution import Solution
 from signorini_fx.summary import summarise
 
 _PART = ".part"

@@ -3,126 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import options, parallel
+from signorini_fx import options
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_multiplier, slip_of
+from signorini_fx.complementarity import slip_multiplier, slip_of
+from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.errors import ConvergenceError, SceneError
+from signorini_fx.errors import ConvergenceError
 from signorini_fx.estimators import StressRecovery
-from signorini_fx.expressions import sample
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import LevelRecord, carry_over, coarser_scenes
-from signorini_fx.quantities import (
-    Certificate,
-    ContactState,
-    ContactTable,
-    Forces,
-    Functionals,
-    certify,
-    contact_table,
-    functionals,
-)
+from signorini_fx.quantities import ContactState, Forces, certify, functionals
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene import Scene
+from signorini_fx.solution import Solution, StepResult
 from signorini_fx.strategy import Task, run
-
-# gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-_AUTOMATIC_GAMMA = 1e5
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """What a load step ended with.
-
-    Attributes:
-        step: its number, from 0.
-        status: how it ended.
-        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
-        certificate: the conditions of the step, checked anew.
-        strain_energy: a(y, y) / 2, an energy per thickness.
-        linear_solves: linear solves of the step.
-    """
-
-    step: int
-    status: Status
-    contact: ContactState | None
-    certificate: Certificate
-    strain_energy: float
-    linear_solves: int
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The result of a solve; with load steps, of the last one.
-
-    Attributes:
-        scene: what was solved.
-        status: how it ended; only ``Status.CONVERGED`` is a solution.
-        algorithm: the algorithms in force: ``linear``, ``ssn``, ``fp``, ...
-        discretisation: mesh, space and operators.
-        displacement: y, a finite element function.
-        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
-        functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
-        certificate: the conditions of the problem, checked anew after the solve.
-        steps: one result a load step, as far as it went.
-        history: every linear solve and every regularised problem.
-        parameters: gamma_n, gamma_t, sigma in force.
-        timings: wall seconds by phase, on this rank.
-        linear_algebra: which kind of elastic system was used, and why.
-        levels: the meshes of a nested iteration, coarsest first; empty without.
-    """
-
-    scene: Scene
-    status: Status
-    algorithm: str
-    discretisation: Discretisation
-    displacement: fem.Function
-    contact: ContactState | None
-    functionals: Functionals | None
-    certificate: Certificate
-    steps: tuple[StepResult, ...]
-    history: History
-    parameters: dict[str, float] = field(default_factory=dict)
-    timings: Timings = field(default_factory=Timings)
-    linear_algebra: str = "full"
-    levels: tuple[LevelRecord, ...] = ()
-
-    @property
-    def converged(self) -> bool:
-        """Whether this is a solution, certificate included."""
-        return self.status is Status.CONVERGED
-
-    @cached_property
-    def table(self) -> ContactTable:
-        """The contact boundary of all ranks as a table, the same on every rank; collective.
-
-        Raises:
-            ValueError: the scene has no contact.
-        """
-        if self.contact is None:
-            raise ValueError("the scene has no contact, hence no contact table")
-        return contact_table(self.contact, [effect.boundary for effect in self.scene.contact])
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """The ranks that share the solution."""
-        comm: MPI.Comm = self.discretisation.tagged.mesh.comm
-        return comm
 
 
 def solve(
@@ -282,10 +188,10 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
 def contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.run`` or for an algorithm of one's own."""
     scene = discretisation.scene
-    law = _friction_law(scene, boundary)
+    law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
         check_rotation(boundary)
-    first_sets, first_iteration = _first_sets(scene, boundary)
+    sets, first_iteration = first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra)
     return Task(
         settings=scene.solver,
@@ -293,10 +199,10 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
         linear_algebra=reason,
         boundary=boundary,
         motions=discretisation.motions,
-        data=_regularised_data(scene, discretisation, boundary, law),
+        data=regularised_data(scene, discretisation, boundary, law),
         law=law,
         has_coulomb=scene.has_coulomb,
-        first_sets=first_sets,
+        first_sets=sets,
         first_iteration=first_iteration,
         natural_gamma=scene.young / discretisation.tagged.size,
         history=history,
@@ -337,88 +243,6 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
 
     return share
-
-
-def _friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
-    """Nodal data of the friction laws; None where no law can act."""
-    if not scene.has_friction:
-        return None
-    given, coefficient, cap = np.zeros(boundary.size), np.zeros(boundary.size), np.full(boundary.size, np.inf)
-    for index, effect in enumerate(scene.contact):
-        here = boundary.part == index
-        path = f"contact[{index}].friction"
-        match effect.friction:
-            case TrescaFriction(bound=value) if friction_acts(effect.friction):
-                given[here] = _nodal(value, boundary, here, f"{path}.bound", minimum=0.0)
-            case CoulombFriction(coefficient=value, cap=limit) if friction_acts(effect.friction):
-                coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)
-                if limit is not None:
-                    cap[here] = _nodal(limit, boundary, here, f"{path}.cap", minimum=0.0)
-    capped = any(isinstance(e.friction, CoulombFriction) and e.friction.cap is not None for e in scene.contact)
-    return FrictionLaw(given, coefficient, cap if capped else None)
-
-
-def _regularised_data(
-    scene: Scene, discretisation: Discretisation, boundary: ContactBoundary, law: FrictionLaw | None
-) -> RegularisedData:
-    gap = np.zeros(boundary.size)
-    for index, effect in enumerate(scene.contact):
-        here = boundary.part == index
-        gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
-    automatic = _AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
-    settings = scene.solver
-    zero = np.zeros(boundary.size)
-    return RegularisedData(
-        gap=gap,
-        gamma_n=automatic if settings.gamma_n == "auto" else settings.gamma_n,
-        gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
-        sigma=np.inf if settings.sigma == "auto" else settings.sigma,
-        lambda_hat=zero,
-        mu_hat=zero,
-        bound=None if law is None else law.given,
-        bilateral=_bilateral(scene, boundary),
-    )
-
-
-def _bilateral(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
-    """The nodes whose contact cannot open, None if the scene has none."""
-    parts = [index for index, effect in enumerate(scene.contact) if isinstance(effect, BilateralContact)]
-    return np.isin(boundary.part, parts) if parts else None
-
-
-def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
-    """Values at the nodes ``here``, checked on all ranks together."""
-    points = np.zeros((3, int(np.count_nonzero(here))))
-    points[:2] = boundary.x[here].T
-    values = sample(value, points)
-    bad = np.flatnonzero(~np.isfinite(values) | (values < minimum))
-    error = None
-    if bad.size:
-        x, y = points[:2, bad[0]]
-        wanted = "finite" if minimum == -np.inf else "finite and not negative"
-        error = SceneError([(path, f"is {values[bad[0]]:g} at ({x:g}, {y:g}); it must be {wanted}")])
-    parallel.raise_together(boundary.comm, error)
-    return values
-
-
-def _first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
-    """The sets of the first linear solve and its number (section 7: a solve that only makes the start has number 0)."""
-    region = scene.solver.initial_contact
-    every = ActiveSets.all_in_contact(boundary.size)
-    if isinstance(region, str):
-        return every, 0
-    if isinstance(region, Box):
-        near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
-        inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
-        for axis, (low, high) in enumerate((region.x, region.y)):
-            inside &= (boundary.x[:, axis] >= low - near) & (boundary.x[:, axis] <= high + near)
-    else:
-        points = np.zeros((3, boundary.size))
-        points[:2] = boundary.x.T
-        inside = sample(region, points) > 0
-    if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
-        raise SceneError([("solver.initial_contact", "holds no contact node")])
-    return ActiveSets(inside, every.slip), 1
 
 
 def contact_state(task: Task) -> ContactState:

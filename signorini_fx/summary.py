@@ -15,7 +15,7 @@ import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.quantities import ContactTable
 from signorini_fx.results import IterationRecord, OuterRecord
-from signorini_fx.solver import Solution, StepResult
+from signorini_fx.solution import Solution, StepResult
 
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from signorini_fx import plots
 from signorini_fx.io import gather_cells
 from signorini_fx.quantities import ContactTable
-from signorini_fx.solver import Solution
+from signorini_fx.solution import Solution
 
 from . import laboratory as lab
 from .report import Entry, Picture, Table, power

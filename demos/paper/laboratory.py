@@ -17,7 +17,7 @@ from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.quantities import ContactTable, contact_table
 from signorini_fx.results import Timings
-from signorini_fx.solver import Solution
+from signorini_fx.solution import Solution
 
 from .scenes import COMM
 

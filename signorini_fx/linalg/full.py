@@ -11,7 +11,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import options
-from signorini_fx.discretisation import Discretisation, LoadCase, load_resultant
+from signorini_fx.discretisation import Discretisation
+from signorini_fx.loads import LoadCase, load_resultant
 
 
 @cache

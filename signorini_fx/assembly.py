@@ -1,0 +1,58 @@
+"""What every form needs: facets as integration entities, measures, assembled vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+
+def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """(cell, facet of the cell) of exterior facets, shape (facets, 2)."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facet_cells = mesh.topology.connectivity(dim - 1, dim)
+    cell_facets = mesh.topology.connectivity(dim, dim - 1)
+    if facets.size == 0:  # a rank may have no cells at all
+        return np.empty((0, 2), dtype=np.int32)
+    cells = facet_cells.array[facet_cells.offsets[facets]]
+    per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
+    return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
+
+
+def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
+    """Integration over lists of facets, which may overlap, numbered from 1.
+
+    The numbers do not depend on the mesh's own tags, so that forms on different boundaries are compiled once.
+    """
+    data = [(number, facet_entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
+    return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
+
+
+def assemble(form: fem.Form) -> PETSc.Vec:
+    """A linear form as a vector, summed over the ranks; collective."""
+    vector = fem_petsc.assemble_vector(form)
+    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    return vector
+
+
+def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
+    """a(function, .) where only the nodes ``blocks`` count: the lifting of a displacement prescribed there.
+
+    dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
+    """
+    result = fem.Function(function.function_space)
+    vector = result.x.petsc_vec
+    for form in elastic:
+        fem_petsc.apply_lifting(vector, [form], bcs=[[fem.dirichletbc(function, blocks)]])
+    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    vector.scale(-1.0)
+    return vector.copy()
