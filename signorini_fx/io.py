@@ -21,9 +21,9 @@ from dolfinx import default_scalar_type, fem, io
 from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
+from signorini_fx.contact_table import ContactTable
 from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
-from signorini_fx.quantities import ContactTable
 from signorini_fx.results import as_rows
 from signorini_fx.solution import Solution
 from signorini_fx.summary import summarise

@@ -9,9 +9,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.nested import LevelRecord
-from signorini_fx.quantities import Certificate, ContactState, ContactTable, Functionals, contact_table
+from signorini_fx.quantities import Certificate, ContactState, Functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
 

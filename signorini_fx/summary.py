@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx import parallel
-from signorini_fx.quantities import ContactTable
+from signorini_fx.contact_table import ContactTable
 from signorini_fx.results import IterationRecord, OuterRecord
 from signorini_fx.solution import Solution, StepResult
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
+from signorini_fx.contact_table import contact_table
 from signorini_fx.mesh import generate_mesh
-from signorini_fx.quantities import contact_table
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import solve
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.quantities import contact_table
+from signorini_fx.contact_table import contact_table
 from signorini_fx.results import Status
 from signorini_fx.scene import TrescaFriction, parse_scene, read_scene
 

@@ -13,8 +13,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, example1
 
+from signorini_fx.contact_table import contact_table
 from signorini_fx.mesh import TaggedMesh, generate_mesh, tag_boundaries
-from signorini_fx.quantities import contact_table
 from signorini_fx.scene import parse_scene
 
 LENGTH, HEIGHT = 1.5, 1.0

@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx import plots
+from signorini_fx.contact_table import ContactTable
 from signorini_fx.io import gather_cells
-from signorini_fx.quantities import ContactTable
 from signorini_fx.solution import Solution
 
 from . import laboratory as lab

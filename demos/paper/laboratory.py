@@ -13,9 +13,9 @@ import numpy.typing as npt
 from signorini_fx import Scene, Status, solve, solver
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.complementarity import project
+from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
-from signorini_fx.quantities import ContactTable, contact_table
 from signorini_fx.results import Timings
 from signorini_fx.solution import Solution
 

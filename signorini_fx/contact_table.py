@@ -1,0 +1,145 @@
+"""The contact boundary as a table: nodes of all ranks in order along the boundary, and the zones on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.quantities import ContactState
+
+
+@dataclass(frozen=True)
+class ContactTable:
+    """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
+
+    Attributes:
+        columns: name -> one entry a node.  ``state`` is open, stick, slip+ or slip-; ``friction`` is stick, slip+,
+            slip- or, where the bound is 0, none, whether or not the node is in contact (Tresca friction acts on open
+            nodes too).
+        chains: the connected pieces of the boundary, as ranges of rows.
+    """
+
+    columns: dict[str, npt.NDArray[Any]]
+    chains: list[range]
+
+    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
+        x, y = self.columns["x"], self.columns["y"]
+        runs = []
+        for chain in self.chains:
+            start = None
+            for row in [*chain, None]:
+                inside = row is not None and bool(mask[row])
+                if inside and start is None:
+                    start = row
+                if not inside and start is not None:
+                    last = row - 1 if row is not None else chain[-1]
+                    runs.append([[float(x[start]), float(y[start])], [float(x[last]), float(y[last])]])
+                    start = None
+        return runs
+
+
+def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
+    """Gather the contact nodes of all ranks and put them in order along the boundary; the same on every rank.
+
+    Args:
+        contact: the nodes of this rank.
+        names: name of the boundary of each effect in ``scene.contact``.
+    """
+    boundary = contact.boundary
+    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    local = np.column_stack(
+        [
+            boundary.x,
+            contact.gap,
+            contact.u_n,
+            contact.u_t,
+            contact.pressure,
+            contact.shear,
+            contact.bound,
+            contact.in_contact,
+            contact.sliding_sign(),
+            contact.slip_length,
+            boundary.normal,
+            boundary.weight,
+        ]
+    )
+    rows = parallel.gather_rows(boundary.comm, local)
+    segments = parallel.gather_rows(boundary.comm, boundary.segments)
+    chains, order = _chains(numbers, segments, rows[:, :2])
+    rows, part = rows[order], numbers[order, 0]
+    x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, slip_length, n_x, n_y, weight = rows.T
+    sliding = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick"))
+    friction = np.where(bound > 0, sliding, "none")
+    along = np.zeros(x.size)
+    for chain in chains:
+        steps = np.hypot(np.diff(x[chain.start : chain.stop]), np.diff(y[chain.start : chain.stop]))
+        along[chain.start + 1 : chain.stop] = np.cumsum(steps)
+    columns = {
+        "x": x,
+        "y": y,
+        "gap": gap,
+        "u_n": u_n,
+        "u_t": u_t,
+        "pressure": pressure,
+        "shear": shear,
+        "bound": bound,
+        "state": np.where(touching > 0, sliding, "open"),
+        "friction": friction,
+        "slip": slip_length,
+        "boundary": np.array(names)[part.astype(int)],
+        "s": along,
+        "n_x": n_x,
+        "n_y": n_y,
+        "weight": weight,
+    }
+    return ContactTable(columns, chains)
+
+
+def _chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64]]:
+    """Connected pieces of the boundary and the order of the nodes along them.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbers of nodes and ranks.
+    """
+    # Rounded, or round-off would choose among points that are meant to be in line.
+    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[int(part), int(node)] for node in nodes]
+        for a, b in pairwise(path):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    chains: list[range] = []
+    order: list[int] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    rest = sorted(neighbours, key=key)
+    found: list[list[int]] = []
+    for start in [*ends, *rest]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
+            chain.append(following)
+            seen.add(following)
+        found.append(chain)
+    for chain in sorted(found, key=lambda rows: key(rows[0])):
+        chains.append(range(len(order), len(order) + len(chain)))
+        order += chain
+    return chains, np.array(order, dtype=np.int64)
