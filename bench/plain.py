@@ -2,8 +2,11 @@
 
 Everything is assembled and factorised anew in each step.  The max and min of (3.3b) and (3.4) are integrated by the
 vertex rule, which the plain way does better with than with Gauss points, and which makes it the same problem as that of
-the other contestants.  Newton's method does not converge for a large gamma from the undeformed body, so that gamma is
-raised step by step, each from the solution before; where a step fails, it is halved.
+the other contestants.  Newton's method for them cycles where gamma is large: a node jumps from one slip set to the other
+and back.  So gamma is raised step by step, each from the solution before; where a step fails, it is halved.
+
+Of what was tried this is the fastest: the line search ``cp`` (``basic``, ``bt`` and ``l2`` need smaller steps), at most
+12 iterations before a step counts as failed, Cholesky rather than LU.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from signorini_fx.mesh import TaggedMesh
 
 FIRST_GAMMA = 1e4
 _FACTOR = 10.0
-_SMALLEST_FACTOR = 1.05
+_ITERATIONS = 12
+_SMALLEST_FACTOR = 1.002
 _DOWN = -1e-2  # where the body begins: in contact everywhere, or nothing would hold it
 
 
@@ -83,16 +87,16 @@ def tresca(tagged: TaggedMesh) -> Answer:
     snes = PETSc.SNES().create(mesh.comm)
     snes.setFunction(problem.evaluate, vector)
     snes.setJacobian(problem.differentiate, matrix)
-    snes.setTolerances(rtol=1e-10, atol=1e-9, max_it=40)
+    snes.setTolerances(rtol=1e-10, atol=1e-9, stol=0.0, max_it=_ITERATIONS)
     snes.getKSP().setType(PETSc.KSP.Type.PREONLY)
-    snes.getKSP().getPC().setType(PETSc.PC.Type.LU)
+    snes.getKSP().getPC().setType(PETSc.PC.Type.CHOLESKY)
     snes.getKSP().getPC().setFactorSolverType("mumps")
-    with linear.petsc_options({"snes_linesearch_type": "basic"}):
+    with linear.petsc_options({"snes_linesearch_type": "cp"}):
         snes.setFromOptions()
 
     iterate.getArray()[1::2] = _DOWN
     path = _follow(snes, gamma, iterate)
-    return _read(y, tagged, problem.factorisations, f"gamma = {', '.join(f'{g:.1e}' for g in path)}")
+    return _read(y, tagged, problem.factorisations, f"{len(path)} values of gamma")
 
 
 def _follow(snes: PETSc.SNES, gamma: fem.Constant, iterate: PETSc.Vec) -> list[float]:

@@ -1,15 +1,16 @@
 """Active sets that hold the body: what to do with sets that would leave a rigid motion free.
 
 A linear step with such sets has no solution although the problem may have one: the sets of an iterate are only a guess.
-Then half of the nodes that are about to be released are kept, those that ask for it least.  If one node after the
-other is given up in this way and the last one is still to go, nothing holds the body, and its name is said instead of
-a zero pivot.
+Statics decides first: if no admissible contact tractions could balance the load, nothing holds the body, and that is
+said by name.  Otherwise some of the nodes that are about to be released are kept, half of them if that is enough, those
+that ask for it least.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 from scipy.optimize import linprog
 
 from signorini_fx import parallel
@@ -51,6 +52,9 @@ def hold(
     able = (bound > 0) if data.has_friction else ~everywhere
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
+    if not balance_exists(data, boundary, motions, resultant):
+        pressing = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
+        return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
     slipping = _ranked(boundary, (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
     opening = _ranked(boundary, sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
@@ -61,15 +65,12 @@ def hold(
             held = ActiveSets(following.contact | kept_contact, np.where(stick, 0, following.slip).astype(np.int8))
             if motions.held_by(boundary, held.contact, _stick(held, data)):
                 return held, None, True
-    if balance_exists(data, boundary, motions, resultant):
-        # The iterate is still far from it: hold the body with all that could, and let the next iterates release.
-        contact = following.contact | sets.contact
-        everything = ActiveSets(contact, np.where(contact & able, 0, following.slip).astype(np.int8))
-        if motions.held_by(boundary, contact, _stick(everything, data)):
-            return everything, None, True
-        return sets, None, True
-    pressing = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
-    return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
+    # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
+    contact = following.contact | sets.contact
+    everything = ActiveSets(contact, np.where(contact & able, 0, following.slip).astype(np.int8))
+    if motions.held_by(boundary, contact, _stick(everything, data)):
+        return everything, None, True
+    return sets, None, True
 
 
 def balance_exists(
@@ -100,8 +101,8 @@ def balance_exists(
     n = len(table)
     # mu <= given + coupling lambda and -mu <= given + coupling lambda; an infinite bound is no row.
     finite = np.isfinite(given)
-    cone, unit = -np.diag(coupling)[finite], np.eye(n)[finite]
-    rows, limits = np.block([[cone, unit], [cone, -unit]]), np.tile(given[finite], 2)
+    cone, unit = -sparse.diags(coupling).tocsr()[finite], sparse.identity(n, format="csr")[finite]
+    rows, limits = sparse.bmat([[cone, unit], [cone, -unit]]), np.tile(given[finite], 2)
     scale = max(float(np.abs(resultant).max()), 1e-300)
     result = linprog(
         np.zeros(2 * n),

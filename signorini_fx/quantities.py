@@ -19,6 +19,8 @@ from signorini_fx.problem import ROUND_OFF
 
 # A violation above this share of the solution's own scale refuses the certificate.
 CERTIFICATE_TOLERANCE = 1e-6
+# A body that moves by so many times its size is no small deformation, and its figures are round-off.
+FAR_AWAY = 1e3
 # Contact stresses below this share of the mean stress in the body are not told from zero.
 _FAINT = 1e-3
 
@@ -104,6 +106,7 @@ class Certificate:
         friction_cone: largest |mu| - F g.
         wrong_way_slip: largest -mu xi: slip against mu, which (2.3e') excludes.
         stick_slip: largest |tau_T y| at stick nodes; |mu| / gamma by the regularisation.
+        displacement: largest displacement, relative to the size of the body.
     """
 
     equilibrium: float
@@ -113,12 +116,13 @@ class Certificate:
     friction_cone: float
     wrong_way_slip: float
     stick_slip: float
+    displacement: float
 
     @property
     def holds(self) -> bool:
         """Whether the iteration did what it promises; what the regularisation leaves is not its fault."""
         judged = (self.equilibrium, self.negative_pressure, self.friction_cone, self.wrong_way_slip)
-        return all(value <= CERTIFICATE_TOLERANCE for value in judged)
+        return all(value <= CERTIFICATE_TOLERANCE for value in judged) and self.displacement <= FAR_AWAY
 
     def as_dict(self) -> dict[str, float | bool]:
         """All figures and the verdict."""
@@ -165,10 +169,14 @@ def certify(
     young = discretisation.scene.young
     scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * young * displacement.x.petsc_vec.norm())
     reaction.axpy(-1.0, forces.external)
+    length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     owned = reaction.getArray()
     if contact is None:
         residual = _norm(comm, owned[~discretisation.fixed])
-        return Certificate(_share(residual, scale), *[0.0] * 6)
+        nothing = dict.fromkeys(("penetration", "negative_pressure", "complementarity"), 0.0)
+        no_slip = dict.fromkeys(("friction_cone", "wrong_way_slip", "stick_slip"), 0.0)
+        far = length / discretisation.tagged.size
+        return Certificate(equilibrium=_share(residual, scale), **nothing, **no_slip, displacement=far)
     boundary = contact.boundary
     nodal = owned.reshape(-1, 2)
     # The reactions become pressures only where no support takes a part of them and no second boundary shares the node.
@@ -180,7 +188,6 @@ def certify(
     shear = np.where(alone, tangential, contact.shear)
     np.add.at(nodal, boundary.nodes, boundary.nodal_forces(contact.pressure, contact.shear))
     residual = _norm(comm, owned[~discretisation.fixed])
-    length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), np.abs(shear))))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = np.sqrt(2 * young * forces.strain_energy) / discretisation.tagged.size
@@ -200,7 +207,7 @@ def certify(
         name: _share(parallel.global_max(comm, max(0.0, parallel.local_max(violation))), unit)
         for name, (violation, unit) in figures.items()
     }
-    return Certificate(equilibrium=_share(residual, scale), **values)
+    return Certificate(equilibrium=_share(residual, scale), **values, displacement=length / discretisation.tagged.size)
 
 
 def _norm(comm: Any, values: npt.NDArray[np.float64]) -> float:
