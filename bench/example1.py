@@ -1,9 +1,8 @@
-"""Example 1 of the paper as every contestant gets it: the same mesh in memory, the same numbers; and what they answer."""
+"""Example 1 of the paper as every contestant gets it: the same mesh, the same numbers; and what they answer."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.mesh import TaggedMesh, generate_mesh
+from signorini_fx.quantities import ContactState
 from signorini_fx.scene import Scene, parse_scene
 from signorini_fx.solution import Solution
 
@@ -25,14 +25,9 @@ BOUND = 1.5
 COEFFICIENT = 0.3
 TOLERANCE = 1e-7
 
-LAWS = {
-    "tresca": {"law": "tresca", "bound": BOUND},
-    "coulomb": {"law": "coulomb", "coefficient": COEFFICIENT},
-}
-
 
 def gap(x: Floats) -> Floats:
-    """d of section 7.1, at points of shape (n,) along the bottom."""
+    """The gap d of section 7.1, at points of shape (n,) along the bottom."""
     return 0.003 * (x - 1.5) ** 2 + 0.001
 
 
@@ -46,14 +41,17 @@ def tagged_mesh(nx: int, comm: MPI.Comm = MPI.COMM_SELF) -> TaggedMesh:
     return generate_mesh("rectangle", parameters(nx), comm)
 
 
-def scene(law: str, mesh: TaggedMesh | int, gamma: float = GAMMA, **settings: Any) -> Scene:
-    """The scene with friction ``law``, on a mesh or, for nested iteration, on the one that nx cells make."""
+def scene(
+    law: str, mesh: TaggedMesh | int, *, gamma: float = GAMMA, coefficient: float = COEFFICIENT, **settings: Any
+) -> Scene:
+    """The scene with friction ``law``, on a mesh or, for nested iteration, on the one that nx cells along it make."""
+    friction = {"law": law} | ({"bound": BOUND} if law == "tresca" else {"coefficient": coefficient})
     data = {
         "mesh": {"generator": "rectangle", "parameters": parameters(mesh if isinstance(mesh, int) else 3)},
         "material": {"young": YOUNG, "poisson": POISSON},
         "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
         "traction": {"boundary": "top", "y": f"{TRACTION} if 1 <= x[0] <= 2 else 0"},
-        "contact": {"boundary": "bottom", "gap": "0.003 * (x[0] - 1.5)**2 + 0.001", "friction": LAWS[law]},
+        "contact": {"boundary": "bottom", "gap": "0.003 * (x[0] - 1.5)**2 + 0.001", "friction": friction},
         "solver": {"gamma_n": gamma, "gamma_t": gamma, "tolerance": TOLERANCE, **settings},
     }
     made = parse_scene(data)
@@ -72,7 +70,6 @@ class Answer:
         slip: +1, -1 on the slip sets, else 0.
         solves: linear solves.
         factorisations: of them with a new factorisation.
-        phases: seconds by phase, if it says so.
         note: anything else worth printing.
     """
 
@@ -83,27 +80,22 @@ class Answer:
     slip: npt.NDArray[np.int8]
     solves: int
     factorisations: int
-    phases: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
 
     @classmethod
     def of(cls, solution: Solution) -> Answer:
         """The package's."""
-        c = solution.contact
-        assert c is not None
-        order = np.argsort(c.boundary.x[:, 0])
+        assert solution.contact is not None
         records = solution.history.iterations
-        return cls(
-            c.boundary.x[order, 0],
-            c.pressure[order],
-            c.shear[order],
-            c.in_contact[order],
-            np.where(c.bound > 0, c.slip, 0)[order].astype(np.int8),
-            len(records),
-            sum(record.factorised for record in records),
-            solution.timings.seconds,
-            solution.algorithm,
-        )
+        return cls.of_state(solution.contact, len(records), sum(record.factorised for record in records))
+
+    @classmethod
+    def of_state(cls, c: ContactState, solves: int, factorisations: int = 0) -> Answer:
+        """The package's, from the state of the contact boundary; one rank."""
+        order = np.argsort(c.boundary.x[:, 0])
+        slip = np.where(c.bound > 0, c.slip, 0).astype(np.int8)
+        nodal = (c.boundary.x[:, 0], c.pressure, c.shear, c.in_contact, slip)
+        return cls(*(values[order] for values in nodal), solves, factorisations)
 
     def differs(self, other: Answer, tolerance: float = 1e-6) -> str:
         """What is not the same in ``other``; empty if nothing is.

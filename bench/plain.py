@@ -1,9 +1,9 @@
 """Example 1 with Tresca friction the plain way: one residual in UFL, its derivative by UFL, PETSc's SNES.
 
 Everything is assembled and factorised anew in each step.  The max and min of (3.3b) and (3.4) are integrated by the
-vertex rule, which the plain way does better with than with Gauss points, and which makes it the same problem as that of
-the other contestants.  Newton's method for them cycles where gamma is large: a node jumps from one slip set to the other
-and back.  So gamma is raised step by step, each from the solution before; where a step fails, it is halved.
+vertex rule, with which the plain way does better than with Gauss points, and which makes it the same problem as that of
+the other contestants.  Newton's method for them cycles where gamma is large: a node jumps from one slip set to the
+other and back.  So gamma is raised step by step, each from the solution before; where a step fails, it is halved.
 
 Of what was tried this is the fastest: the line search ``cp`` (``basic``, ``bt`` and ``l2`` need smaller steps), at most
 12 iterations before a step counts as failed, Cholesky rather than LU.
@@ -69,7 +69,8 @@ def tresca(tagged: TaggedMesh) -> Answer:
     x, n = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
     t = ufl.as_vector((-n[1], n[0]))
     metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged.facet_tags, metadata=metadata)(tagged.boundaries["bottom"])
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged.facet_tags, metadata=metadata)
+    ds = ds(tagged.boundaries["bottom"])
     gamma = fem.Constant(mesh, FIRST_GAMMA)
     gap = 0.003 * (x[0] - 1.5) ** 2 + 0.001
     pressure = ufl.max_value(0.0, gamma * (ufl.inner(y, n) - gap))

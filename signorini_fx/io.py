@@ -91,6 +91,8 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
         try:
             write_csv(part / "history.csv", as_rows(solution.history.iterations))
             write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            if solution.price_list:
+                write_csv(part / "price_list.csv", as_rows(solution.price_list))
             if len(steps) > 1:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
@@ -259,3 +261,5 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
     if table is not None:
         plots.boundary_profiles(folder / "profiles", table.columns, title=title)
         plots.iteration_history(folder / "history", as_rows(solution.history.iterations))
+    if solution.price_list:
+        plots.price_list(folder / "price_list", as_rows(solution.price_list), title=title)

@@ -7,8 +7,6 @@ left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -19,26 +17,8 @@ from signorini_fx.mesh import coarser_parameters
 from signorini_fx.quantities import ContactState
 from signorini_fx.scene import MeshGenerator, Scene
 
-
-@dataclass(frozen=True)
-class LevelRecord:
-    """What one mesh of a nested iteration took.
-
-    Attributes:
-        level: its number, the coarsest is 0.
-        dofs: unknowns.
-        linear_solves: linear solves on this mesh.
-        factorisations: of them with a new factorisation.
-        seconds: wall time of everything on this mesh, on this rank.
-        status: how it ended.
-    """
-
-    level: int
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    status: str
+# A node counts as in the middle where the farther neighbour is no more than this much farther away.
+_MIDDLE = 1.5
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
@@ -70,8 +50,15 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     pressure, shear = np.zeros(fine.size), np.zeros(fine.size)
     for part in np.unique(fine.part):
         here, there = fine.part == part, rows[rows[:, 0] == part]
-        _, nearest = cKDTree(there[:, 1:3]).query(fine.x[here])
-        contact[here] = there[nearest, 3] > 0
-        slip[here] = there[nearest, 4]
-        pressure[here], shear[here] = there[nearest, 5], there[nearest, 6]
+        # Two neighbours: a node in the middle between two sets joins the one that holds more, contact and stick; the
+        # iteration gives up what is too much faster than it finds what is missing.
+        count = min(2, len(there))
+        distance, nearest = (a.reshape(-1, count) for a in cKDTree(there[:, 1:3]).query(fine.x[here], count))
+        share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
+        near = (distance <= _MIDDLE * distance[:, :1]) | (np.arange(count) == 0)
+        states = there[nearest]
+        contact[here] = (near & (states[:, :, 3] > 0)).any(axis=1)
+        slips = np.where(near, states[:, :, 4], states[:, :1, 4])
+        slip[here] = np.where((slips == slips[:, :1]).all(axis=1), slips[:, 0], 0)
+        pressure[here], shear[here] = ((share * states[:, :, k]).sum(axis=1) for k in (5, 6))
     return ActiveSets(contact, slip), (pressure, shear)

@@ -556,6 +556,43 @@ def iteration_history(path_stem: str | Path, rows: Sequence[Mapping[str, Any]] |
         _finish(figure, path_stem, title)
 
 
+_QUANTITIES = {
+    "energy": ("displacement (energy)", _INK, "o", "-"),
+    "pressure": ("contact pressure", _BLUE, "s", "--"),
+    "peak": ("largest pressure", _ORANGE, "^", "-."),
+    "zone": ("ends of the contact zone", _MUTED, "D", ":"),
+}
+
+
+def price_list(path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "") -> None:
+    """Estimated errors against the time that they cost, one point a mesh; the next mesh as an open marker.
+
+    Args:
+        path_stem: the files without their ending.
+        rows: the rows of price_list.csv, coarsest mesh first, the predicted one last.
+        title: what was solved.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(4.6, 3.3), layout=ConstrainedLayoutEngine())
+        axes = figure.add_subplot()
+        for name, (label, colour, marker, style) in _QUANTITIES.items():
+            points = [(row["seconds"], row[name], row["predicted"]) for row in rows if row[name]]
+            if not points:
+                continue
+            seconds, errors, _ = zip(*points, strict=True)
+            axes.plot(seconds, errors, style, color=colour, linewidth=1.2, label=label)
+            for second, error, predicted in points:
+                face = "white" if predicted else colour
+                axes.plot([second], [error], marker, color=colour, markerfacecolor=face, markersize=4.5)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("seconds for the mesh (open: the next one, predicted)")
+        axes.set_ylabel("estimated relative error")
+        axes.grid(visible=True, which="major", color=_RULE, linewidth=0.4)
+        axes.legend()
+        _finish(figure, path_stem, title)
+
+
 def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: npt.NDArray[np.intp]) -> None:
     """Lines between outer iterations, their numbers on top as far as they have room."""
     if not firsts.size:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from enum import Enum
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -148,6 +148,6 @@ class Timings:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-def as_rows(records: list[IterationRecord] | list[OuterRecord]) -> list[dict[str, object]]:
+def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
     """Records as dictionaries, in order, ready for CSV or JSON."""
     return [asdict(record) for record in records]

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.discretisation import Discretisation
-from signorini_fx.nested import LevelRecord
+from signorini_fx.price_list import LevelResult, Price
 from signorini_fx.quantities import Certificate, ContactState, Functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
@@ -57,6 +57,7 @@ class Solution:
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
         levels: the meshes of a nested iteration, coarsest first; empty without.
+        price_list: what each of them is worth and costs, and the next one; empty without.
     """
 
     scene: Scene
@@ -72,7 +73,8 @@ class Solution:
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
     linear_algebra: str = "full"
-    levels: tuple[LevelRecord, ...] = ()
+    levels: tuple[LevelResult, ...] = ()
+    price_list: tuple[Price, ...] = ()
 
     @property
     def converged(self) -> bool:

@@ -10,7 +10,8 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import options
+from signorini_fx import options, parallel
+from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import slip_multiplier, slip_of
@@ -23,9 +24,10 @@ from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
-from signorini_fx.nested import LevelRecord, carry_over, coarser_scenes
+from signorini_fx.nested import carry_over, coarser_scenes
+from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
-from signorini_fx.results import Status, Timings
+from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import Scene
 from signorini_fx.solution import Solution, StepResult
 from signorini_fx.strategy import Task, run
@@ -52,52 +54,84 @@ def solve(
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
     history = History(observers=list(observers))
-    state: ContactState | None = None
-    levels: list[LevelRecord] = []
-    for level, coarse in enumerate(coarser_scenes(scene, scene.solver.levels)):
-        history.add(f"level {level}")
-        before = history.linear_solves
-        solution = _solve_level(coarse, comm, history, state)
-        levels.append(_level_record(level, solution, before))
-        state = solution.contact if solution.converged else None
-    if levels:
-        history.add(f"level {len(levels)}")
-    before = history.linear_solves
-    solution = _solve_level(scene, comm, history, state)
-    if levels:
-        solution = replace(solution, levels=(*levels, _level_record(len(levels), solution, before)))
+    coarse = coarser_scenes(scene, scene.solver.levels)
+    if not coarse:
+        solution, _ = _solve_mesh(scene, comm, history, None)
+    else:
+        solution = _solve_nested([*coarse, scene], comm, history)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
 
 
-def _level_record(level: int, solution: Solution, before: int) -> LevelRecord:
-    """What a level took, from the records after the first ``before``."""
-    own = solution.history.iterations[before:]
-    return LevelRecord(
+def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> Solution:
+    """Solve on one mesh after the other, each from the contact state of the one before."""
+    base_memory = peak_memory(comm)
+    state: ContactState | None = None
+    levels: list[LevelResult] = []
+    for level, scene in enumerate(scenes):
+        history.add(f"level {level}")
+        before = history.linear_solves
+        solution, task = _solve_mesh(scene, comm, history, state)
+        if not solution.converged or task is None:
+            state = None
+            continue
+        state = solution.contact
+        levels.append(_level_result(level, solution, task, history.iterations[before:]))
+    if len(levels) < 2 or not solution.converged:
+        return replace(solution, levels=tuple(levels))
+    return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+
+
+def _level_result(level: int, solution: Solution, task: Task, own: list[IterationRecord]) -> LevelResult:
+    """What a mesh is worth and what it took; one stress recovery and two back substitutions, collective."""
+    seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
+    contact, table = solution.contact, solution.table
+    assert contact is not None
+    size = np.sqrt(2 * solution.steps[-1].strain_energy)
+    recovered = StressRecovery(solution.discretisation).error(task.displacement())
+    regularisation = pressure_regularisation = 0.0
+    data = task.problem.data
+    if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
+        model = path_model(task.unsymmetric_newton if data.coupling is not None else task.newton, data)
+        pressure = contact.boundary.norm(contact.pressure)
+        regularisation = model.distance / size
+        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
+    change = solution.history.outer[-1].change
+    return LevelResult(
         level=level,
+        h=float(table.columns["weight"].mean()),
         dofs=solution.discretisation.dofs,
         linear_solves=len(own),
         factorisations=sum(record.factorised for record in own),
-        seconds=sum(solution.timings.seconds.values()),
+        seconds=seconds,
+        memory=peak_memory(solution.comm),
         status=solution.status.value,
+        energy=recovered / size if size > 0 else 0.0,
+        regularisation=regularisation,
+        pressure_regularisation=pressure_regularisation,
+        iteration=max(own[-1].residual, change or 0.0),
+        table=table,
+        force=np.concatenate(contact.forces),
     )
 
 
-def _solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None) -> Solution:
+def _solve_mesh(
+    scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None
+) -> tuple[Solution, Task | None]:
     """Solve on one mesh, from the contact state of a coarser one if there is any."""
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
     if discretisation.boundary is None:
-        return _solve_linear(discretisation, history, timings)
+        return _solve_linear(discretisation, history, timings), None
     with timings.phase("condense"):
         task = contact_task(discretisation, discretisation.boundary, history)
     if state is not None:
         sets, start = carry_over(state, discretisation.boundary)
         task.first_sets, task.first_iteration, task.start = sets, 1, start
-    return _solve_contact(discretisation, task, timings)
+    return _solve_contact(discretisation, task, timings), task
 
 
 def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:

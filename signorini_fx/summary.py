@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx import parallel
+from signorini_fx import parallel, price_list
 from signorini_fx.contact_table import ContactTable
 from signorini_fx.results import IterationRecord, OuterRecord
 from signorini_fx.solution import Solution, StepResult
@@ -53,8 +53,8 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
             "dual": values.dual,
             "relative_duality_gap": values.relative_gap,
         }
-    if solution.levels:
-        summary["levels"] = [asdict(level) for level in solution.levels]
+    if solution.price_list:
+        summary["price_list"] = [asdict(row) for row in solution.price_list]
     if len(solution.steps) > 1:
         summary["steps"] = [_step_summary(result) for result in solution.steps]
     summary["compiled"] = solution.discretisation.inventory.forms
@@ -183,6 +183,8 @@ def render(summary: dict[str, Any]) -> str:
         ),
         "  seconds          " + ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
     ]
+    if "price_list" in summary:
+        lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
 
 

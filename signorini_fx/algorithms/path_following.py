@@ -31,11 +31,13 @@ class PathModel:
         gamma: gamma_1 where it was made.
         pole: E > -gamma.
         distance: energy norm of y_inf - y(gamma).
+        pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
     """
 
     gamma: float
     pole: float
     distance: float
+    pressure_distance: float
 
     def gamma_for(self, distance: float) -> float:
         """gamma_1 at which the model is ``distance`` away from its limit."""
@@ -51,25 +53,35 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     normal = sets.contact.astype(float)
     tangential = (sets.slip == 0).astype(float) * ratio if data.has_friction else np.zeros_like(normal)
 
-    def contact_force(vector: PETSc.Vec, gap: Nodal) -> PETSc.Vec:
-        """C (vector - gap), with gamma_1 taken out."""
+    coupling = np.zeros_like(data.gap) if data.coupling is None else sets.slip * data.coupling
+    origin = np.zeros_like(data.gap) if data.slip_origin is None else data.slip_origin
+
+    def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
+        """C (vector - (gap, origin)), with gamma_1 taken out."""
         force = vector.duplicate()
         force.set(0.0)
         u_n, u_t = boundary.traces(vector.getArray(readonly=True)[system.contact_dofs])
-        nodal = boundary.nodal_forces(normal * (u_n - gap), tangential * u_t) * boundary.free
+        closing = normal * (u_n - gap)
+        nodal = boundary.nodal_forces(closing, tangential * (u_t - origin) + coupling * closing) * boundary.free
         np.add.at(force.getArray(), system.contact_dofs, nodal)
         return force
 
     ksp = newton.snes.getKSP()
     first, second = newton.x.duplicate(), newton.x.duplicate()
-    ksp.solve(-contact_force(newton.x, data.gap), first)
-    ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap)), second)
+    nothing = np.zeros_like(data.gap)
+    ksp.solve(-contact_force(newton.x, data.gap, origin), first)
+    ksp.solve(-2.0 * contact_force(first, nothing, nothing), second)
     stretched = first.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     curvature = -stretched.dot(second)
     reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
-    return PathModel(data.gamma_n, reach - data.gamma_n, reach * float(np.sqrt(max(energy, 0.0))))
+    # lambda = gamma_1 (tau_N y - d) on A_c along the path.
+    u_n, _ = boundary.traces(newton.x.getArray(readonly=True)[system.contact_dofs])
+    slope_n, _ = boundary.traces(first.getArray(readonly=True)[system.contact_dofs])
+    pressure_slope = boundary.norm(normal * (u_n - data.gap + data.gamma_n * slope_n))
+    distance = float(np.sqrt(max(energy, 0.0)))
+    return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope)
 
 
 def path_following(

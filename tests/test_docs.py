@@ -1,0 +1,410 @@
+"""README and docs: every block runs, every link resolves, every key, default, outcome and result is named.
+
+A fenced block is run unless the line before it says ``<!-- not run: REASON -->``: python is executed; toml is a scene
+that is checked, or a part of one; sh holds commands of signorini-fx.  Blocks of one document share a folder.
+"""
+
+import csv
+import importlib
+import inspect
+import json
+import os
+import pkgutil
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal, get_args, get_origin
+
+import pytest
+from pydantic import BaseModel
+from scenes import alone, example1
+
+import signorini_fx
+from signorini_fx import cli, meshes, scene
+from signorini_fx.checks import check_scene
+from signorini_fx.io import write_results
+from signorini_fx.quantities import Certificate
+from signorini_fx.results import Status
+from signorini_fx.scene import parse_scene, read_scene
+from signorini_fx.template import starting_scene
+
+ROOT = Path(__file__).parent.parent
+README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"
+THEORY, GLOSSARY = ROOT / "docs" / "theory.md", ROOT / "docs" / "glossary.md"
+PAGES = sorted([README, ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")])
+MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
+
+
+# --- blocks ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: where it begins, its language and text, and the reason why it is not run, if there is one."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+    reason: str | None
+
+    def __str__(self):
+        return f"{self.page.name}:{self.line}"
+
+
+def blocks_of(page):
+    """The fenced blocks of a page, in order."""
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for match in re.finditer(r"(?:<!-- not run: (.+) -->\n)?^```(.*)\n((?:(?!```).*\n)*)^```$", text, re.MULTILINE):
+        line = text[: match.start(2)].count("\n") + 1
+        found.append(Block(page, line, match[2], match[3], match[1]))
+    assert text.count("```") == 2 * len(found), f"{page}: a block is not understood"
+    return found
+
+
+BLOCKS = [block for page in (README, GUIDE) for block in blocks_of(page)]
+
+
+def each_block(language):
+    """All blocks of a language that are to be run."""
+    wanted = [block for block in BLOCKS if block.language == language and block.reason is None]
+    return pytest.mark.parametrize("block", wanted, ids=str)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """One folder a page: with the scene that its commands and scripts are about, and the meshes that it shows."""
+    found = {page: tmp_path_factory.mktemp(page.stem) for page in (README, GUIDE)}
+    (shown,) = (block for block in blocks_of(README) if block.language == "toml")
+    (found[README] / "scene.toml").write_text(shown.text, encoding="utf-8")
+    (found[GUIDE] / "scene.toml").write_text(starting_scene(), encoding="utf-8")
+    (mesh,) = (block for block in BLOCKS if block.language == "geo")
+    (found[mesh.page] / "body.geo").write_text(mesh.text, encoding="utf-8")
+    return found
+
+
+@pytest.fixture
+def folder(block, folders, monkeypatch):
+    """The folder of the block's page, to work in."""
+    monkeypatch.chdir(folders[block.page])
+    return folders[block.page]
+
+
+def test_blocks():
+    """They are found, in languages that are known; few are not run, each for a reason."""
+    languages = {block.language for block in BLOCKS}
+    assert languages == {"geo", "python", "sh", "text", "toml"}
+    for page, language in ((README, "toml"), (README, "python"), (README, "sh"), (GUIDE, "toml"), (GUIDE, "python")):
+        assert any(b.page == page and b.language == language and b.reason is None for b in BLOCKS)
+    assert sum(block.reason is not None for block in BLOCKS) <= 4
+
+
+@each_block("toml")
+def test_toml(block, folder):
+    """A whole scene passes ``check`` without a warning; tables alone fit the scene of the README."""
+    data = tomllib.loads(block.text)
+    if "mesh" in data:
+        file = folder / "shown.toml"
+        file.write_text(block.text, encoding="utf-8")
+        assert check_scene(read_scene(file)).warnings == ()
+    else:
+        (whole,) = (b for b in BLOCKS if b.page == README and b.language == "toml")
+        parse_scene({**tomllib.loads(whole.text), **data}, str(block))
+
+
+@each_block("python")
+def test_python(block, folder):
+    """A script of its own."""
+    lines = "\n" * block.line + block.text
+    exec(compile(lines, str(block.page), "exec"), {"__name__": "__main__"})
+
+
+@each_block("sh")
+def test_commands(block, folder, capsys):
+    """They end well, without their pictures and fields; PETSc knows all their options."""
+    for line in block.text.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        words = words[1:] if words[:1] == ["./env"] else words
+        launcher = words[:3] if words[:1] == ["mpirun"] else []
+        name, command, *arguments = words[len(launcher) :]
+        assert name == "signorini-fx", f"{block}: not a command of this package: mark the block"
+        if command == "new":
+            Path(arguments[0]).unlink(missing_ok=True)
+        if command == "solve":
+            arguments = ["--no-pictures", "--no-fields", *arguments]
+        if ">" in arguments:
+            assert Path(arguments.pop()).suffix == ".json"
+            assert arguments.pop() == ">"
+        if launcher or "--" in arguments:
+            separately([*launcher, sys.executable, "-m", "signorini_fx", command, *arguments])
+        else:
+            assert cli.main([command, *arguments]) == 0, line
+            assert capsys.readouterr().err == ""
+
+
+def separately(command):
+    """Run a command in processes of its own, which know nothing of the MPI of this one."""
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_"))}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=clean)
+    assert done.returncode == 0, done.stderr
+    assert "not used" not in done.stdout + done.stderr
+
+
+def test_synopsis():
+    """The README lists the commands with all their options, and the guide those of ``solve``."""
+    (synopsis,) = (block.text for block in BLOCKS if block.page == README and block.language == "text")
+    (commands,) = (action.choices for action in cli._parser()._actions if isinstance(action.choices, dict))
+    shown = {line.split()[1]: set(re.findall(r"--\w[\w-]*", line)) for line in synopsis.splitlines()}
+    known = {
+        name: {o for action in parser._actions for o in action.option_strings if o.startswith("--")} - {"--help"}
+        for name, parser in commands.items()
+    }
+    assert shown == known
+    for name, options in known.items():
+        assert f"`{name}" in GUIDE.read_text()
+        assert options <= set(re.findall(r"--\w[\w-]*", GUIDE.read_text()))
+
+
+# --- links -----------------------------------------------------------------------------------------------------------
+
+
+def anchors(page):
+    """The anchors that GitHub makes of the headings."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links(page):
+    """Files and headings that are linked are there."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if re.match(r"\w+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        assert file.exists(), target
+        assert file.is_relative_to(ROOT), target
+        if anchor:
+            assert anchor in anchors(file), target
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------------
+
+
+def cells_of(row):
+    """The cells of a line of a table."""
+    return [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", row.strip())[1:-1]]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: the heading above it, the name that the paragraph before begins with, its first line and the others."""
+
+    heading: str
+    name: str
+    header: list
+    rows: list
+
+
+def tables_of(page):
+    """The tables of a page, in order."""
+    found, heading, name, lines = [], "", "", []
+    for line in [*page.read_text(encoding="utf-8").splitlines(), ""]:
+        if line.startswith("|"):
+            lines.append(cells_of(line))
+            continue
+        if lines:
+            found.append(Table(heading, name, lines[0], lines[2:]))
+            lines = []
+        if line.startswith("#"):
+            heading = line.lstrip("# ")
+        elif word := re.match(r"`(\w+)`:", line):
+            name = word[1]
+    return found
+
+
+def table(page, *words):
+    """The only table of a page whose heading and first line hold all these words."""
+    (found,) = (t for t in tables_of(page) if {t.heading, *t.header} >= set(words))
+    return found.rows
+
+
+MODELS = {
+    ("Top level", "key"): [scene.Scene],
+    ("`[mesh]` from a generator", "key"): [scene.MeshGenerator],
+    ("`[mesh]` from a file", "key"): [scene.MeshFile],
+    ("`[element]`", "key"): [scene.Discretised],
+    ("`[[material]]`", "key"): [scene.LinearElastic],
+    ("`[[displacement]]`", "key"): [scene.PrescribedDisplacement],
+    ("`[[traction]]`", "key"): [scene.SurfaceTraction],
+    ("`[body_force]`", "key"): [scene.BodyForce],
+    ("`[[contact]]`", "key"): [scene.UnilateralContact, scene.BilateralContact],
+    ("`[[contact]]`", "key of `friction`"): [scene.NoFriction, scene.TrescaFriction, scene.CoulombFriction],
+    ("`[solver]`", "key"): [scene.SolverSettings],
+    ("`[solver]`", "key of a box"): [scene.Box],
+}
+
+
+def classes_in(annotation):
+    """The models in an annotation, and in theirs."""
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        inner = (classes_in(field.annotation) for field in annotation.model_fields.values())
+        return {annotation}.union(*inner)
+    return set().union(*(classes_in(argument) for argument in get_args(annotation)))
+
+
+def literals_in(annotation):
+    """The words that an annotation allows."""
+    if get_origin(annotation) is Literal:
+        return {word for word in get_args(annotation) if isinstance(word, str)}
+    return set().union(*(literals_in(argument) for argument in get_args(annotation)))
+
+
+def shown_default(default):
+    """How the guide writes a default."""
+    match default:
+        case None | (float(), float()):
+            return "none"
+        case scene.NoFriction():
+            return '`{ law = "none" }`'
+        case BaseModel():
+            return "see below"
+    text = "[]" if default == () else repr(default) if isinstance(default, float) else json.dumps(default)
+    return f"`{text.replace('1e-07', '1e-7')}`"
+
+
+def test_every_class_has_a_table():
+    """Walked from the scene."""
+    assert classes_in(scene.Scene) == set().union(*MODELS.values())
+
+
+@pytest.mark.parametrize("place", MODELS, ids=" ".join)
+def test_scene_keys(place):
+    """Every key, its default, and every word that it allows."""
+    found = {}
+    for model in MODELS[place]:
+        for key, field in model.model_fields.items():
+            found.setdefault(f"`{key}`", []).append(field)
+    rows = table(GUIDE, *place)
+    assert sorted(row[0] for row in rows) == sorted(found)
+    for key, default, _unit, meaning in rows:
+        first = found[key][0]
+        assert default == ("required" if first.is_required() else shown_default(first.default)), key
+        words = set().union(*(literals_in(field.annotation) for field in found[key]))
+        assert {word for word in words if f'"{word}"' not in default + meaning} == set(), key
+
+
+def test_generators():
+    """Every generator with every parameter, its default and its words."""
+    known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    shown = {t.name: t.rows for t in tables_of(GUIDE) if t.header[0] == "parameter"}
+    assert sorted(shown) == known
+    for name, rows in shown.items():
+        generate = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+        parameters = inspect.signature(generate, eval_str=True).parameters
+        wanted = {f"`{key}`": p for key, p in parameters.items() if p.kind is p.KEYWORD_ONLY}
+        assert [row[0] for row in rows] == list(wanted)
+        for key, default, _unit, meaning in rows:
+            assert default == shown_default(wanted[key].default), key
+            words = literals_in(wanted[key].annotation)
+            assert {word for word in words if f'"{word}"' not in default + meaning} == set(), key
+
+
+@pytest.mark.parametrize("key", ["algorithm", "coulomb", "linear_algebra"])
+def test_how_to_choose(key):
+    """Every word of these keys has a line that says when to take it."""
+    shown = set(re.findall(r"\w[\w-]*", " ".join(row[0] for row in table(GUIDE, f"`{key}`"))))
+    assert literals_in(scene.SolverSettings.model_fields[key].annotation) <= shown
+
+
+def test_public_names():
+    """The guide names all that the package exports."""
+    words = set(re.findall(r"\w+", GUIDE.read_text(encoding="utf-8")))
+    assert set(signorini_fx.__all__) - words == set()
+
+
+# --- results ---------------------------------------------------------------------------------------------------------
+
+
+def section(page, heading):
+    """The text of a section of the second level."""
+    _, _, rest = page.read_text(encoding="utf-8").partition(f"\n## {heading}\n")
+    assert rest, heading
+    return rest.partition("\n## ")[0]
+
+
+def test_outcomes():
+    """Every status with its text."""
+    rows = table(GUIDE, "`Status`")
+    assert [(row[0].strip("`"), row[1]) for row in rows] == [(status.name, status.value) for status in Status]
+    assert all(row[2] and (row[3] or row[0] == "`CONVERGED`") for row in rows)
+
+
+def test_results(tmp_path):
+    """Every file, every key of the summary and every column, of scenes that make all of them."""
+    named = set(re.findall(r"`([\w.]+)`", section(GUIDE, "Reading the results")))
+    endings = {"history.png", "history.pdf", "deformed.png", "deformed.pdf", "profiles.png", "profiles.pdf"}
+    stepped = example1(coefficient=0.3, nx=12, ny=4)
+    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in stepped.traction]
+    kinds = {
+        "steps": stepped.model_copy(update={"traction": tuple(loads)}),
+        "levels": example1(bound=1.5, nx=12, ny=4, levels=2),
+        "path": example1(bound=1.5, nx=12, ny=4, algorithm="path-following"),
+    }
+    for kind, data in kinds.items():
+        folder = tmp_path / kind
+        summary = write_results(alone(data), folder, pictures=kind == "levels", fields=kind == "levels")
+        written = {file.name for file in folder.iterdir()}
+        assert {name for name in written - endings if name not in named and Path(name).stem not in named} == set()
+        assert {*summary, *summary["parameters"], *summary["zones"]} - named == set()
+        for file in folder.glob("*.csv"):
+            with file.open(encoding="utf-8") as text:
+                assert set(next(csv.reader(text))) - named == set(), file.name
+
+
+def test_certificate():
+    """Every figure, in theory.md."""
+    shown = [row[0].strip("`") for row in table(THEORY, "figure", "judged")]
+    assert sorted(shown) == sorted(field.name for field in fields(Certificate))
+
+
+# --- code ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", [THEORY, GLOSSARY], ids=lambda page: page.name)
+def test_code_that_is_named(page):
+    """Modules and what is in them are there."""
+    keys = {key for model in classes_in(scene.Scene) for key in model.model_fields}
+    for word in set(re.findall(r"`([\w./]+)`", page.read_text(encoding="utf-8"))):
+        module, *path = word.split(".")
+        if word.endswith(".py"):
+            assert any((folder / word).is_file() for folder in (ROOT, ROOT / "signorini_fx")), word
+        elif module in MODULES and path and path[0] not in keys:
+            found = importlib.import_module(f"signorini_fx.{module}")
+            for name in path:
+                found = getattr(found, name)
+
+
+@pytest.mark.long
+def test_linear_solves():
+    """The counts of theory.md, at gamma = 1e8 on the mesh of the paper."""
+    settings = [
+        {"algorithm": "ssn"},
+        {"algorithm": "continuation"},
+        {"algorithm": "path-following"},
+        {"algorithm": "path-following", "regularisation_error": 1e-4},
+        {"algorithm": "alm", "gamma": 1e7},
+        {"algorithm": "exact"},
+    ]
+    for (name, tresca, coulomb, *_), setting in zip(table(THEORY, "Tresca, g = 1.5"), settings, strict=True):
+        assert f"`{setting['algorithm']}`" in name
+        assert alone(example1(bound=1.5, **setting)).history.linear_solves == int(tresca), name
+        counts = [alone(example1(coefficient=0.3, **setting)).history.linear_solves]
+        if "newton" in coulomb:
+            counts.append(alone(example1(coefficient=0.3, coulomb="newton", **setting)).history.linear_solves)
+        assert counts == [int(number) for number in re.findall(r"\d+", coulomb)], name

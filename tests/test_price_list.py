@@ -1,0 +1,74 @@
+"""The price list of a nested solve: estimates against an overkill solution, and the arithmetic behind them."""
+
+import numpy as np
+import pytest
+
+from signorini_fx import price_list as prices
+from signorini_fx.contact_table import ContactTable
+from signorini_fx.solver import solve
+from tests.scenes import example1
+
+
+def table(s, pressure):
+    """A straight boundary with these pressures."""
+    s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
+    return ContactTable({"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)])
+
+
+def test_zone_ends_of_a_square_root_profile():
+    """p = sqrt(x (5.5 - x)) near its ends is p^2 linear: the ends are found between the nodes."""
+    s = np.arange(10.0)
+    distance = np.minimum(s - 1.75, 6.25 - s)
+    assert prices.zone_ends(table(s, np.sqrt(np.maximum(0.0, distance)))) == pytest.approx([1.75, 6.25])
+
+
+def test_zone_end_at_the_end_of_the_boundary():
+    """A zone that reaches the end of the boundary, or has a single node, ends at its node."""
+    assert prices.zone_ends(table([0, 1, 2, 3], [1, 1, 0, 0]))[0] == 0.0
+    assert prices.zone_ends(table([0, 1, 2, 3], [0, 1, 0, 0])) == [1.0, 1.0]
+    assert prices.zone_ends(table([0, 1], [0, 0])) == []
+
+
+@pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
+def nested(request):
+    """A nested solve and a much finer one by another method."""
+    solution = solve(example1(**request.param, nx=240, ny=80, levels=4))
+    return solution, solve(example1(**request.param, nx=960, ny=320, algorithm="exact"))
+
+
+def test_one_row_a_mesh_and_one_for_the_next(nested):
+    """Meshes of doubling fineness, few solves on the finest, the next one marked as predicted."""
+    rows = nested[0].price_list
+    assert [row.level for row in rows] == [0, 1, 2, 3, 4]
+    assert [row.predicted for row in rows] == [False] * 4 + [True]
+    assert [row.dofs for row in rows[:4]] == [2 * (30 * k + 1) * (10 * k + 1) for k in (1, 2, 4, 8)]
+    assert rows[3].linear_solves <= 4
+    assert rows[0].pressure is None
+    assert all(row.pressure > 0 for row in rows[1:])
+    assert rows[-1].pressure < rows[-2].pressure
+
+
+def test_effectivity_of_the_pressure(nested):
+    """Estimated over true error of the contact pressure between 1/2 and 2 on three meshes."""
+    solution, reference = nested
+    fine = reference.table.columns
+    for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):
+        coarse = level.table.columns
+        difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
+        true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
+        assert 0.5 < row.pressure / true < 2.0
+
+
+def test_regularisation_part(nested):
+    """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
+    level = nested[0].levels[-1]
+    exact = solve(nested[0].scene.model_copy(update={"solver": example1(algorithm="exact").solver}))
+    columns, limit = level.table.columns, exact.table.columns
+    difference = np.sqrt(np.dot(limit["weight"], (columns["pressure"] - limit["pressure"]) ** 2))
+    true = difference / np.sqrt(np.dot(limit["weight"], limit["pressure"] ** 2))
+    assert level.pressure_regularisation == pytest.approx(true, rel=0.1)
+
+
+def test_equilibrium_leaves_no_error_of_the_force(nested):
+    """The contact force balances the load on every mesh, and the list knows it."""
+    assert all(row.force < 1e-9 for row in nested[0].price_list[1:])
