@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 
-def coarser_grid(generate: Callable[..., Any], parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+def coarser_grid(generate: Callable[..., Any], parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters with the counts nx and ny divided by ``factor``, at least 1."""
     defaults = inspect.signature(generate).parameters
     counts = {name: parameters.get(name, defaults[name].default) for name in ("nx", "ny")}

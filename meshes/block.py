@@ -110,6 +110,6 @@ def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grad
     gmsh.model.mesh.generate(2)
 
 
-def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
     return coarser_grid(generate, parameters, factor)

@@ -98,7 +98,7 @@ def generate(
     return gmsh_mesh(comm, draw, name="half_disk")
 
 
-def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
     defaults = inspect.signature(generate).parameters
     sizes = {name: factor * parameters.get(name, defaults[name].default) for name in ("size", "contact_size")}

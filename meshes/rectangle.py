@@ -78,6 +78,6 @@ def name_sides(mesh: dmesh.Mesh, length: float, height: float) -> TaggedMesh:
     )
 
 
-def coarser(parameters: dict[str, Any], factor: int) -> dict[str, Any]:
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
     return coarser_grid(generate, parameters, factor)

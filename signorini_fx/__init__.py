@@ -16,6 +16,7 @@ _PUBLIC = {
     "results": ("Status",),
     "io": ("write_results",),
     "scene": (
+        "Accuracy",
         "BilateralContact",
         "BodyForce",
         "Box",

@@ -49,6 +49,11 @@ def _parser() -> argparse.ArgumentParser:
     solve = commands.add_parser("solve", help="solve a scene and write its results")
     solve.add_argument("scene", type=Path, help="scene file (TOML)")
     solve.add_argument("--out", type=Path, help="result folder (default: results/NAME of the scene file)")
+    solve.add_argument("--levels", type=int, help="meshes of a nested iteration (overrides solver.levels)")
+    solve.add_argument("--accuracy", type=float, help="relative error to reach by refining (overrides accuracy.target)")
+    quantities = ("energy", "pressure", "force", "zone", "peak")
+    solve.add_argument("--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of)")
+    solve.add_argument("--budget", action="append", type=_budget, help="60s or 4GB: what the accuracy may cost")
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -60,6 +65,23 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return parser
+
+
+def _budget(text: str) -> tuple[str, float]:
+    """60s or 4GB as the key of the scene and its value."""
+    for ending, key in (("GB", "memory"), ("s", "seconds")):
+        number = text.removesuffix(ending)
+        if number != text and number.replace(".", "", 1).isdigit():
+            return key, float(number)
+    raise argparse.ArgumentTypeError(f"a time like 60s or a memory like 4GB is wanted, got {text!r}")
+
+
+def _overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """What the command line says in place of the scene, table by table."""
+    accuracy = {"target": options.accuracy, "of": options.of, **dict(options.budget or ())}
+    tables = {"solver": {"levels": options.levels}, "accuracy": accuracy}
+    given = {name: {k: v for k, v in table.items() if v is not None} for name, table in tables.items()}
+    return {name: table for name, table in given.items() if table}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -108,7 +130,7 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     prepared = False
     try:
         text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
-        scene = parse_scene_text(text, options.scene)
+        scene = parse_scene_text(text, options.scene, _overrides(options))
 
         import petsc4py
 

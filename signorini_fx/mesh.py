@@ -103,7 +103,7 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
         raise SceneError(problems) from None
 
 
-def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: int) -> dict[str, Any]:
+def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
     """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
 
     Raises:

@@ -21,21 +21,21 @@ from signorini_fx.scene import MeshGenerator, Scene
 _MIDDLE = 1.5
 
 
-def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first.
+def scene_on(scene: Scene, factor: float) -> Scene:
+    """The scene on a mesh with elements ``factor`` times as large.
 
     Raises:
-        SceneError: the scene's mesh does not come from a generator that can make coarser ones.
+        SceneError: the generator makes no such meshes.
     """
-    if levels == 1:
-        return []
     assert isinstance(scene.mesh, MeshGenerator)
     generator = scene.mesh.generator
-    meshes = [
-        MeshGenerator(generator=generator, parameters=coarser_parameters(generator, scene.mesh.parameters, 2**k))
-        for k in range(levels - 1, 0, -1)
-    ]
-    return [scene.model_copy(update={"mesh": mesh}) for mesh in meshes]
+    mesh = MeshGenerator(generator=generator, parameters=coarser_parameters(generator, scene.mesh.parameters, factor))
+    return scene.model_copy(update={"mesh": mesh})
+
+
+def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
+    """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first."""
+    return [scene_on(scene, 2**k) for k in range(levels - 1, 0, -1)]
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:

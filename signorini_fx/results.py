@@ -26,6 +26,7 @@ class Status(Enum):
     LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
     NOT_CERTIFIED = "certificate does not hold"
+    BUDGET = "budget ends before the accuracy"
 
     @property
     def advice(self) -> str:
@@ -61,6 +62,10 @@ _ADVICE = {
     Status.NOT_CERTIFIED: (
         "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
         "summary; lower solver.gamma_n and solver.gamma_t, or check the mesh"
+    ),
+    Status.BUDGET: (
+        "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "
+        "see the price list for what is missing; raise the budget, or ask for less"
     ),
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }

@@ -334,6 +334,23 @@ class SolverSettings(_Model):
         return Box.model_validate(given) if isinstance(given, Mapping) else _value(given)
 
 
+class Accuracy(_Model):
+    """An accuracy that is asked for: meshes are refined, and gamma raised, until the estimate meets it.
+
+    Attributes:
+        target: relative error allowed.
+        of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
+            the contact zones, or the largest pressure.
+        seconds: wall time allowed; None: no limit.
+        memory: peak memory of all ranks allowed, GB; None: no limit.
+    """
+
+    target: Annotated[float, Field(gt=0, lt=1, strict=True)]
+    of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
+    seconds: Positive | None = None
+    memory: Positive | None = None
+
+
 class TaggedMeshBase:
     """What ``mesh.TaggedMesh`` derives from, so that a scene can hold one without importing dolfinx."""
 
@@ -360,6 +377,7 @@ class Scene(_Model):
         ...,
     ] = ()
     solver: SolverSettings = SolverSettings()
+    accuracy: Accuracy | None = None
 
     _lists = field_validator("material", "displacement", "traction", "contact", mode="before")(_one_or_many)
 
@@ -394,6 +412,11 @@ class Scene(_Model):
             raise ValueError("all materials must have the same hypothesis")
         if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
             raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
+        if self.accuracy is not None:
+            if not isinstance(self.mesh, MeshGenerator):
+                raise ValueError("accuracy needs a mesh from a generator, which can make finer ones")
+            if not self.contact or self.steps > 1:
+                raise ValueError("accuracy needs a scene with contact and one load step")
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
@@ -471,8 +494,13 @@ def read_scene_text(path: Path) -> str:
         raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
 
 
-def parse_scene_text(text: str, path: Path) -> Scene:
+def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
     """A validated scene from the text of the TOML file at ``path``.
+
+    Args:
+        text: the scene.
+        path: where it comes from; mesh files are looked up beside it.
+        overrides: entries that replace those of the text, table by table.
 
     Raises:
         SceneError: syntax error with line and column, or every mistake of the content at once.
@@ -483,6 +511,8 @@ def parse_scene_text(text: str, path: Path) -> Scene:
         raise SceneError([("syntax", str(error))], str(path)) from None
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
+    for table, entries in (overrides or {}).items():
+        data[table] = {**(data.get(table) or {}), **entries}
     return parse_scene(data, str(path), path.parent)
 
 

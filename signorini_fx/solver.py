@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -24,13 +25,13 @@ from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
-from signorini_fx.nested import carry_over, coarser_scenes
+from signorini_fx.nested import carry_over, coarser_scenes, scene_on
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
 from signorini_fx.results import IterationRecord, Status, Timings
-from signorini_fx.scene import Scene
+from signorini_fx.scene import Accuracy, Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import Task, run
+from signorini_fx.strategy import LARGEST_GAMMA, Task, run
 
 
 def solve(
@@ -55,7 +56,9 @@ def solve(
     """
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
-    if not coarse:
+    if scene.accuracy is not None:
+        solution = _solve_to_accuracy(scene, scene.accuracy, comm, history)
+    elif not coarse:
         solution, _ = _solve_mesh(scene, comm, history, None)
     else:
         solution = _solve_nested([*coarse, scene], comm, history)
@@ -81,6 +84,66 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+
+
+def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Solution:
+    """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
+
+    Begins on meshes coarser than the scene's.  A refinement that the budget would not allow is not begun.
+    """
+    base_memory, begin = peak_memory(comm), time.perf_counter()
+    levels: list[LevelResult] = []
+    state: ContactState | None = None
+    finest, current = 2.0 ** (_COARSER - _MOST_MESHES), 2.0**_COARSER
+    while True:
+        history.add(f"level {len(levels)}")
+        before = history.linear_solves
+        solution, task = _solve_mesh(scene_on(scene, current), comm, history, state)
+        if not solution.converged or task is None:
+            return replace(solution, levels=tuple(levels))
+        state = solution.contact
+        level = _level_result(len(levels), solution, task, history.iterations[before:])
+        same_mesh = bool(levels) and levels[-1].dofs == level.dofs
+        levels = [*levels[: len(levels) - same_mesh], level]
+        if len(levels) < _FEWEST_MESHES:
+            current /= 2
+            continue
+        rows = price_list(levels, base_memory)
+        solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
+        left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
+        error = (getattr(rows[-2], goal.of) or 0.0) * _SAFETY
+        if error + left <= goal.target:
+            return solution
+        scene = _with_larger_gamma(scene, task, left / goal.target)
+        if error > goal.target * (1 - _REGULARISATION_SHARE):
+            spent = parallel.global_max(comm, time.perf_counter() - begin)
+            ends = current <= finest or (goal.seconds is not None and spent + rows[-1].seconds > goal.seconds)
+            if ends or (goal.memory is not None and rows[-1].memory > 1024 * goal.memory):
+                return replace(solution, status=Status.BUDGET)
+            current /= 2
+        elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
+            return replace(solution, status=Status.BUDGET)
+
+
+# Accuracy on demand begins on meshes this many times coarser (as a power of two) than that of the scene, ...
+_COARSER = 2
+# ... estimates from at least so many meshes, and makes at most so many.
+_FEWEST_MESHES = 3
+_MOST_MESHES = 12
+# The estimates are within a factor of two of the truth; this makes a promise of them.
+_SAFETY = 1.5
+# What the regularisation may take of the error that is asked for.
+_REGULARISATION_SHARE = 0.2
+
+
+def _with_larger_gamma(scene: Scene, task: Task, excess: float) -> Scene:
+    """The scene with gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma."""
+    factor = excess / _REGULARISATION_SHARE
+    if factor <= 1:
+        return scene
+    largest = LARGEST_GAMMA * task.natural_gamma
+    gammas = {"gamma_n": min(task.data.gamma_n * factor, largest), "gamma_t": min(task.data.gamma_t * factor, largest)}
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update=gammas)})
 
 
 def _level_result(level: int, solution: Solution, task: Task, own: list[IterationRecord]) -> LevelResult:

@@ -126,12 +126,12 @@ def test_python(block, folder):
 
 @each_block("sh")
 def test_commands(block, folder, capsys):
-    """They end well, without their pictures and fields; PETSc knows all their options."""
+    """They end well, on one rank, without their pictures and fields; PETSc knows all their options."""
     for line in block.text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         words = words[1:] if words[:1] == ["./env"] else words
-        launcher = words[:3] if words[:1] == ["mpirun"] else []
-        name, command, *arguments = words[len(launcher) :]
+        words = words[3:] if words[:2] == ["mpirun", "-n"] else words
+        name, command, *arguments = words
         assert name == "signorini-fx", f"{block}: not a command of this package: mark the block"
         if command == "new":
             Path(arguments[0]).unlink(missing_ok=True)
@@ -140,15 +140,15 @@ def test_commands(block, folder, capsys):
         if ">" in arguments:
             assert Path(arguments.pop()).suffix == ".json"
             assert arguments.pop() == ">"
-        if launcher or "--" in arguments:
-            separately([*launcher, sys.executable, "-m", "signorini_fx", command, *arguments])
+        if "--" in arguments:
+            separately([sys.executable, "-m", "signorini_fx", command, *arguments])
         else:
             assert cli.main([command, *arguments]) == 0, line
             assert capsys.readouterr().err == ""
 
 
 def separately(command):
-    """Run a command in processes of its own, which know nothing of the MPI of this one."""
+    """Run a command in a process of its own, which knows nothing of the MPI of this one."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_"))}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=clean)
     assert done.returncode == 0, done.stderr
