@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from petsc4py import PETSc
@@ -16,14 +16,14 @@ def user_sets(start: str) -> bool:
 
 
 @contextmanager
-def default(name: str, value: str) -> Iterator[None]:
-    """Set an option for the time of a ``setFromOptions``, unless the user has set it."""
+def defaults(values: Mapping[str, str]) -> Iterator[None]:
+    """Set options for as long as PETSc reads them, unless the user has set them."""
     options = PETSc.Options(PREFIX)
-    ours = not options.hasName(name)
-    if ours:
-        options[name] = value
+    ours = [name for name in values if not options.hasName(name)]
+    for name in ours:
+        options[name] = values[name]
     try:
         yield
     finally:
-        if ours:
+        for name in ours:
             options.delValue(name)

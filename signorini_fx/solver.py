@@ -255,7 +255,8 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             system.set_step(step)
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
-                ksp.solve(system.load, x)
+                with options.defaults(system.solver_defaults):
+                    ksp.solve(system.load, x)
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR
         with timings.phase("certify"):
             displacement = discretisation.function(x)

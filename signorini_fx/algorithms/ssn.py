@@ -103,7 +103,7 @@ class SemismoothNewton:
         snes.setConvergenceTest(self._test)
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
-        with options.default("snes_linesearch_type", "basic"):  # petsc4py 3.22 has no setter for it
+        with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
         self._max_iterations = snes.getTolerances()[3]
         return snes
@@ -148,18 +148,8 @@ class SemismoothNewton:
         self.snes.setTolerances(max_it=limit)
         self._may_keep = True
         try:
-            self.snes.solve(None, self.x)
-            status = self._status or self._reason()
-            while status is Status.LINEAR_SOLVER and not self._factorised and self._may_keep:
-                # The old factor did not serve: the same step once more, with a new one from here on.
-                self._may_keep = False
-                self._seen.clear()
-                done = self.history.linear_solves - self._before
-                self._first_iteration = first_iteration + done
-                self.snes.setTolerances(max_it=limit - done)
-                self.problem.set_data(data, self.problem.sets)
-                self.snes.solve(None, self.x)
-                status = self._status or self._reason()
+            with options.defaults(self.problem.system.solver_defaults):
+                status = self._run(data, limit)
         except PETSc.Error:
             # Some factorisation packages raise where others set a reason; on one rank only they do.
             if self.problem.system.comm.size > 1:
@@ -167,6 +157,21 @@ class SemismoothNewton:
             status = Status.SINGULAR
         solves = self.history.linear_solves - self._before
         self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
+        return status
+
+    def _run(self, data: RegularisedData, limit: int) -> Status:
+        """Let SNES iterate; once more with factors of its own where an old one did not serve."""
+        self.snes.solve(None, self.x)
+        status = self._status or self._reason()
+        while status is Status.LINEAR_SOLVER and not self._factorised and self._may_keep:
+            self._may_keep = False
+            self._seen.clear()
+            done = self.history.linear_solves - self._before
+            self._first_iteration += done
+            self.snes.setTolerances(max_it=limit - done)
+            self.problem.set_data(data, self.problem.sets)
+            self.snes.solve(None, self.x)
+            status = self._status or self._reason()
         return status
 
     def multipliers(self) -> tuple[Nodal, Nodal]:

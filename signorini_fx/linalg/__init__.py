@@ -34,6 +34,10 @@ class ElasticSystem(Protocol):
         """What the load of the current load step does on the three rigid motions, the same on all ranks, shape (3,)."""
 
     @property
+    def solver_defaults(self) -> dict[str, str]:
+        """PETSc options (without prefix) to hold during the solve, where the user has set none."""
+
+    @property
     def unsymmetric(self) -> bool:
         """Whether its linear solver can take an unsymmetric tangent."""
 

@@ -73,6 +73,11 @@ class CondensedSystem:
         system.set_step(0)
         return system
 
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """None."""
+        return {}
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK."""
         ksp.setType(PETSc.KSP.Type.PREONLY)

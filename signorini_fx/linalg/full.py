@@ -42,8 +42,9 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
     return next((package for package in candidates if has_package(package, kind)), "petsc")
 
 
-# MUMPS takes more memory than it foresees where the pivot order is disturbed by large contact blocks, per cent.
-_MUMPS_RELAXATION = (14, 100)
+# MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
+# nested dissection has half the fill of its default orderings on large meshes.
+_FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
 # An exact factor of a matrix that differs in the blocks of k nodes lets CG converge in about 2 k steps; each costs a
 # back substitution, of which a factorisation is worth ten or more.
 _LAG = 4
@@ -109,15 +110,12 @@ class FullSystem:
             return
         ksp.setType(PETSc.KSP.Type.PREONLY)
         pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
-        package = factorisation_package(self.comm, symmetric=symmetric)
-        pc.setFactorSolverType(package)
-        if package == "cholmod":
-            # CHOLMOD's own nested dissection: half the fill of its default orderings on large meshes.
-            with options.default("mat_cholmod_default_nesdis", "true"):
-                pc.setFactorSetUpSolverType()
-        if package == "mumps":
-            pc.setFactorSetUpSolverType()
-            pc.getFactorMatrix().setMumpsIcntl(*_MUMPS_RELAXATION)
+        pc.setFactorSolverType(factorisation_package(self.comm, symmetric=symmetric))
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """For MUMPS and CHOLMOD, which read their options when they factorise."""
+        return {} if self.krylov else dict(_FACTOR_DEFAULTS)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""

@@ -40,6 +40,11 @@ class RotatedSystem:
         """As the system that is turned."""
         return self.inner.unsymmetric
 
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """As the system that is turned."""
+        return self.inner.solver_defaults
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """As the system that is turned."""
         self.inner.configure(ksp, symmetric=symmetric)
