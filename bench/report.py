@@ -53,12 +53,13 @@ _STYLE: dict[str, Any] = {
 
 def table(rows: Sequence[Row]) -> str:
     """The rows as text; ratios, but for the rows that have a unit."""
-    lines = [f"{'what':66} {'mesh':>18} {'value':>9} {'range':>13}  must be   verdict"]
+    width = max(len(row.what) for row in rows)
+    lines = [f"{'what':{width}} {'mesh':>16} {'value':>9} {'range':>13}  must be  verdict"]
     for row in rows:
         value = f"{row.value:.2f}{' ' + row.unit if row.unit else ''}"
         spread = f"{min(row.measured):.2f}-{max(row.measured):.2f}" if len(row.measured) > 1 else ""
         target = "" if row.target is None else f"{'>=' if row.at_least else '<='} {row.target:g}"
-        lines.append(f"{row.what:66} {row.size:>18} {value:>9} {spread:>13}  {target:8}  {row.verdict}")
+        lines.append(f"{row.what:{width}} {row.size:>16} {value:>9} {spread:>13}  {target:8} {row.verdict}")
         if row.note:
             lines.append(f"    {row.note}")
         if row.verdict == "NOT REACHED" and row.where:

@@ -53,6 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--accuracy", type=float, help="relative error to reach by refining (overrides accuracy.target)")
     quantities = ("energy", "pressure", "force", "zone", "peak")
     solve.add_argument("--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of)")
+    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles where the error is")
     solve.add_argument("--budget", action="append", type=_budget, help="60s or 4GB: what the accuracy may cost")
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
@@ -60,6 +61,10 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="say what a scene will do and what will hurt, without solving it")
     check.add_argument("scene", type=Path, help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
+    study.add_argument("scene", type=Path, help="scene file (TOML) with a mesh from a generator")
+    study.add_argument("--out", type=Path, help="folder (default: results/work_precision_NAME of the scene file)")
+    study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument("file", type=Path, nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
@@ -78,7 +83,12 @@ def _budget(text: str) -> tuple[str, float]:
 
 def _overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """What the command line says in place of the scene, table by table."""
-    accuracy = {"target": options.accuracy, "of": options.of, **dict(options.budget or ())}
+    accuracy = {
+        "target": options.accuracy,
+        "of": options.of,
+        "refinement": options.adaptive,
+        **dict(options.budget or ()),
+    }
     tables = {"solver": {"levels": options.levels}, "accuracy": accuracy}
     given = {name: {k: v for k, v in table.items() if v is not None} for name, table in tables.items()}
     return {name: table for name, table in given.items() if table}
@@ -104,6 +114,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 return _info()
             case "check":
                 return _check(options, petsc_options)
+            case "work-precision":
+                return _work_precision(options, petsc_options)
         return _solve(options, petsc_options)
     except KeyboardInterrupt:
         return 130
@@ -158,6 +170,38 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     if not solution.converged:
         parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
         return EXIT_NO_SOLUTION
+    return EXIT_OK
+
+
+def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> int:
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+    from signorini_fx.errors import SceneError, SignoriniError
+    from signorini_fx.scene import read_scene
+
+    comm = MPI.COMM_WORLD
+    folder = options.out or Path("results") / f"work_precision_{options.scene.stem}"
+    try:
+        if comm.size > 1:
+            raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
+        scene = read_scene(options.scene)
+
+        import petsc4py
+
+        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
+        from signorini_fx import io, work_precision
+
+        io.prepare_folder(comm, folder)  # find out early that it cannot be written
+        io.discard_folder(comm, folder)
+        study = work_precision.run_study(scene, quick=options.quick, report=print)
+        work_precision.write_study(study, folder)
+    except SignoriniError as error:
+        if isinstance(error, SceneError):
+            error = SceneError(error.problems, str(options.scene))
+        parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
+        return EXIT_BAD_INPUT
+    print(f"\n{textwrap.fill(work_precision.advice(study), width=110)}\n\nresults: {folder}/")
     return EXIT_OK
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.material import stress
 
@@ -35,7 +37,8 @@ class StressRecovery:
         compiled = d.inventory.compile
         self._moments = compiled("stress moments", lambda: fem.form(ufl.inner(raw, z) * ufl.dx))
         density = _compliance(self._recovered - raw, *d.lame)
-        self._square = compiled("stress recovery error", lambda: fem.form(density * ufl.dx))
+        cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
+        self._squares = compiled("stress recovery error", lambda: fem.form(density * cellwise * ufl.dx))
         mass = fem_petsc.assemble_matrix(compiled("stress mass", lambda: fem.form(ufl.inner(y, z) * ufl.dx)))
         mass.assemble()
         d.inventory.matrices.append("stress mass")
@@ -48,13 +51,18 @@ class StressRecovery:
 
     def error(self, x: PETSc.Vec) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(x).sum())))
+
+    def squares(self, x: PETSc.Vec) -> npt.NDArray[np.float64]:
+        """Its square for each owned cell, shape (cells,); collective."""
         _fill(self._displacement, x)
         moments = fem_petsc.assemble_vector(self._moments)
         moments.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         self._ksp.solve(moments, self._projection)
         _fill(self._recovered, self._projection)
-        value = self._comm.allreduce(fem.assemble_scalar(self._square))
-        return float(np.sqrt(max(value, 0.0)))
+        squares = fem_petsc.assemble_vector(self._squares)
+        squares.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        return np.maximum(squares.getArray(), 0.0)
 
 
 def _fill(function: fem.Function, x: PETSc.Vec) -> None:

@@ -10,6 +10,7 @@ that the regularisation leaves by the path that gamma takes; that of the iterati
 from __future__ import annotations
 
 import resource
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,7 +27,6 @@ from signorini_fx.contact_table import ContactTable
 _RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
 _ENERGY_RATES = (0.5, 3.0)
 _MEMORY_OF_CHANGES = 3
-_NEXT_REFINEMENT = 2.0
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,8 @@ def price_list(levels: list[LevelResult], base_memory: float) -> list[Price]:
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(_RATE)
         if index > 0:
-            errors = {name: _error(name, [c[name] for c in changes[:index]]) for name in _RATE}
+            finer = _finer(levels[: index + 1])
+            errors = {name: _error(name, [c[name] for c in changes[:index]], finer) for name in _RATE}
         rows.append(
             Price(
                 level=level.level,
@@ -202,39 +203,46 @@ def _end(
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
 
 
-def _error(name: str, changes: list[float | None]) -> float | None:
+def _error(name: str, changes: list[float | None], finer: float) -> float | None:
     """Error of the last mesh: the geometric mean of the last changes, brought to this mesh and extrapolated."""
     recent = changes[::-1][:_MEMORY_OF_CHANGES]
-    brought = [change / 2 ** (_RATE[name] * back) for back, change in enumerate(recent) if change]
+    brought = [change / finer ** (_RATE[name] * back) for back, change in enumerate(recent) if change]
     if not brought or not changes[-1]:
         return changes[-1]
-    return float(np.exp(np.mean(np.log(brought)))) / (2 ** _RATE[name] - 1)
+    return float(np.exp(np.mean(np.log(brought)))) / (finer ** _RATE[name] - 1)
+
+
+def _finer(rows: Sequence[Price] | Sequence[LevelResult]) -> float:
+    """How many times finer the last mesh is than the one before, on average over the body."""
+    return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
 
 
 def _predict(rows: list[Price], base_memory: float) -> Price:
     """The next mesh: errors by their rates, time and memory by their growth with the unknowns."""
     last, before = rows[-1], rows[-2]
-    growth = last.dofs / before.dofs
+    growth, finer = last.dofs / before.dofs, _finer(rows)
     dofs = round(last.dofs * growth)
 
     def next_error(name: str) -> float | None:
         value = getattr(last, name)
-        return None if value is None else value / 2 ** _RATE[name]
+        return None if value is None else value / finer ** _RATE[name]
 
     energy_rate = (
-        np.clip(np.log2(before.energy / last.energy), *_ENERGY_RATES) if before.energy and last.energy else 1.0
+        np.clip(np.log(before.energy / last.energy) / np.log(finer), *_ENERGY_RATES)
+        if before.energy and last.energy
+        else 1.0
     )
     time_growth = float(np.clip(np.log(last.seconds / before.seconds) / np.log(growth), 1.0, 1.6))
     own = max(last.memory - base_memory, 1.0)
     return Price(
         level=last.level + 1,
-        h=last.h / _NEXT_REFINEMENT,
+        h=last.h / finer,
         dofs=dofs,
         linear_solves=last.linear_solves,
         factorisations=last.factorisations,
         seconds=last.seconds * growth**time_growth,
         memory=base_memory + own * growth**1.1,
-        energy=None if last.energy is None else float(last.energy / 2**energy_rate),
+        energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),
         zone=next_error("zone"),

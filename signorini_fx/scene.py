@@ -341,12 +341,14 @@ class Accuracy(_Model):
         target: relative error allowed.
         of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
             the contact zones, or the largest pressure.
+        refinement: ``uniform``, or ``adaptive``: triangles are divided where the estimated error is.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """
 
     target: Annotated[float, Field(gt=0, lt=1, strict=True)]
     of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
+    refinement: Literal["uniform", "adaptive"] = "uniform"
     seconds: Positive | None = None
     memory: Positive | None = None
 
@@ -412,11 +414,8 @@ class Scene(_Model):
             raise ValueError("all materials must have the same hypothesis")
         if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
             raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
-        if self.accuracy is not None:
-            if not isinstance(self.mesh, MeshGenerator):
-                raise ValueError("accuracy needs a mesh from a generator, which can make finer ones")
-            if not self.contact or self.steps > 1:
-                raise ValueError("accuracy needs a scene with contact and one load step")
+        if self.accuracy is not None and (not self.contact or self.steps > 1):
+            raise ValueError("accuracy needs a scene with contact and one load step")
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")

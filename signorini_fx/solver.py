@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,12 +24,13 @@ from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
-from signorini_fx.mesh import load_mesh
+from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes, scene_on
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
+from signorini_fx.refinement import mark, refine
 from signorini_fx.results import IterationRecord, Status, Timings
-from signorini_fx.scene import Accuracy, Scene
+from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
 from signorini_fx.strategy import LARGEST_GAMMA, Task, run
 
@@ -89,16 +90,18 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
 def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Solution:
     """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
 
-    Begins on meshes coarser than the scene's.  A refinement that the budget would not allow is not begun.
+    Begins on meshes coarser than the scene's where a generator makes them.  A refinement that the budget would not
+    allow is not begun.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
     levels: list[LevelResult] = []
     state: ContactState | None = None
-    finest, current = 2.0 ** (_COARSER - _MOST_MESHES), 2.0**_COARSER
+    meshes = _meshes(scene, goal, comm)
+    tagged = next(meshes)
     while True:
         history.add(f"level {len(levels)}")
         before = history.linear_solves
-        solution, task = _solve_mesh(scene_on(scene, current), comm, history, state)
+        solution, task = _solve_mesh(scene.model_copy(update={"mesh": tagged}), comm, history, state)
         if not solution.converged or task is None:
             return replace(solution, levels=tuple(levels))
         state = solution.contact
@@ -106,7 +109,7 @@ def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: Hi
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], level]
         if len(levels) < _FEWEST_MESHES:
-            current /= 2
+            tagged = meshes.send((solution, task))
             continue
         rows = price_list(levels, base_memory)
         solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
@@ -117,19 +120,37 @@ def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: Hi
         scene = _with_larger_gamma(scene, task, left / goal.target)
         if error > goal.target * (1 - _REGULARISATION_SHARE):
             spent = parallel.global_max(comm, time.perf_counter() - begin)
-            ends = current <= finest or (goal.seconds is not None and spent + rows[-1].seconds > goal.seconds)
-            if ends or (goal.memory is not None and rows[-1].memory > 1024 * goal.memory):
+            late = goal.seconds is not None and spent + rows[-1].seconds > goal.seconds
+            large = goal.memory is not None and rows[-1].memory > 1024 * goal.memory
+            if late or large or len(levels) >= _MOST_MESHES:
                 return replace(solution, status=Status.BUDGET)
-            current /= 2
+            tagged = meshes.send((solution, task))
         elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)
+
+
+def _meshes(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Generator[TaggedMesh, tuple[Solution, Task], None]:
+    """One finer mesh after the other; what was solved on the last one is sent in."""
+    generated = isinstance(scene.mesh, MeshGenerator)
+    factor = 2.0**_COARSER
+    tagged = load_mesh(scene_on(scene, factor) if generated else scene, comm)
+    while True:
+        solution, task = yield tagged
+        factor /= 2
+        if goal.refinement == "adaptive":
+            squares = StressRecovery(solution.discretisation).squares(task.displacement())
+            tagged = refine(tagged, mark(comm, squares))
+        elif generated:
+            tagged = load_mesh(scene_on(scene, factor), comm)
+        else:
+            tagged = refine(tagged)
 
 
 # Accuracy on demand begins on meshes this many times coarser (as a power of two) than that of the scene, ...
 _COARSER = 2
 # ... estimates from at least so many meshes, and makes at most so many.
 _FEWEST_MESHES = 3
-_MOST_MESHES = 12
+_MOST_MESHES = 40
 # The estimates are within a factor of two of the truth; this makes a promise of them.
 _SAFETY = 1.5
 # What the regularisation may take of the error that is asked for.

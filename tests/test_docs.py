@@ -167,8 +167,8 @@ def test_synopsis():
     }
     assert shown == known
     for name, options in known.items():
-        assert f"`{name}" in GUIDE.read_text()
-        assert options <= set(re.findall(r"--\w[\w-]*", GUIDE.read_text()))
+        assert f"`{name}" in GUIDE.read_text(encoding="utf-8")
+        assert options <= set(re.findall(r"--\w[\w-]*", GUIDE.read_text(encoding="utf-8")))
 
 
 # --- links -----------------------------------------------------------------------------------------------------------
@@ -408,3 +408,14 @@ def test_linear_solves():
         if "newton" in coulomb:
             counts.append(alone(example1(coefficient=0.3, coulomb="newton", **setting)).history.linear_solves)
         assert counts == [int(number) for number in re.findall(r"\d+", coulomb)], name
+
+
+def test_linear_solves_on_a_fine_mesh():
+    """The counts of the sentence below that table."""
+    _, _, sentence = THEORY.read_text(encoding="utf-8").partition("\nOn a fine mesh with a large ")
+    shown = re.findall(r"\d+", sentence.partition("\n\n")[0].partition(")")[2])
+    fine = {"bound": 2.5, "poisson": 0.49, "gamma": 1e9, "nx": 240, "ny": 80}
+    settings = ({}, {"algorithm": "continuation"}, {"levels": 3})
+    plain, continued, nested = (alone(example1(**fine, **setting)) for setting in settings)
+    counts = [solution.history.linear_solves for solution in (plain, continued, nested)]
+    assert [int(number) for number in shown] == [*counts[:2], 3, counts[2], nested.levels[-1].linear_solves]

@@ -1,0 +1,614 @@
+"""What accuracy costs by every method: one list of methods, one reference, the same measure for all.
+
+The methods vary one choice at a time around the default: the element, the regularisation, the algorithm, the linear
+algebra, the start.  Errors are measured outside the methods, against a solution without regularisation on a much finer
+mesh of quadratic quadrilaterals; how far that reference itself can be trusted is estimated from one on coarser cells.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import basix
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, geometry
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpi4py import MPI
+
+from signorini_fx import compat, plots
+from signorini_fx.errors import SceneError, SignoriniError
+from signorini_fx.io import write_csv
+from signorini_fx.material import stress
+from signorini_fx.nested import scene_on
+from signorini_fx.price_list import _RATE, _interpolate, zone_ends
+from signorini_fx.scene import MeshGenerator, Scene, SolverSettings
+from signorini_fx.solution import Solution
+from signorini_fx.solver import solve
+
+Floats = npt.NDArray[np.float64]
+Row = dict[str, Any]
+
+QUANTITIES = {
+    "energy": "displacement, energy norm",
+    "pressure": "contact pressure, $L^2(\\Gamma_c)$",
+    "peak": "largest contact pressure",
+    "zone": "ends of the contact zone",
+    "force": "contact and friction force",
+}
+FAMILIES = {
+    "element": "Element",
+    "gamma": r"Regularisation: $\gamma$ fixed, times $E$ / size",
+    "algorithm": "Algorithm",
+    "linear algebra": "Linear algebra",
+    "start": "Start of the iteration",
+}
+PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
+TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+_CELLS = {"P": "triangle", "Q": "quadrilateral"}
+# Elements of the study's meshes, relative to those of the scene, and of the reference.
+_FACTORS, _REFERENCE = (8.0, 4.0, 2.0, 1.0, 0.5), 0.25
+_QUICK_FACTORS, _QUICK_REFERENCE = (4.0, 2.0), 1.0
+# A run that takes longer is not repeated, seconds.
+_LONG = 15.0
+# Times so close are a tie, and the first in the list wins: it is the simpler one.
+_TIE = 1.2
+# Forces that balance the load on every mesh have no error to be shown.
+_NOTHING = 1e-8
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to solve the scene.
+
+    Attributes:
+        name: what to call it.
+        families: the comparisons that it takes part in.
+        element: P1, Q1, P2 or Q2.
+        gamma: gamma_1 = gamma_2 over E / size of the body; None: automatic.
+        settings: further solver settings.
+    """
+
+    name: str
+    families: tuple[str, ...]
+    element: str = "Q1"
+    gamma: float | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def degree(self) -> int:
+        """Of the element."""
+        return int(self.element[1])
+
+
+def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
+    """The list, simplest first."""
+    exact = {"algorithm": "exact"}
+    found = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
+    elements = ("Q2",) if quick else ("Q2", "P1", "P2")
+    found += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
+    powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
+    found += [Method(rf"$\gamma = 10^{{{power}}}$", ("gamma",), gamma=10.0**power) for power in powers]
+    for name, settings in (
+        ("one fixed γ (automatic)", {}),
+        ("continuation in γ", {"algorithm": "continuation"}),
+        ("path-following", {"algorithm": "path-following"}),
+        ("ALM", {"algorithm": "alm"}),
+    ):
+        if scene.has_coulomb:
+            name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
+        if not quick or "ALM" in name:
+            found.append(Method(name, ("algorithm",), settings=settings))
+    if scene.has_coulomb:
+        found.append(Method("one fixed γ, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
+    for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
+        found.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
+    for element in ("Q1", "Q2"):
+        nested = {**exact, "levels": 2 if quick else 3}
+        found.append(Method(f"{element}, exact, nested", ("start",), element, settings=nested))
+    if not quick:
+        found.append(Method("Q2, ALM, nested", ("start",), "Q2", settings={"algorithm": "alm", "levels": 3}))
+        found.append(Method("Q2, exact", ("start",), "Q2", settings=exact))
+    return list({(m.name): m for m in _merge(found)}.values())
+
+
+def _merge(found: list[Method]) -> list[Method]:
+    """Methods that are in the list twice, once with the families of both."""
+    families: dict[str, list[str]] = {}
+    for method in found:
+        families.setdefault(method.name, []).extend(method.families)
+    return [Method(m.name, tuple(families[m.name]), m.element, m.gamma, m.settings) for m in found]
+
+
+def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
+    """The scene with elements ``factor`` times as large, of this kind, and solver settings of its own.
+
+    Raises:
+        SceneError: the generator makes no such meshes.
+    """
+    if not isinstance(scene.mesh, MeshGenerator):
+        raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
+    mesh = scene_on(scene, factor).mesh
+    assert isinstance(mesh, MeshGenerator)
+    parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
+    given = {"max_iterations", "max_outer_iterations", "tolerance"}
+    return scene.model_copy(
+        update={
+            "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
+            "element": scene.element.model_copy(update={"degree": int(element[1])}),
+            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings),
+            "accuracy": None,
+        }
+    )
+
+
+class Reference:
+    """A solution to measure others against.
+
+    Stresses are compared at the quadrature points of the reference's cells; where a point lies outside the other mesh
+    (a curved boundary), the nearest cell is continued.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        self._located: dict[Any, npt.NDArray[np.int32]] = {}
+        d, mesh = solution.discretisation, solution.discretisation.tagged.mesh
+        points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
+        cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+
+        def at_points(expression: Any) -> Floats:
+            return np.asarray(fem.Expression(expression, points).eval(mesh, cells)).reshape(
+                cells.size * len(points), -1
+            )
+
+        self._points = np.zeros((cells.size * len(points), 3))
+        self._points[:, :2] = at_points(ufl.SpatialCoordinate(mesh))
+        self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
+        lame = at_points(ufl.as_vector(d.lame))
+        self._lame, self._mu = lame.T
+        self._stress = at_points(_stress(solution))
+        self._size = self._energy_norm(self._stress)
+
+    def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
+        """Relative errors of a solution; None where there is nothing to compare.
+
+        Args:
+            solution: the solution.
+            mesh_key: solutions with the same key are on the same mesh; None: on a mesh of its own.
+        """
+        table, fine = solution.table, self.solution.table
+        weight, pressure = fine.columns["weight"], fine.columns["pressure"]
+        difference = _interpolate(table, fine, "pressure") - pressure
+        size = float(np.sqrt(np.dot(weight, pressure**2)))
+        ends, true_ends = zone_ends(table), zone_ends(fine)
+        length = float(sum(abs(b - a) for a, b in zip(true_ends[::2], true_ends[1::2], strict=True)))
+        assert solution.contact is not None
+        assert self.solution.contact is not None
+        force, true_force = (np.concatenate(s.contact.forces) for s in (solution, self.solution) if s.contact)
+        peak = pressure.max()
+        return {
+            "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
+            "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
+            "peak": float(abs(table.columns["pressure"].max() / peak - 1)) if peak > 0 else None,
+            "zone": float(np.abs(np.subtract(ends, true_ends)).max()) / length
+            if len(ends) == len(true_ends) > 0 and length > 0
+            else None,
+            "force": float(np.linalg.norm(force - true_force) / np.linalg.norm(true_force)),
+        }
+
+    def _energy_norm(self, tau: Floats) -> float:
+        """The square root of the integral of C^-1 tau : tau for tau = (xx, yy, xy) at the points."""
+        xx, yy, xy = tau.T
+        lame, mu = self._lame, self._mu
+        density = (xx**2 + yy**2 + 2 * xy**2 - lame / (2 * (lame + mu)) * (xx + yy) ** 2) / (2 * mu)
+        return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
+
+    def _stress_of(self, solution: Solution, key: Any) -> Floats:
+        """Stress of another solution at the points of the reference."""
+        mesh = solution.discretisation.tagged.mesh
+        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (3,)))
+        function = fem.Function(space)
+        points = compat.interpolation_points(space.element)
+        function.interpolate(fem.Expression(_stress(solution), points))
+        if key is None or key not in self._located:
+            self._located[key] = self._locate(mesh)
+        return np.asarray(function.eval(self._points, self._located[key]))
+
+    def _locate(self, mesh: Any) -> npt.NDArray[np.int32]:
+        """A cell of the mesh for each point."""
+        dim = mesh.topology.dim
+        tree = geometry.bb_tree(mesh, dim, padding=1e-12)
+        candidates = geometry.compute_collisions_points(tree, self._points)
+        colliding = geometry.compute_colliding_cells(mesh, candidates, self._points)
+        starts, ends = colliding.offsets[:-1], colliding.offsets[1:]
+        found = ends > starts
+        cells = np.zeros(len(self._points), dtype=np.int32)
+        cells[found] = colliding.array[starts[found]]
+        if not found.all():
+            every = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+            middles = geometry.create_midpoint_tree(mesh, dim, every)
+            cells[~found] = geometry.compute_closest_entity(tree, middles, mesh, self._points[~found])
+        return cells
+
+
+def _stress(solution: Solution) -> Any:
+    """Stress (xx, yy, xy) as UFL."""
+    sigma = stress(solution.displacement, *solution.discretisation.lame)
+    return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was measured.
+
+    Attributes:
+        scene: about what.
+        rows: one for each method on each mesh, failures included; the columns of work_precision.csv.
+        floor: how far the reference itself may be wrong, quantity by quantity; None: it cannot be told.
+        reference: what the reference is.
+        seconds: wall time of the whole study.
+    """
+
+    scene: Scene
+    rows: list[Row]
+    floor: dict[str, float | None]
+    reference: str
+    seconds: float
+
+
+def run_study(
+    scene: Scene, *, quick: bool = False, repeats: int = 3, report: Callable[[str], None] = lambda _: None
+) -> Study:
+    """Run every method on every mesh; on one rank.
+
+    Args:
+        scene: with a mesh from a generator that has ``coarser``, contact and one load step.
+        quick: few methods, two coarse meshes, no repeats.
+        repeats: rounds that are counted; medians are taken.  In a round before them forms may still be compiled.
+        report: is told how far it is.
+
+    Raises:
+        SceneError: the scene is none of that kind.
+        ConvergenceError: there is no reference.
+    """
+    if not scene.contact or scene.steps > 1:
+        raise SceneError([("contact", "a study needs a scene with contact and one load step")])
+    begin = time.perf_counter()
+    factors, fine = (_QUICK_FACTORS, _QUICK_REFERENCE) if quick else (_FACTORS, _REFERENCE)
+    exact = {"algorithm": "exact", "linear_algebra": "condensed"}
+    reference = Reference(solve(on_mesh(scene, fine, "Q2", exact), MPI.COMM_SELF))
+    second = reference.errors(solve(on_mesh(scene, 2 * fine, "Q2", exact), MPI.COMM_SELF))
+    rates = {"energy": 1.0, **_RATE}
+    floor = {name: None if error is None else error / (2 ** rates[name] - 1) for name, error in second.items()}
+    about = f"Q2, exact, condensed, {reference.solution.discretisation.dofs} unknowns"
+    report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
+    natural = scene.young / reference.solution.discretisation.tagged.size
+    runs = []
+    for method in methods(scene, quick=quick):
+        # Quadratic elements on twice as large cells have as many unknowns.
+        own = factors[:-1] if method.degree == 2 else factors[1:]
+        runs += [_Run(method, factor, scene, natural) for factor in (own if not quick else factors)]
+    for repeat in range(1 if quick else repeats + 1):
+        for run in runs:
+            run.go(reference if repeat == 0 else None, counted=repeat > 0 or quick)
+        report(f"round {repeat} of {0 if quick else repeats}: {time.perf_counter() - begin:.1f} s")
+    return Study(scene, [run.row() for run in runs], floor, about, time.perf_counter() - begin)
+
+
+class _Run:
+    """A method on a mesh, as often as it is repeated."""
+
+    def __init__(self, method: Method, factor: float, scene: Scene, natural: float) -> None:
+        gamma = "auto" if method.gamma is None else method.gamma * natural
+        settings = {"gamma_n": gamma, "gamma_t": gamma, **method.settings}
+        self._scene = on_mesh(scene, factor, method.element, settings)
+        self._method, self._factor = method, factor
+        self._times: list[dict[str, float]] = []
+        self._about: Row = {}
+        self._slow = False
+
+    def go(self, reference: Reference | None, *, counted: bool) -> None:
+        """Solve once; measure the errors where there is a reference."""
+        if not counted and self._slow:
+            return
+        if counted and self._slow and self._times:
+            return
+        begin = time.perf_counter()
+        try:
+            solution = solve(self._scene, MPI.COMM_SELF, check=False)
+        except SignoriniError as error:
+            self._about = {"status": " ".join(str(error).split()), **dict.fromkeys(QUANTITIES)}
+            return
+        total = time.perf_counter() - begin
+        self._slow = total > _LONG
+        if counted or self._slow:
+            own = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
+            coarser = sum(level.seconds for level in solution.levels[:-1])
+            rest = max(0.0, total - sum(own.values()) - coarser)
+            self._times.append({"seconds": total, **own, "coarser": coarser, "rest": rest})
+        if reference is None:
+            return
+        weight = solution.table.columns["weight"]
+        self._about = {
+            "h": float(weight.mean()),
+            "dofs": solution.discretisation.dofs,
+            "linear_solves": solution.history.linear_solves,
+            "factorisations": sum(record.factorised for record in solution.history.iterations),
+            "linear_algebra": solution.linear_algebra.split(":")[0],
+            "status": solution.status.value,
+            **dict.fromkeys(QUANTITIES),
+        }
+        if solution.converged:
+            self._about |= reference.errors(solution, (self._method.element[0], self._factor))
+
+    def row(self) -> Row:
+        """All that is known of it."""
+        settings, about = self._scene.solver, self._about
+        times: dict[str, float | None] = dict.fromkeys(("seconds", *PHASES, "coarser", "rest", "fastest", "slowest"))
+        if self._times:
+            times |= {name: statistics.median(run[name] for run in self._times) for name in self._times[0]}
+            totals = [run["seconds"] for run in self._times]
+            times |= {"fastest": min(totals), "slowest": max(totals)}
+        return {
+            "method": self._method.name,
+            "families": "; ".join(self._method.families),
+            "element": self._method.element,
+            "algorithm": settings.algorithm,
+            "coulomb": settings.coulomb if self._scene.has_coulomb else "",
+            "gamma": self._method.gamma if self._method.gamma is not None else "auto",
+            "linear_algebra": about.get("linear_algebra", settings.linear_algebra),
+            "levels": settings.levels,
+            "size_of_cells": self._factor,
+            "h": about.get("h"),
+            "dofs": about.get("dofs"),
+            "status": about.get("status", ""),
+            **{name: about.get(name) for name in QUANTITIES},
+            "linear_solves": about.get("linear_solves"),
+            "factorisations": about.get("factorisations"),
+            "repeats": len(self._times),
+            **times,
+        }
+
+
+# --- what follows from the table -------------------------------------------------------------------------------------
+
+
+def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
+    """The errors without luck: of each run the largest on its mesh and the finer ones by the same method.
+
+    An error that changes its sign is small on one mesh by accident.
+    """
+    result: list[float | None] = []
+    for row in rows:
+        family = [r for r in rows if r["method"] == row["method"] and r["size_of_cells"] <= row["size_of_cells"]]
+        errors = [r[quantity] for r in family if r[quantity] is not None]
+        result.append(max(errors) if row[quantity] is not None else None)
+    return result
+
+
+def cheapest_front(rows: Sequence[Row], quantity: str) -> list[tuple[Row, float]]:
+    """The runs that no cheaper run beats, cheapest first, each with its lasting error."""
+    known = [
+        (row, e)
+        for row, e in zip(rows, lasting_errors(rows, quantity), strict=True)
+        if e is not None and row["seconds"]
+    ]
+    front: list[tuple[Row, float]] = []
+    for row, error in sorted(known, key=lambda pair: (pair[0]["seconds"], pair[1])):
+        if not front or error < front[-1][1]:
+            front.append((row, error))
+    return front
+
+
+def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
+    """The cheapest run that meets a target; among ties the first of the list.  None: no run does."""
+    errors = lasting_errors(rows, quantity)
+    enough = [row for row, e in zip(rows, errors, strict=True) if e is not None and e <= target and row["seconds"]]
+    least = min((row["seconds"] for row in enough), default=0.0)
+    return next((row for row in enough if row["seconds"] <= _TIE * least), None)
+
+
+def advice(study: Study) -> str:
+    """One paragraph: which method for which accuracy, from the data alone."""
+    rows = study.rows
+    parts = [f"{study.scene.title or 'The scene'}: errors relative to {study.reference}, times of whole solves."]
+    for quantity in _shown(study):
+        best: list[tuple[str, float, Row]] = []
+        for target in TARGETS:
+            row = choice(rows, quantity, target) if target > 2 * (study.floor[quantity] or 0.0) else None
+            if row is not None and best and best[-1][2]["method"] == row["method"]:
+                best[-1] = (best[-1][0], target, row)
+            elif row is not None:
+                best.append((_percent(target), target, row))
+        said = [
+            f"{_plain(row['method'])} ({first}{'' if _percent(last) == first else ' down to ' + _percent(last)}, "
+            f"there {row['seconds']:.2g} s and {row['dofs']} unknowns)"
+            for first, last, row in best
+        ]
+        label = _LABELS[quantity]
+        parts.append(f"For the {label} take " + ", then ".join(said) + "." if said else f"No run gives the {label}.")
+    parts += [text for text in (_on_gamma(rows), _on_time(rows), _on_failures(rows)) if text]
+    return " ".join(parts)
+
+
+_LABELS = {
+    "energy": "displacement in the energy norm",
+    "pressure": "contact pressure",
+    "peak": "largest pressure",
+    "zone": "ends of the contact zone",
+    "force": "contact force",
+}
+
+
+def _percent(target: float) -> str:
+    return f"{100 * target:g} %"
+
+
+def _plain(name: str) -> str:
+    """A name without TeX."""
+    return name.replace(r"$\gamma = 10^{", "γ = 1e").replace("}$", " E/size")
+
+
+def _shown(study: Study) -> list[str]:
+    """Quantities that have errors."""
+    return [name for name in QUANTITIES if any((row[name] or 0.0) > _NOTHING for row in study.rows)]
+
+
+def _finest(rows: Sequence[Row], name: str) -> Row | None:
+    """The run of a method on its finest mesh, if it is solved there."""
+    own = [row for row in rows if row["method"] == name]
+    last = min(own, key=lambda row: float(row["size_of_cells"]), default=None)
+    return last if last is not None and last["seconds"] and last["pressure"] is not None else None
+
+
+def _on_gamma(rows: Sequence[Row]) -> str:
+    """What gamma leaves on the finest mesh."""
+    base = _finest(rows, rows[0]["method"])
+    fixed = [row for name in dict.fromkeys(r["method"] for r in rows) if (row := _finest(rows, name)) is not None]
+    fixed = [row for row in fixed if row["gamma"] != "auto" and row["algorithm"] == "auto"]
+    if base is None or not base["pressure"] or not fixed:
+        return ""
+    ratios = {row["gamma"]: row["pressure"] / base["pressure"] for row in fixed}
+    enough = [gamma for gamma, ratio in ratios.items() if 0.9 <= ratio <= 1.1]
+    low = {gamma: ratio for gamma, ratio in ratios.items() if ratio > 1.1}
+    said = ", ".join(f"{gamma:.0e} leaves {ratio:.2g} times that" for gamma, ratio in low.items())
+    text = f"On the finest Q1 mesh the pressure is wrong by {base['pressure']:.1e} without regularisation"
+    if enough:
+        spread = f"{min(enough):.0e}" + (f" to {max(enough):.0e}" if len(enough) > 1 else "")
+        text += f", and by as much with a fixed γ of {spread} E/size"
+    return text + (f"; {said}." if said else ".")
+
+
+def _on_time(rows: Sequence[Row]) -> str:
+    """Times on the finest mesh relative to the base."""
+    base = _finest(rows, rows[0]["method"])
+    if base is None:
+        return ""
+    said = []
+    for name in dict.fromkeys(row["method"] for row in rows):
+        row = _finest(rows, name)
+        if row is not None and name != base["method"] and row["gamma"] == "auto" and row["element"] == base["element"]:
+            said.append(f"{_plain(name)} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
+    own = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
+    return f"There, in multiples of the time of {base['method']} ({own}): {', '.join(said)}." if said else ""
+
+
+def _on_failures(rows: Sequence[Row]) -> str:
+    """Which runs have no solution."""
+    failed = [row for row in rows if row["status"] != "converged"]
+    if not failed:
+        return f"All {len(rows)} runs have a solution."
+    said: dict[str, list[str]] = {}
+    for row in failed:
+        said.setdefault(row["status"], []).append(f"{_plain(row['method'])} (cells x {row['size_of_cells']:g})")
+    return (
+        f"{len(failed)} of {len(rows)} runs have no solution: "
+        + "; ".join(f"{', '.join(names)}: {status}" for status, names in said.items())
+        + "."
+    )
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def write_study(study: Study, folder: Path) -> None:
+    """Write work_precision.csv, advice.txt and one picture a quantity."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_csv(folder / "work_precision.csv", study.rows)
+    (folder / "advice.txt").write_text(advice(study) + "\n", encoding="utf-8")
+    for quantity in _shown(study):
+        draw(folder / f"work_precision_{quantity}", study, quantity)
+
+
+_COLOURS = ("#1a1a1a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#6b6b6b", "#8c6d1f")
+_MARKERS = "os^Dv<>PX"
+
+
+def draw(stem: Path, study: Study, quantity: str) -> None:
+    """Error against time: the cheapest front of all methods on the left, the families beside it."""
+    errors = lasting_errors(study.rows, quantity)
+    points = [(row, e) for row, e in zip(study.rows, errors, strict=True) if e and row["seconds"]]
+    if not points:
+        return
+    with mpl.rc_context(plots._STYLE):
+        figure = Figure(figsize=(11.0, 5.6), layout="constrained")
+        grid = figure.add_gridspec(2, 4, width_ratios=(1.75, 1, 1, 1))
+        large = figure.add_subplot(grid[:, 0])
+        small = [figure.add_subplot(grid[k // 3, 1 + k % 3], sharex=large, sharey=large) for k in range(6)]
+        times, values = [row["seconds"] for row, _ in points], [error for _, error in points]
+        large.set(xscale="log", yscale="log", xlim=(min(times) / 6, 1.6 * max(times)))
+        floor = study.floor[quantity]
+        low = min(values) / 2
+        large.set_ylim(low, 2.5 * min(max(values), 1.0))
+        for axes in (large, *small[:5]):
+            axes.plot(times, values, "o", color=plots._RULE, markersize=2.5, zorder=1)
+            axes.grid(visible=True, which="major", color=plots._RULE, linewidth=0.35, zorder=0)
+            if floor and floor > low:
+                axes.axhspan(low, floor, facecolor="#f3e9e9", zorder=0)
+        _front(large, study, quantity)
+        for axes, (family, title) in zip(small, FAMILIES.items(), strict=False):
+            _family(axes, points, family)
+            axes.set_title(title, loc="left", fontsize=8)
+        large.set_title("The cheapest method for each accuracy", loc="left", fontweight="bold")
+        large.set_ylabel(f"relative error: {QUANTITIES[quantity]}")
+        for axes in (large, small[3], small[4]):
+            axes.set_xlabel("seconds for the whole solve")
+        small[2].set_xlabel("seconds for the whole solve")
+        small[5].set_axis_off()
+        small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7.5, transform=small[5].transAxes)
+        plots._finish(figure, stem, f"What accuracy costs: {study.scene.title}")
+
+
+def _front(axes: Axes, study: Study, quantity: str) -> None:
+    """The front as a staircase; a name where the method changes, in the empty corner below it."""
+    front = cheapest_front(study.rows, quantity)
+    seconds, errors = [row["seconds"] for row, _ in front], [error for _, error in front]
+    axes.step(seconds, errors, where="post", color=plots._INK, linewidth=1.2, zorder=3)
+    axes.plot(seconds, errors, "o", color=plots._INK, markersize=4, zorder=4)
+    for k, (row, error) in enumerate(front):
+        if k + 1 < len(front) and front[k + 1][0]["method"] == row["method"]:
+            continue
+        place = {"xytext": (-5, -3), "textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 7}
+        name = row["method"].replace("$", "", 0)
+        axes.annotate(f"{name}\n{row['dofs']} dofs", (row["seconds"], error), **place, zorder=5)
+
+
+def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
+    """One line a method of the family."""
+    names = dict.fromkeys(row["method"] for row, _ in points if family in row["families"].split("; "))
+    for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
+        own = sorted(((r["seconds"], e, r["size_of_cells"]) for r, e in points if r["method"] == name), key=_coarsest)
+        axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
+    axes.legend(loc="lower left", fontsize=6, handlelength=1.6, labelspacing=0.15)
+
+
+def _coarsest(point: tuple[float, float, float]) -> float:
+    return -point[2]
+
+
+def _how_to_read(study: Study, floor: float | None, low: float) -> str:
+    """The words beside the pictures."""
+    lines = [
+        "How to read this",
+        "Each point is one method on one mesh; a line joins",
+        "the meshes of a method, coarse to fine. Lower is more",
+        "accurate, further left is cheaper. Gray: all methods.",
+        "The error shown is the largest on this and finer",
+        "meshes: luck on one mesh does not count.",
+        "Not said otherwise: Q1, FP, cold start, and the",
+        "program's own choice of linear algebra.",
+        "Times are medians, machine code of forms excluded.",
+    ]
+    if floor and floor > low:
+        lines += ["Shaded: the reference itself may be wrong by so much."]
+    failed = sum(row["status"] != "converged" for row in study.rows)
+    lines += [f"{failed} of {len(study.rows)} runs failed: see the table." if failed else "No run failed."]
+    return "\n".join(lines)

@@ -1,0 +1,157 @@
+"""The work-precision study: the measure, the front, the advice, and a quick study as a whole."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import cli, work_precision
+from signorini_fx.errors import SceneError
+from signorini_fx.plots import read_csv
+from signorini_fx.solver import solve
+from signorini_fx.work_precision import Reference, Study
+from tests.scenes import example1
+
+SCENE = """
+title = "Block"
+mesh = { generator = "rectangle", parameters = { nx = 60, ny = 20 } }
+material = { young = 5000.0, poisson = 0.4 }
+displacement = [{ boundary = "left", x = 0.0 }, { boundary = "right", x = 0.0 }]
+traction = { boundary = "top", y = "-20 if 1 <= x[0] <= 2 else 0" }
+[contact]
+boundary = "bottom"
+gap = "0.003*(x[0] - 1.5)**2 + 0.001"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+
+
+def row(method, size, seconds, error, **more):
+    """A row of the table as far as its evaluation looks at it."""
+    given = {"method": method, "size_of_cells": size, "seconds": seconds, "pressure": error, "status": "converged"}
+    return {**dict.fromkeys(work_precision.QUANTITIES), **given, "dofs": 100, "gamma": "auto", "linear_solves": 5, "element": "Q1", "algorithm": "auto"} | more
+
+
+ROWS = [
+    row("simple", 2, 1.0, 1e-1),
+    row("simple", 1, 4.0, 1e-2),
+    row("lucky", 2, 0.9, 1e-3),
+    row("lucky", 1, 5.0, 5e-2),
+    row("broken", 1, 0.1, None, status="active sets cycle"),
+    row("dear", 1, 3.5, 9e-3),
+]
+
+
+def test_luck_does_not_count():
+    """A small error that the next finer mesh of the same method does not keep is none."""
+    assert work_precision.lasting_errors(ROWS, "pressure") == [1e-1, 1e-2, 5e-2, 5e-2, None, 9e-3]
+
+
+def test_cheapest_front():
+    """From cheap to dear the error falls; failures are not on it."""
+    front = work_precision.cheapest_front(ROWS, "pressure")
+    assert [(r["method"], e) for r, e in front] == [("lucky", 5e-2), ("dear", 9e-3)]
+
+
+def test_choice():
+    """The cheapest; where others take hardly longer, the first of the list; none for what no run reaches."""
+    assert work_precision.choice(ROWS, "pressure", 1e-1)["method"] == "simple"
+    assert work_precision.choice(ROWS, "pressure", 1e-2) is ROWS[1]
+    assert work_precision.choice(ROWS, "pressure", 1e-4) is None
+
+
+def test_advice_names_failures_and_trusts_the_reference_no_further_than_it_is():
+    """Failures are told with their status; targets near the error of the reference are left out."""
+    study = Study(example1(bound=1.0), ROWS, {"pressure": None, **dict.fromkeys(work_precision.QUANTITIES)}, "it", 1.0)
+    said = work_precision.advice(study)
+    assert "broken" in said
+    assert "active sets cycle" in said
+    assert "simple (10 %" in said
+    assert "simple (10 % down to 1 %" in work_precision.advice(study)
+    doubtful = replace(study, floor={**study.floor, "pressure": 2e-2})
+    assert "1 %" not in work_precision.advice(doubtful)
+
+
+@pytest.mark.parametrize(("cell", "degree"), [("triangle", 1), ("quadrilateral", 1), ("quadrilateral", 2)])
+def test_measured_energy_error(cell, degree):
+    """Against a nested finer mesh of the same space, measured at quadrature points = the energies' difference.
+
+    Without contact a(y, y) / 2 of a Galerkin solution under a load only falls short by that of its error.
+    """
+    linear = example1(nx=24, ny=8, cell=cell, degree=degree)
+    fixed = [effect.model_copy(update={"y": 0.0}) for effect in linear.displacement]
+    # A body that the foundation does not reach.
+    far = [linear.contact[0].model_copy(update={"gap": 1.0})]
+    linear = linear.model_copy(update={"displacement": tuple(fixed), "contact": tuple(far)})
+    fine = work_precision.on_mesh(linear, 1 / 4, "Q2", {})
+    reference, coarse = solve(fine, MPI.COMM_SELF), solve(linear, MPI.COMM_SELF)
+    energies = [s.steps[-1].strain_energy for s in (reference, coarse)]
+    expected = np.sqrt((energies[0] - energies[1]) / energies[0])
+    with np.errstate(invalid="ignore"):  # there is no contact force to compare
+        measured = Reference(reference).errors(coarse)
+    assert measured["energy"] == pytest.approx(expected, rel=0.05)
+    assert measured["pressure"] is None
+
+
+def test_no_error_against_itself():
+    """All errors of the reference vanish."""
+    solution = solve(example1(bound=1.0, nx=30, ny=10), MPI.COMM_SELF)
+    assert all(error == pytest.approx(0.0, abs=1e-12) for error in Reference(solution).errors(solution).values())
+
+
+def test_methods():
+    """No name twice; Coulomb friction adds its algorithms; every family has something to compare."""
+    for friction in ({"bound": 1.0}, {"coefficient": 0.3}):
+        scene = example1(**friction)
+        found = work_precision.methods(scene)
+        names = [method.name for method in found]
+        assert len(names) == len(set(names))
+        assert any("monolithic" in name for name in names) == scene.has_coulomb
+        for family in work_precision.FAMILIES:
+            assert 3 <= sum(family in method.families for method in found) <= 9
+        # The settings are those of a scene.
+        assert all(work_precision.on_mesh(scene, 1.0, m.element, m.settings) for m in found)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    """A quick study through the command line."""
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "block.toml").write_text(SCENE, encoding="utf-8")
+    code = cli.main(["work-precision", str(folder / "block.toml"), "--quick", "--out", str(folder / "out")])
+    return code, folder / "out"
+
+
+def test_quick_study(quick):
+    """Table, pictures and advice are there; errors fall with the mesh, times are told apart."""
+    code, folder = quick
+    assert code == 0
+    table = read_csv(folder / "work_precision.csv")
+    assert set(table["status"]) == {"converged"}
+    assert {"condensed", "full"} <= set(table["linear_algebra"])
+    assert len(table["method"]) >= 16
+    for method in dict.fromkeys(table["method"]):
+        own = table["method"] == method
+        order = np.argsort(-table["size_of_cells"][own])
+        for quantity in ("energy", "pressure"):
+            assert all(b < a for a, b in pairwise(table[quantity][own][order])), (method, quantity)
+    parts = sum(table[phase] for phase in (*work_precision.PHASES, "coarser", "rest"))
+    assert parts == pytest.approx(table["seconds"], rel=0.02)
+    for quantity in ("energy", "pressure", "peak", "zone"):
+        assert (folder / f"work_precision_{quantity}.png").stat().st_size > 10_000
+    assert not (folder / "work_precision_force.png").exists()
+    text = (folder / "advice.txt").read_text()
+    assert text.count("\n") == 1
+    assert "For the contact pressure take" in text
+
+
+def test_what_cannot_be_studied(tmp_path, capsys):
+    """A scene without contact is refused, by the name of the key."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.partition("[contact]")[0].replace('"left", x = 0.0', '"left", x = 0.0, y = 0.0'))
+    assert cli.main(["work-precision", str(scene), "--quick", "--out", str(tmp_path / "out")]) == 2
+    assert "needs a scene with contact" in capsys.readouterr().err
+    with pytest.raises(SceneError, match="generator"):
+        tagged = solve(example1(bound=1.0, nx=6, ny=2)).discretisation.tagged
+        work_precision.on_mesh(example1(bound=1.0).model_copy(update={"mesh": tagged}), 1.0, "Q1", {})
