@@ -49,9 +49,9 @@ class _Plain:
         with f.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(f, self.residual)
-        fem_petsc.apply_lifting(f, [self.jacobian], [self.fixed], [x], -1.0)
+        fem_petsc.apply_lifting(f, [self.jacobian], bcs=[self.fixed], x0=[x], alpha=-1.0)
         f.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(f, self.fixed, x, -1.0)
+        fem_petsc.set_bc(f, self.fixed, x0=x, alpha=-1.0)
 
     def differentiate(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
         """The Jacobian."""

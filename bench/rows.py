@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -119,7 +120,7 @@ RATIOS = [
     ),
 ]
 GROWTH = ("tresca", "newton", "fp")
-GROUPS = ("tresca", "coulomb", "sweep", "plain", "rival", "growth", "memory", "nested", "ranks", "import")
+GROUPS = ("tresca", "coulomb", "sweep", "plain", "rival", "growth", "memory", "nested", "ranks", "counts", "import")
 
 
 def plan(groups: Sequence[str], sizes: Sizes) -> list[Key]:
@@ -185,6 +186,7 @@ def apart(arguments: Sequence[object], ranks: int = 1, options: str = "") -> dic
     if ended.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{ended.stderr[-2000:]}")
     found: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
+    found["krylov"] = [int(count) for count in re.findall(r"^ *Linear.* iterations (\d+)$", ended.stdout, re.MULTILINE)]
     return found
 
 
@@ -259,6 +261,24 @@ def ranks(sizes: Sizes, levels: int, repeats: int, say: Say) -> list[Row]:
                 where=where,
             )
         )
+    return rows
+
+
+def counts(sizes: Sizes, levels: int, say: Say) -> list[Row]:
+    """What should not grow with mesh and ranks where no clock can say so: solves, and CG iterations with multigrid.
+
+    More ranks than cores do for counts.
+    """
+    rows = []
+    for nx in (sizes.small, sizes.middle, sizes.large):
+        for count in (1, 2, 4):
+            say(f"counts, {sizes.name(nx)}, {count} ranks")
+            full = apart(["tresca", nx, levels, "full"], count)
+            krylov = apart(["tresca", nx, levels, "krylov"], count, "-sfx_ksp_converged_reason")
+            finest = krylov["krylov"][-krylov["solves"][-1] :]
+            note = f"solves by level {full['solves']}; with multigrid {krylov['solves']}"
+            what = f"CG iterations a solve on the finest of {levels} meshes, multigrid, {count} ranks"
+            rows.append(Row("counts", what, sizes.name(nx), finest, unit="its", note=note))
     return rows
 
 
@@ -337,6 +357,7 @@ def run(groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say
         "memory": lambda: memory(sizes, repeats, say),
         "nested": lambda: nested(sizes, levels, gammas, say),
         "ranks": lambda: ranks(sizes, levels, repeats, say),
+        "counts": lambda: counts(sizes, levels, say),
         "large": lambda: huge(sizes, repeats, default, say),
         "import": lambda: start_up(repeats, say),
     }

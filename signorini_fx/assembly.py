@@ -28,6 +28,13 @@ def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
     return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
 
 
+def facet_ends(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    """The two end points of each facet, shape (facets, 2, 3)."""
+    if facets.size == 0:  # dolfinx divides by their number
+        return np.empty((0, 2, 3))
+    return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(np.float64)
+
+
 def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
     """Integration over lists of facets, which may overlap, numbered from 1.
 

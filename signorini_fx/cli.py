@@ -194,7 +194,7 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
 
         io.prepare_folder(comm, folder)  # find out early that it cannot be written
         io.discard_folder(comm, folder)
-        study = work_precision.run_study(scene, quick=options.quick, report=print)
+        study = work_precision.run_study(scene, quick=options.quick, report=lambda text: print(text, flush=True))
         work_precision.write_study(study, folder)
     except SignoriniError as error:
         if isinstance(error, SceneError):

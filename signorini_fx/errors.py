@@ -1,4 +1,4 @@
-"""The three ways in which a request can fail, each with a sentence that says what to do."""
+"""The ways in which a request can fail, each with a sentence that says what to do."""
 
 from __future__ import annotations
 

@@ -30,6 +30,7 @@ from signorini_fx.summary import summarise
 
 _PART = ".part"
 _SUMMARY = "summary.json"
+_SOMETIMES = ("steps.csv", "contact.csv", "price_list.csv", "price_list.png", "price_list.pdf")
 
 
 def prepare_folder(comm: Any, folder: Path) -> None:
@@ -61,7 +62,9 @@ def discard_folder(comm: Any, folder: Path) -> None:
     parallel.on_root(comm, discard)
 
 
-def write_results(solution: Solution, folder: Path, *, fields: bool = True, pictures: bool = True) -> dict[str, Any]:
+def write_results(
+    solution: Solution, folder: str | Path, *, fields: bool = True, pictures: bool = True
+) -> dict[str, Any]:
     """Write the result folder; collective.
 
     Args:
@@ -76,7 +79,7 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
     Raises:
         OutputError: something could not be written; the folder then holds no summary.json.
     """
-    comm = solution.comm
+    comm, folder = solution.comm, Path(folder)
     part = folder / _PART
     prepare_folder(comm, folder)
     table = solution.table if solution.contact is not None else None
@@ -112,6 +115,8 @@ def write_results(solution: Solution, folder: Path, *, fields: bool = True, pict
 
 def _move_into_place(part: Path, folder: Path) -> None:
     (folder / _SUMMARY).unlink(missing_ok=True)
+    for old in _SOMETIMES:  # of an earlier run with other effects
+        (folder / old).unlink(missing_ok=True)
     for source in sorted(part.iterdir(), key=lambda path: path.name == _SUMMARY):
         target = folder / source.name
         if target.is_dir():

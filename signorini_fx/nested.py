@@ -1,7 +1,7 @@
 """Nested iteration: the contact state of a coarse mesh starts the iteration on the next finer one.
 
 The active sets are what the semi-smooth Newton method has to find, and they hardly depend on the mesh: a node of the
-fine mesh begins in the set of the nearest coarse node.  On every mesh but the coarsest two to four linear solves are
+fine mesh begins in the set of its coarse neighbours.  On every mesh but the coarsest a few linear solves are
 left.
 """
 

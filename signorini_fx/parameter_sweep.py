@@ -14,11 +14,12 @@ from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh import load_mesh
+from signorini_fx.problem import ContactProblem
 from signorini_fx.quantities import Certificate, ContactState, Forces, certify
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
 from signorini_fx.solver import contact_state, contact_task
-from signorini_fx.strategy import Task, run
+from signorini_fx.strategy import run
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,13 @@ class SweepPoint:
     contact: ContactState
     linear_solves: int
     _discretisation: Discretisation
-    _task: Task
+    _problem: ContactProblem
     _x: PETSc.Vec
     _load: float
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
-        system = self._task.problem.system
+        system = self._problem.system
         system.set_step(0, self._load)
         return self._discretisation.function(system.displacement(self._x))
 
@@ -91,15 +92,15 @@ def sweep(
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
         before, load = history.linear_solves, value if loads is not None else 1.0
-        task.system.set_step(0, load)
-        fixed = task.system.fixed
-        task.x.getArray()[fixed] = task.system.start.getArray(readonly=True)[fixed]
+        task.restart(0, load)
         if coefficients is not None and law is not None:
             task.law = replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0))
         status = run(task)
         contact = contact_state(task)
         x = task.answer.x.copy()
-        points.append(SweepPoint(value, status, contact, history.linear_solves - before, discretisation, task, x, load))
+        points.append(
+            SweepPoint(value, status, contact, history.linear_solves - before, discretisation, task.problem, x, load)
+        )
         if status is Status.CONVERGED:
             task.first_sets, task.first_iteration = task.problem.sets, 1
             task.start = task.answer.multipliers()

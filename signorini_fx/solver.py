@@ -114,7 +114,8 @@ def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: Hi
         rows = price_list(levels, base_memory)
         solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        error = (getattr(rows[-2], goal.of) or 0.0) * _SAFETY
+        estimate = getattr(rows[-2], goal.of)
+        error = np.inf if estimate is None else estimate * _SAFETY
         if error + left <= goal.target:
             return solution
         scene = _with_larger_gamma(scene, task, left / goal.target)
@@ -148,7 +149,7 @@ def _meshes(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Generator[TaggedMes
 
 # Accuracy on demand begins on meshes this many times coarser (as a power of two) than that of the scene, ...
 _COARSER = 2
-# ... estimates from at least so many meshes, and makes at most so many.
+# ... estimates from at least so many meshes, and ends after so many.
 _FEWEST_MESHES = 3
 _MOST_MESHES = 40
 # The estimates are within a factor of two of the truth; this makes a promise of them.
@@ -278,7 +279,8 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
                     ksp.solve(system.load, x)
-                status = Status.CONVERGED if ksp.getConvergedReason() > 0 else Status.SINGULAR
+                failed = Status.LINEAR_SOLVER if krylov else Status.SINGULAR
+                status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
         with timings.phase("certify"):
             displacement = discretisation.function(x)
             forces = Forces.of(discretisation, displacement, step)

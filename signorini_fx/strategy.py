@@ -24,6 +24,7 @@ from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.exact import ExactProblem
+from signorini_fx.holding import balance_exists
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem import ContactProblem, RegularisedProblem
@@ -125,20 +126,24 @@ class Task:
         """All displacement dofs of the answer."""
         return self.problem.system.displacement(self.answer.x)
 
+    def restart(self, step: int, scale: float = 1.0) -> None:
+        """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
+        for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
+            problem.system.set_step(step, scale)
+        fixed = self.system.fixed
+        self.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
+        self.problem = self._regularised
+
     def next_step(self) -> None:
         """Go on to the next load step: friction acts on what is added to the slip, from the shear that there is."""
         _, u_t = self.problem.traces(self.answer.x)
         pressure, shear = self.answer.multipliers()
         self.step += 1
-        for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
-            problem.system.set_step(self.step)
-        fixed = self.system.fixed
-        self.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
+        self.restart(self.step)
         self.data = replace(self.data, slip_origin=u_t)
         if self.law is not None:
             self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
         self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
-        self.problem = self._regularised
 
 
 def run(task: Task) -> Status:
@@ -190,7 +195,9 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
     """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
     s, newton = task.settings, task.newton
     first_sets, start = task.first_sets, task.start
-    if start is None:
+    # These find their gamma, or go through several, on the pure contact problem of every mesh.
+    finds_gamma = task.step == 0 and s.algorithm in ("path-following", "continuation")
+    if start is None or finds_gamma:
         data = _coulomb_start(task)
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
             status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
@@ -226,11 +233,15 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
 
 
 def _coulomb_start(task: Task) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that only friction holds sideways starts from stick."""
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick."""
     boundary = task.boundary
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
-    if task.motions.held_by(boundary, everywhere, ~everywhere):
-        return replace(task.data, bound=None)
+    frictionless = replace(task.data, bound=None)
+    held = task.motions.held_by(boundary, everywhere, ~everywhere)
+    if held and (
+        task.motions.free.shape[1] == 0 or balance_exists(frictionless, boundary, task.motions, task.system.resultant)
+    ):
+        return frictionless
     return replace(task.data, bound=np.full(boundary.size, np.inf))
 
 

@@ -27,7 +27,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         solution: what was solved.
         table: its gathered contact boundary, None for a scene without contact.
     """
-    history = solution.history
+    history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
         "title": solution.scene.title,
         "status": solution.status.value,
@@ -36,8 +36,10 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "algorithm": solution.algorithm,
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
         "iterations": sum(record.iteration > 0 for record in history.iterations),
-        "linear_solves": history.linear_solves or 1,
-        "factorisations": sum(record.factorised for record in history.iterations) or 1,
+        "linear_solves": sum(step.linear_solves for step in solution.steps) if linear else history.linear_solves,
+        "factorisations": min(1, solution.steps[0].linear_solves)
+        if linear
+        else sum(record.factorised for record in history.iterations),
         "outer_iterations": len(history.outer),
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,

@@ -10,7 +10,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
-from signorini_fx.assembly import facet_entities
+from signorini_fx.assembly import facet_ends, facet_entities
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import sample
@@ -54,8 +54,7 @@ def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tup
     mesh = tagged.mesh
     facets = tagged.facets(effect.boundary)
     dim = mesh.topology.dim
-    corners = dmesh.entities_to_geometry(mesh, dim - 1, facets).ravel()
-    low, high = parallel.global_bounds(mesh.comm, mesh.geometry.x[corners][:, :2].astype(np.float64))
+    low, high = parallel.global_bounds(mesh.comm, facet_ends(mesh, facets)[:, :, :2].reshape(-1, 2))
     inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
     outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
     flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)

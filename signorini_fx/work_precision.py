@@ -46,7 +46,7 @@ QUANTITIES = {
 }
 FAMILIES = {
     "element": "Element",
-    "gamma": r"Regularisation: $\gamma$ fixed, times $E$ / size",
+    "gamma": r"Fixed $\gamma$, in units of $E$ / size",
     "algorithm": "Algorithm",
     "linear algebra": "Linear algebra",
     "start": "Start of the iteration",
@@ -55,14 +55,14 @@ PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 _CELLS = {"P": "triangle", "Q": "quadrilateral"}
 # Elements of the study's meshes, relative to those of the scene, and of the reference.
-_FACTORS, _REFERENCE = (8.0, 4.0, 2.0, 1.0, 0.5), 0.25
+_FACTORS, _REFERENCE = (8.0, 4.0, 2.0, 1.0, 0.5), 0.2
 _QUICK_FACTORS, _QUICK_REFERENCE = (4.0, 2.0), 1.0
-# A run that takes longer is not repeated, seconds.
-_LONG = 15.0
-# Times so close are a tie, and the first in the list wins: it is the simpler one.
-_TIE = 1.2
+# A run that takes longer is not repeated, one that takes this long only three times, seconds.
+_LONG, _MIDDLE = 15.0, 0.5
+# Times so close are a tie, and the first in the list wins: it is the simpler one.  So are errors so close.
+_TIE, _SAME = 1.25, 0.8
 # Forces that balance the load on every mesh have no error to be shown.
-_NOTHING = 1e-8
+_NOTHING = 1e-5
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,9 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
     found = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
     elements = ("Q2",) if quick else ("Q2", "P1", "P2")
     found += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
-    powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
-    found += [Method(rf"$\gamma = 10^{{{power}}}$", ("gamma",), gamma=10.0**power) for power in powers]
     for name, settings in (
-        ("one fixed γ (automatic)", {}),
-        ("continuation in γ", {"algorithm": "continuation"}),
+        ("gamma automatic", {}),
+        ("continuation", {"algorithm": "continuation"}),
         ("path-following", {"algorithm": "path-following"}),
         ("ALM", {"algorithm": "alm"}),
     ):
@@ -107,8 +105,10 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
             name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
         if not quick or "ALM" in name:
             found.append(Method(name, ("algorithm",), settings=settings))
+    powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
+    found += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
     if scene.has_coulomb:
-        found.append(Method("one fixed γ, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
+        found.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
     for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
         found.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
     for element in ("Q1", "Q2"):
@@ -117,7 +117,7 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
     if not quick:
         found.append(Method("Q2, ALM, nested", ("start",), "Q2", settings={"algorithm": "alm", "levels": 3}))
         found.append(Method("Q2, exact", ("start",), "Q2", settings=exact))
-    return list({(m.name): m for m in _merge(found)}.values())
+    return list({method.name: method for method in _merge(found)}.values())
 
 
 def _merge(found: list[Method]) -> list[Method]:
@@ -265,14 +265,15 @@ class Study:
 
 
 def run_study(
-    scene: Scene, *, quick: bool = False, repeats: int = 3, report: Callable[[str], None] = lambda _: None
+    scene: Scene, *, quick: bool = False, repeats: int = 7, report: Callable[[str], None] = lambda _: None
 ) -> Study:
     """Run every method on every mesh; on one rank.
 
     Args:
         scene: with a mesh from a generator that has ``coarser``, contact and one load step.
         quick: few methods, two coarse meshes, no repeats.
-        repeats: rounds that are counted; medians are taken.  In a round before them forms may still be compiled.
+        repeats: rounds that are counted, long runs take part in three; medians are taken.  In a round before them
+            forms may still be compiled.
         report: is told how far it is.
 
     Raises:
@@ -313,13 +314,11 @@ class _Run:
         self._method, self._factor = method, factor
         self._times: list[dict[str, float]] = []
         self._about: Row = {}
-        self._slow = False
+        self._enough = 1000
 
     def go(self, reference: Reference | None, *, counted: bool) -> None:
         """Solve once; measure the errors where there is a reference."""
-        if not counted and self._slow:
-            return
-        if counted and self._slow and self._times:
+        if len(self._times) >= self._enough:
             return
         begin = time.perf_counter()
         try:
@@ -328,8 +327,8 @@ class _Run:
             self._about = {"status": " ".join(str(error).split()), **dict.fromkeys(QUANTITIES)}
             return
         total = time.perf_counter() - begin
-        self._slow = total > _LONG
-        if counted or self._slow:
+        self._enough = 1 if total > _LONG else 3 if total > _MIDDLE else self._enough
+        if counted or self._enough == 1:
             own = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
             coarser = sum(level.seconds for level in solution.levels[:-1])
             rest = max(0.0, total - sum(own.values()) - coarser)
@@ -395,7 +394,11 @@ def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
 
 
 def cheapest_front(rows: Sequence[Row], quantity: str) -> list[tuple[Row, float]]:
-    """The runs that no cheaper run beats, cheapest first, each with its lasting error."""
+    """The runs that no cheaper run beats, cheapest first, each with its lasting error.
+
+    A step down is worth a fifth of the error at least; where several runs are as good as equal, the first of the list
+    stands for them.
+    """
     known = [
         (row, e)
         for row, e in zip(rows, lasting_errors(rows, quantity), strict=True)
@@ -403,9 +406,14 @@ def cheapest_front(rows: Sequence[Row], quantity: str) -> list[tuple[Row, float]
     ]
     front: list[tuple[Row, float]] = []
     for row, error in sorted(known, key=lambda pair: (pair[0]["seconds"], pair[1])):
-        if not front or error < front[-1][1]:
-            front.append((row, error))
+        if not front or error < _SAME * front[-1][1]:
+            front.append(next(pair for pair in known if _as_good(pair, (row, error))))
     return front
+
+
+def _as_good(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
+    """Whether the first is as good as the second within what is called a tie."""
+    return bool(one[0]["seconds"] <= _TIE * other[0]["seconds"] and _SAME * one[1] <= other[1])
 
 
 def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
@@ -429,7 +437,7 @@ def advice(study: Study) -> str:
             elif row is not None:
                 best.append((_percent(target), target, row))
         said = [
-            f"{_plain(row['method'])} ({first}{'' if _percent(last) == first else ' down to ' + _percent(last)}, "
+            f"{row['method']} ({first}{'' if _percent(last) == first else ' down to ' + _percent(last)}, "
             f"there {row['seconds']:.2g} s and {row['dofs']} unknowns)"
             for first, last, row in best
         ]
@@ -450,11 +458,6 @@ _LABELS = {
 
 def _percent(target: float) -> str:
     return f"{100 * target:g} %"
-
-
-def _plain(name: str) -> str:
-    """A name without TeX."""
-    return name.replace(r"$\gamma = 10^{", "γ = 1e").replace("}$", " E/size")
 
 
 def _shown(study: Study) -> list[str]:
@@ -483,7 +486,7 @@ def _on_gamma(rows: Sequence[Row]) -> str:
     text = f"On the finest Q1 mesh the pressure is wrong by {base['pressure']:.1e} without regularisation"
     if enough:
         spread = f"{min(enough):.0e}" + (f" to {max(enough):.0e}" if len(enough) > 1 else "")
-        text += f", and by as much with a fixed γ of {spread} E/size"
+        text += f", and by as much with a fixed gamma of {spread} E/size"
     return text + (f"; {said}." if said else ".")
 
 
@@ -496,7 +499,7 @@ def _on_time(rows: Sequence[Row]) -> str:
     for name in dict.fromkeys(row["method"] for row in rows):
         row = _finest(rows, name)
         if row is not None and name != base["method"] and row["gamma"] == "auto" and row["element"] == base["element"]:
-            said.append(f"{_plain(name)} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
+            said.append(f"{name} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
     own = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
     return f"There, in multiples of the time of {base['method']} ({own}): {', '.join(said)}." if said else ""
 
@@ -508,7 +511,7 @@ def _on_failures(rows: Sequence[Row]) -> str:
         return f"All {len(rows)} runs have a solution."
     said: dict[str, list[str]] = {}
     for row in failed:
-        said.setdefault(row["status"], []).append(f"{_plain(row['method'])} (cells x {row['size_of_cells']:g})")
+        said.setdefault(row["status"], []).append(f"{row['method']} (cells x {row['size_of_cells']:g})")
     return (
         f"{len(failed)} of {len(rows)} runs have no solution: "
         + "; ".join(f"{', '.join(names)}: {status}" for status, names in said.items())
@@ -542,12 +545,16 @@ def draw(stem: Path, study: Study, quantity: str) -> None:
         figure = Figure(figsize=(11.0, 5.6), layout="constrained")
         grid = figure.add_gridspec(2, 4, width_ratios=(1.75, 1, 1, 1))
         large = figure.add_subplot(grid[:, 0])
-        small = [figure.add_subplot(grid[k // 3, 1 + k % 3], sharex=large, sharey=large) for k in range(6)]
+        small: list[Axes] = []
+        for k in range(6):
+            shared = small[0] if small else None
+            small.append(figure.add_subplot(grid[k // 3, 1 + k % 3], sharex=large, sharey=shared))
         times, values = [row["seconds"] for row, _ in points], [error for _, error in points]
         large.set(xscale="log", yscale="log", xlim=(min(times) / 6, 1.6 * max(times)))
         floor = study.floor[quantity]
         low = min(values) / 2
-        large.set_ylim(low, 2.5 * min(max(values), 1.0))
+        large.set_ylim(low, 2 * max(values))
+        small[0].set(yscale="log", ylim=(low, 15 * max(values)))  # room for the names
         for axes in (large, *small[:5]):
             axes.plot(times, values, "o", color=plots._RULE, markersize=2.5, zorder=1)
             axes.grid(visible=True, which="major", color=plots._RULE, linewidth=0.35, zorder=0)
@@ -557,6 +564,7 @@ def draw(stem: Path, study: Study, quantity: str) -> None:
         for axes, (family, title) in zip(small, FAMILIES.items(), strict=False):
             _family(axes, points, family)
             axes.set_title(title, loc="left", fontsize=8)
+            axes.tick_params(labelleft=family in ("element", "linear algebra"))
         large.set_title("The cheapest method for each accuracy", loc="left", fontweight="bold")
         large.set_ylabel(f"relative error: {QUANTITIES[quantity]}")
         for axes in (large, small[3], small[4]):
@@ -576,9 +584,14 @@ def _front(axes: Axes, study: Study, quantity: str) -> None:
     for k, (row, error) in enumerate(front):
         if k + 1 < len(front) and front[k + 1][0]["method"] == row["method"]:
             continue
-        place = {"xytext": (-5, -3), "textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 7}
-        name = row["method"].replace("$", "", 0)
-        axes.annotate(f"{name}\n{row['dofs']} dofs", (row["seconds"], error), **place, zorder=5)
+        place: dict[str, Any] = {
+            "xytext": (-5, -3),
+            "textcoords": "offset points",
+            "ha": "right",
+            "va": "top",
+            "fontsize": 7,
+        }
+        axes.annotate(f"{row['method']}\n{row['dofs']} unknowns", (row["seconds"], error), **place, zorder=5)
 
 
 def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
@@ -587,7 +600,9 @@ def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> Non
     for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
         own = sorted(((r["seconds"], e, r["size_of_cells"]) for r, e in points if r["method"] == name), key=_coarsest)
         axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
-    axes.legend(loc="lower left", fontsize=6, handlelength=1.6, labelspacing=0.15)
+    style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
+    columns = 2 if len(names) > 6 else 1
+    axes.legend(loc="upper right", fontsize=6.5, ncols=columns, handlelength=1.6, labelspacing=0.2, **style)
 
 
 def _coarsest(point: tuple[float, float, float]) -> float:
@@ -603,12 +618,15 @@ def _how_to_read(study: Study, floor: float | None, low: float) -> str:
         "accurate, further left is cheaper. Gray: all methods.",
         "The error shown is the largest on this and finer",
         "meshes: luck on one mesh does not count.",
-        "Not said otherwise: Q1, FP, cold start, and the",
-        "program's own choice of linear algebra.",
+        "Exact: without regularisation. Not said otherwise:",
+        "Q1, cold start, the program's own gamma and linear",
+        "algebra; Coulomb friction by a fixed point (FP).",
         "Times are medians, machine code of forms excluded.",
     ]
     if floor and floor > low:
         lines += ["Shaded: the reference itself may be wrong by so much."]
-    failed = sum(row["status"] != "converged" for row in study.rows)
-    lines += [f"{failed} of {len(study.rows)} runs failed: see the table." if failed else "No run failed."]
+    failed = [row["method"] for row in study.rows if row["status"] != "converged"]
+    counts = [f"{name} ({failed.count(name)})" for name in dict.fromkeys(failed)]
+    lines += [f"{len(failed)} of {len(study.rows)} runs failed:" if failed else "No run failed."]
+    lines += [f"   {text}" for text in counts[:3]] + (["   and others: see the table"] if len(counts) > 3 else [])
     return "\n".join(lines)

@@ -6,6 +6,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.assembly import facet_ends
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import generate_mesh, tag_boundaries
 from signorini_fx.refinement import mark, refine
@@ -20,8 +21,7 @@ def lengths(tagged):
     mesh = tagged.mesh
     result = {}
     for name in SIDES:
-        ends = dmesh.entities_to_geometry(mesh, 1, tagged.facets(name))
-        x = mesh.geometry.x[ends]
+        x = facet_ends(mesh, tagged.facets(name))
         result[name] = float(parallel.global_sum(mesh.comm, np.linalg.norm(x[:, 0] - x[:, 1], axis=1).sum()))
     return result
 
