@@ -1,8 +1,9 @@
 """Expressions of the position in scenes: parsed by simpleeval, evaluated with NumPy or turned into UFL.
 
 A scene says ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Nothing of it is ever executed by Python: the syntax tree is
-checked first (numbers, ``x[0]``, ``x[1]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``, ``A if C else B``
-and the functions below, each with its arguments; conditions and numbers are told apart), then simpleeval walks it.
+checked first (numbers, ``x[0]``, ``x[1]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not`` (also ``&`` and
+``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are told apart),
+then simpleeval walks it.
 """
 
 from __future__ import annotations

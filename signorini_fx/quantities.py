@@ -1,4 +1,4 @@
-"""What is measured after a solve, the same way for every algorithm: state, certificate, forces, energy, zones."""
+"""What is measured after a solve, the same way for every algorithm: certificate, forces, energy, zones."""
 
 from __future__ import annotations
 

@@ -108,7 +108,8 @@ class Discretised(_Model):
         degree: polynomial degree of the displacement.
         volumetric: ``full``: all terms are integrated exactly; ``reduced``: the volumetric term with fewer points,
             which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
-            eliminated); ``auto``: reduced where some nu is at least 0.45 and the element has a reduced form.
+            eliminated); ``auto``: reduced where some nu is at least 0.45 in plane strain and the element has a reduced
+            form.
     """
 
     degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
