@@ -153,7 +153,7 @@ _COARSER = 2
 _FEWEST_MESHES = 3
 _MOST_MESHES = 40
 # The estimates are within a factor of two of the truth; this makes a promise of them.
-_SAFETY = 1.5
+_SAFETY = 2.0
 # What the regularisation may take of the error that is asked for.
 _REGULARISATION_SHARE = 0.2
 

@@ -187,3 +187,16 @@ def test_example2_scene():
     assert states >= {"open", "slip+", "slip-"}
     x, pressure = solution.table.columns["x"], solution.table.columns["pressure"]
     assert np.interp(3 - x[::-1], x, pressure) == pytest.approx(pressure[::-1], rel=1e-6, abs=1e-6)
+
+
+def test_how_far_the_reference_may_be_wrong():
+    """Of errors h^r the estimate is exact; it never takes a faster rate than expected, nor believes in luck."""
+    for rate in (0.5, 1.0):
+        near, far = 2**rate - 1, 4**rate - 1
+        found = work_precision.reference_errors({"zone": near}, {"zone": far})
+        assert found["zone"] == pytest.approx(1.0)
+        found = work_precision.reference_errors({"energy": np.sqrt(4**rate - 1)}, {"energy": np.sqrt(16**rate - 1)})
+        assert found["energy"] == pytest.approx(1.0)
+    found = work_precision.reference_errors({"pressure": 1.0, "peak": None}, {"pressure": 100.0, "peak": 1.0})
+    assert found["pressure"] == pytest.approx(1 / (2**1.25 - 1))
+    assert found["peak"] is None
