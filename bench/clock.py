@@ -50,6 +50,7 @@ def warm_up(plan: Sequence[Key], meshes: Mapping[int, TaggedMesh], say: Callable
         reference: dict[str, contestants.Outcome] = {}
         for name in order:
             say(f"check {name}, {nx} x {nx // 3}")
+            gc.collect()
             outcome = contestants.ALL[name](meshes[nx])
             contestants.check(name, outcome, reference, meshes[nx])
             reference[name] = outcome

@@ -40,7 +40,7 @@ _STYLE: dict[str, Any] = {
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8,
     "axes.titlesize": 9,
-    "axes.titlelocation": "left",
+    "axes.titlelocation": "right",
     "axes.edgecolor": _MUTED,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
@@ -138,7 +138,8 @@ def _where(axes: Axes, samples: Sequence[Sample], bars: Sequence[clock.Key]) -> 
             axes.barh(place, width, 0.72, left, color=colour, edgecolor=_INK, linewidth=0.4, hatch=hatch, label=label)
             shown.add(name)
             left += width
-        axes.text(left + 0.02, place, f"{left:.2f}", va="center", fontsize=7)
+        white = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+        axes.text(left + 0.02, place, f"{left:.2f}", va="center", fontsize=7, bbox=white)
     axes.set_yticks(range(len(bars)), [f"{_LABELS[name]}, {nx}x{nx // 3}" for name, nx in bars])
     axes.invert_yaxis()
     axes.axvline(1.0, color=_MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=0)
@@ -147,17 +148,20 @@ def _where(axes: Axes, samples: Sequence[Sample], bars: Sequence[clock.Key]) -> 
 
 
 def _distances(axes: Axes, judged: Sequence[Row]) -> None:
-    axes.set_title("Value over target (where small is good) or target over value: reached left of the line")
+    axes.set_title("What must be reached: value over target, or target over value; hollow: not reached")
     for place, row in enumerate(judged):
         assert row.target is not None
         share = row.target / row.value if row.at_least else row.value / row.target
         reached = row.verdict == "reached"
         axes.plot(share, place, "o", color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
+        value = f"{row.value:.2f} ({'>=' if row.at_least else '<='} {row.target:g})"
+        axes.text(0.045, place, value, va="center", fontsize=6.5, color=_MUTED)
     axes.set_xscale("log")
     axes.axvline(1.0, color=_MUTED, linewidth=0.8)
     axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)
     axes.set_yticks(range(len(judged)), [f"{row.what}, {row.size}".rstrip(", ") for row in judged], fontsize=6.5)
     axes.invert_yaxis()
-    ticks = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
+    axes.set_xlim(0.04, 3.0)
+    ticks = [0.1, 0.2, 0.5, 1.0, 2.0]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()

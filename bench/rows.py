@@ -270,8 +270,8 @@ def counts(sizes: Sizes, levels: int, say: Say) -> list[Row]:
     More ranks than cores do for counts.
     """
     rows = []
-    for nx in (sizes.small, sizes.middle, sizes.large):
-        for count in (1, 2, 4):
+    for nx, most in ((sizes.small, 4), (sizes.middle, 4), (sizes.large, 2)):
+        for count in (n for n in (1, 2, 4) if n <= most):
             say(f"counts, {sizes.name(nx)}, {count} ranks")
             full = apart(["tresca", nx, levels, "full"], count)
             krylov = apart(["tresca", nx, levels, "krylov"], count, "-sfx_ksp_converged_reason")

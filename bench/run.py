@@ -58,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     facts["minutes"] = round((time.time() - start) / 60, 1)
     _say("")
     print("\n".join(f"{name}: {value}" for name, value in facts.items()), end="\n\n")
+    if sizes != _FULL:
+        print("The targets are for the full sizes; on these they say little.\n")
     print(report.table(found), end="\n\n")
     if samples:
         print(report.information(samples), end="\n\n")
