@@ -716,6 +716,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     _state_strip(strip, boundary, boundary.states(of_friction=False), "")
                 figure.suptitle(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}", fontsize=9)
                 writer.grab_frame()
+                figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
 
 
 def _stress_panel(axes: Axes, boundary: _Boundary, power: int, name: str) -> None:

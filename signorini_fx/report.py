@@ -154,11 +154,19 @@ class _Folder:
     def __init__(self, folder: Path) -> None:
         self.path = folder
 
-    def columns(self, name: str) -> dict[str, Any]:
-        """The columns of a CSV file, those without a name or row as an empty dictionary."""
+    def columns(self, name: str, rows: int | None = None) -> dict[str, Any]:
+        """The columns of a CSV file; with so many rows, if it is known how many.
+
+        Raises:
+            ValueError: it has another number of rows.
+        """
         from signorini_fx.plots import read_csv
 
-        return read_csv(self.path / name)
+        found = read_csv(self.path / name)
+        count = len(next(iter(found.values()), ()))
+        if rows is not None and count != rows:
+            raise ValueError(f"{name} has {count} rows, {rows} are wanted")
+        return found
 
     def picture(self, name: str) -> bytes | None:
         """A picture that solve drew, None if it drew none."""
@@ -448,8 +456,7 @@ def page(folder: Path) -> str:
 
 
 def _page(summary: dict[str, Any], folder: _Folder, name: str) -> str:
-    history = folder.columns("history.csv")
-    contact = folder.columns("contact.csv") if "zones" in summary else {}
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if "zones" in summary else {}
     sections = {
         "Outcome": _outcome(summary),
         "Certificate": _certificate(summary),
@@ -461,11 +468,11 @@ def _page(summary: dict[str, Any], folder: _Folder, name: str) -> str:
         sections["Contact boundary"] = _profiles(contact)
         sections["Zones"] = _zones(summary)
     if "steps" in summary:
-        sections["Load steps"] = _steps(folder, folder.columns("steps.csv"))
+        sections["Load steps"] = _steps(folder, folder.columns("steps.csv", len(summary["steps"])))
     if "price_list" in summary:
         sections["Price list"] = _prices(summary["price_list"])
     if contact:
-        sections["Iteration"] = _history(folder, history)
+        sections["Iteration"] = _history(folder, folder.columns("history.csv", summary["linear_solves"]))
     sections["Made with"] = _made_with(summary)
     title = summary["title"] or name
     style = Markup(resources.files("signorini_fx").joinpath("report.css").read_text(encoding="utf-8"))
