@@ -41,7 +41,17 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Before and after",
             "what a scene will do; files, pictures, reports, studies",
-            ("template", "checks", "summary", "io", "plots", "report", "parameter_sweep", "work_precision"),
+            (
+                "template",
+                "checks",
+                "summary",
+                "io",
+                "plots",
+                "pyvista_pictures",
+                "report",
+                "parameter_sweep",
+                "work_precision",
+            ),
         ),
     ),
     (
@@ -104,7 +114,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
     ),
 )
 # Packages of others, as the picture names them.
-OUTSIDE = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "scipy", "matplotlib", "pydantic")
+OUTSIDE = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "scipy", "matplotlib", "pyvista", "pydantic")
 
 
 def files() -> dict[str, Path]:

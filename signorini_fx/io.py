@@ -33,7 +33,7 @@ _SUMMARY = "summary.json"
 _SOMETIMES = (
     *("steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv", "price_list.png", "price_list.pdf"),
     *(f"{picture}.{ending}" for picture in ("deformed", "profiles", "history") for ending in ("png", "pdf")),
-    "report.html",
+    *("field_displacement.png", "field_density.png", "report.html"),
 )
 # What changes along the contact boundary from load step to load step.
 _STEP_COLUMNS = ("x", "y", "s", "boundary", "u_n", "u_t", "pressure", "shear", "bound", "state", "friction")
@@ -272,6 +272,7 @@ def gather_cells(solution: Solution) -> GatheredCells:
 
 def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
     from signorini_fx import plots  # matplotlib takes a while to import
+    from signorini_fx.pyvista_pictures import draw_fields
 
     title = plots.plain(solution.scene.title)
     gap = None
@@ -287,6 +288,8 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
         gap=gap,
         title=title,
     )
+    factor = plots.magnification(gathered.points, gathered.displacement)
+    draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
     if table is not None:
         plots.boundary_profiles(folder / "profiles", table.columns, title=title)
     if solution.history.iterations:

@@ -21,6 +21,7 @@ import numpy as np
 
 from signorini_fx import __version__
 from signorini_fx.errors import OutputError, ResultError
+from signorini_fx.pyvista_pictures import FIELDS
 from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, Status
 
 PAGE = "report.html"
@@ -32,7 +33,7 @@ _FEW_NODES = 8  # in a contact zone: too few to tell where it ends
 _VOID = frozenset({"br", "img", "meta"})
 
 # Every figure of the certificate: its limit, None where it is reported only, and its meaning.
-FIGURES: dict[str, tuple[float | None, str]] = {
+JUDGED: dict[str, tuple[float | None, str]] = {
     "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
     "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
     "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
@@ -226,7 +227,7 @@ def _certificate(summary: dict[str, Any]) -> Markup:
     for name, value in summary["certificate"].items():
         if name == "holds":
             continue
-        limit, meaning = FIGURES.get(name, (None, ""))
+        limit, meaning = JUDGED.get(name, (None, ""))
         missed = limit is not None and not value <= limit
         verdict = "reported" if limit is None else "violated" if missed else "holds"
         judged = "" if limit is None else f"<= {limit:g}"
@@ -287,7 +288,10 @@ def _deformed(folder: _Folder) -> Markup:
     if data is None:
         return tag("p", "No picture: this was solved with --no-pictures.", class_="note")
     caption = "Displacement magnified as the title says; gray: elastic shear energy density; lines: the foundation."
-    return _picture(data, "png", "deformed body on its foundation", caption)
+    whole = _picture(data, "png", "deformed body on its foundation", caption)
+    fields = {caption: folder.picture(f"{stem}.png") for stem, caption in FIELDS.items()}
+    others = [_picture(data, "png", caption, caption) for caption, data in fields.items() if data is not None]
+    return joined([whole, tag("div", *others, class_="pictures")] if others else [whole])
 
 
 def _profiles(contact: dict[str, Any]) -> Markup:

@@ -13,6 +13,7 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from dataclasses import fields, replace
 from html.parser import HTMLParser
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx import cli, parallel, plots, report
+from signorini_fx import cli, parallel, plots, pyvista_pictures, report
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.io import write_results
 from signorini_fx.mesh import tag_boundaries
@@ -307,9 +308,9 @@ def test_verdict(folders):
 def test_figures_of_the_certificate():
     """Every figure has a meaning; what the page says is judged refuses the certificate, and nothing else does."""
     zero = Certificate(**dict.fromkeys((field.name for field in fields(Certificate)), 0.0))
-    assert set(report.FIGURES) == {field.name for field in fields(Certificate)}
+    assert set(report.JUDGED) == {field.name for field in fields(Certificate)}
     assert zero.holds
-    for name, (limit, meaning) in report.FIGURES.items():
+    for name, (limit, meaning) in report.JUDGED.items():
         assert meaning
         assert replace(zero, **{name: 1e300}).holds == (limit is None)
         if limit is not None:
@@ -448,3 +449,60 @@ def test_contact_of_every_step():
 def test_one_step_is_not_kept_twice(folders):
     """Scenes without load steps ask for no history of them."""
     assert not (folders["levels"] / "contact_steps.csv").exists()
+
+
+# --- fields by pyvista -----------------------------------------------------------------------------------------------
+
+
+def body():
+    """Two triangles."""
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return points, np.array([[0, 1, 2], [0, 2, 3]]), 0.01 * points, np.array([1.0, 2.0]), 5.0
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["import os\nos.abort()\n", "raise ImportError('no libGL')\n", "import time\ntime.sleep(60)\n"],
+    ids=["ends the process", "does not load", "hangs"],
+)
+def test_pyvista_that_cannot_draw(tmp_path, monkeypatch, module):
+    """No such pictures, and no harm."""
+    (tmp_path / "pyvista.py").write_text(module, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(pyvista_pictures, "_PATIENCE", 3.0)
+    assert find_spec("pyvista") is not None
+    (tmp_path / "out").mkdir()
+    assert pyvista_pictures.draw_fields(tmp_path / "out", *body()) == []
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_without_pyvista(tmp_path, monkeypatch):
+    """No process is begun."""
+    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(pyvista_pictures.subprocess, "run", None)
+    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
+
+
+@pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed")
+def test_fields(tmp_path):
+    """Each field as a picture with colours in it, where this machine can draw at all."""
+    drawn = pyvista_pictures.draw_fields(tmp_path, *body())
+    if not drawn:
+        pytest.skip("VTK cannot draw on this machine")
+    assert drawn == [f"{stem}.png" for stem in pyvista_pictures.FIELDS]
+    for name in drawn:
+        with Image.open(tmp_path / name) as image:
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+        assert np.mean(np.ptp(pixels, axis=2) > 40) > 0.2
+
+
+def test_fields_are_on_the_page(folders, tmp_path):
+    """Those that are in the folder, with their names."""
+    copy = broken(folders["linear"], tmp_path)
+    (copy / "field_density.png").write_bytes((copy / "deformed.png").read_bytes())
+    report.write_report(copy)
+    page = Page(copy)
+    assert [kind for kind, _ in pictures(page)] == ["png", "png"]
+    assert pyvista_pictures.FIELDS["field_density"] in page.text
+    assert pyvista_pictures.FIELDS["field_displacement"] not in page.text
