@@ -704,6 +704,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
             if key in used
         ]
         figure.legend(handles=patches, loc="outside lower center", ncols=max(1, len(patches)), handlelength=1.6)
+        heading = figure.suptitle(" ", fontsize=9)
         writer = PillowWriter(fps=_FRAMES_A_SECOND)
         with writer.saving(figure, str(path), _GIF_DPI):
             for step in (*steps[:-1:stride], steps[-1]):
@@ -714,7 +715,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
                     panel.set_ylim(low - margin, high + margin)
                     _state_strip(strip, boundary, boundary.states(of_friction=False), "")
-                figure.suptitle(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}", fontsize=9)
+                heading.set_text(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
 
