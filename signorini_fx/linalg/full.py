@@ -42,6 +42,8 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
     return next((package for package in candidates if has_package(package, kind)), "petsc")
 
 
+# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
+_FEW_RANKS = 4
 # MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
@@ -115,7 +117,10 @@ class FullSystem:
     @property
     def solver_defaults(self) -> dict[str, str]:
         """For MUMPS and CHOLMOD, which read their options when they factorise."""
-        return {} if self.krylov else dict(_FACTOR_DEFAULTS)
+        if self.krylov:
+            return {}
+        ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= _FEW_RANKS else {}
+        return {**_FACTOR_DEFAULTS, **ordering}
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
