@@ -78,9 +78,19 @@ def test_the_linear_solves_agree(tagged):
     assert one.norm() < 1e-10 * other.norm()
 
 
+def test_the_plain_way_has_limited_time(tagged, monkeypatch):
+    """Stopped before its last gamma it says so, and no answer is compared."""
+    monkeypatch.setattr(contestants, "PATIENCE", 0.0)
+    outcome = contestants.ALL["plain"](tagged)
+    assert not outcome.answers
+    assert "at least" in outcome.unfinished
+    contestants.check("plain", outcome, {"tresca": contestants.Outcome([package("tresca", tagged)])}, tagged)
+
+
+@pytest.mark.long
 def test_every_row_is_written(tmp_path):
     """A run on tiny meshes writes all rows, every run behind them, and the picture."""
-    command = [sys.executable, str(BENCH / "run.py"), "--quick", "--large", "--repeats", "1", "--levels", "2"]
+    command = [sys.executable, str(BENCH / "run.py"), "--quick", "--repeats", "1", "--levels", "2"]
     ended = subprocess.run(
         [*command, "--sizes", "24,24,48,48", "--out", str(tmp_path)], capture_output=True, text=True, check=False
     )
