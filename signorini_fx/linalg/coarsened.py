@@ -74,6 +74,11 @@ class CoarsenedSystem:
         """As the finer system."""
         return self.inner.solver_defaults
 
+    @property
+    def inexact(self) -> bool:
+        """As the finer system."""
+        return self.inner.inexact
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """As the finer system."""
         self.inner.configure(ksp, symmetric=symmetric)

@@ -53,6 +53,8 @@ _LAG = 4
 _LAGGED_STEPS = 20
 _LAGGED_TOLERANCE = 1e-12
 _KRYLOV_TOLERANCE = 1e-11
+# While the sets still change a linear solve need not be exact: inexact Newton.
+_LOOSE_TOLERANCE = 1e-3
 
 
 @dataclass
@@ -61,6 +63,7 @@ class FullSystem:
 
     Attributes:
         krylov: solve by a Krylov method with algebraic multigrid instead of a factorisation.
+        inexact: whether the last solve was a loose one.
     """
 
     comm: MPI.Comm
@@ -72,6 +75,7 @@ class FullSystem:
     contact_dofs: npt.NDArray[np.int32]
     cases: tuple[LoadCase, ...]
     krylov: bool = False
+    inexact: bool = False
 
     @property
     def unsymmetric(self) -> bool:
@@ -124,7 +128,11 @@ class FullSystem:
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
-        if self.krylov or options.user_sets("ksp_") or options.user_sets("pc_"):
+        if options.user_sets("ksp_") or options.user_sets("pc_"):
+            return moved == 0
+        if self.krylov:
+            self.inexact = moved is not None and moved > 0
+            ksp.setTolerances(rtol=_LOOSE_TOLERANCE if self.inexact else _KRYLOV_TOLERANCE)
             return moved == 0
         kept = moved is not None and moved <= _LAG
         if kept and moved != 0:
