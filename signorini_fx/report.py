@@ -248,7 +248,10 @@ def _scene(summary: dict[str, Any]) -> Markup:
     scene = summary["scene"]
     mesh = scene["mesh"]
     generated = isinstance(mesh, dict) and "generator" in mesh
-    rows = [(_named("mesh", mesh["generator"]), shown(mesh["parameters"])) if generated else ("mesh", shown(mesh))]
+    if generated:
+        rows = [(_named("mesh", mesh["generator"]), shown(mesh["parameters"]))]
+    else:
+        rows = [("mesh", shown(mesh) if isinstance(mesh, dict) else "made by refinement, or in Python")]
     rows.append(("element", shown(scene["element"])))
     for kind, place in (("material", "region"), ("displacement", "boundary"), ("traction", "boundary")):
         nothing = 0.0 if kind == "traction" else None
@@ -388,8 +391,10 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     """
     advice = []
     if summary["status"] != Status.CONVERGED.value:
-        advice.append(f"First: {summary['advice']}.")
-        advice.append("Before the next solve, signorini-fx check SCENE says what will hurt, and why.")
+        advice.append(
+            "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what will hurt, "
+            "and why."
+        )
         if summary["status"] != Status.BUDGET.value:
             return advice
     prices = summary.get("price_list", [])
