@@ -10,7 +10,7 @@ that the regularisation leaves by the path that gamma takes; that of the iterati
 from __future__ import annotations
 
 import resource
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -111,20 +111,31 @@ def peak_memory(comm: MPI.Comm) -> float:
     return float(parallel.global_sum(comm, np.array(own)))
 
 
-def price_list(levels: list[LevelResult], base_memory: float) -> list[Price]:
+def expected_rates(degree: int) -> dict[str, float]:
+    """How errors are expected to fall with h, taken as the square root of 1 / unknowns.
+
+    Args:
+        degree: of the displacement on meshes that are refined where the error is, which restores the rates of smooth
+            solutions; 1 on meshes that are refined everywhere, where the ends of the contact zones limit them.
+    """
+    return {name: max(rate, degree) for name, rate in _RATE.items()}
+
+
+def price_list(levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = _RATE) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
     Args:
         levels: what was solved; at least two.
         base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(_RATE)
         if index > 0:
-            finer = _finer(levels[: index + 1])
-            errors = {name: _error(name, [c[name] for c in changes[:index]], finer) for name in _RATE}
+            fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
+            errors = {name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in _RATE}
         rows.append(
             Price(
                 level=level.level,
@@ -143,7 +154,7 @@ def price_list(levels: list[LevelResult], base_memory: float) -> list[Price]:
                 peak=errors["peak"],
             )
         )
-    return [*rows, _predict(rows, base_memory)]
+    return [*rows, predict(rows, base_memory, rates=rates)]
 
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
@@ -203,36 +214,56 @@ def _end(
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
 
 
-def _error(name: str, changes: list[float | None], finer: float) -> float | None:
-    """Error of the last mesh: the geometric mean of the last changes, brought to this mesh and extrapolated."""
-    recent = changes[::-1][:_MEMORY_OF_CHANGES]
-    brought = [change / finer ** (_RATE[name] * back) for back, change in enumerate(recent) if change]
-    if not brought or not changes[-1]:
+def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
+    """Error of the last mesh: the geometric mean of what the last changes, extrapolated and brought to it, tell.
+
+    Args:
+        rate: the error falls like 1 / fineness to this power.
+        changes: from each mesh to the next.
+        fineness: 1 / h of the meshes, one more than changes.
+    """
+    if not changes[-1]:
         return changes[-1]
-    return float(np.exp(np.mean(np.log(brought)))) / (finer ** _RATE[name] - 1)
+    told = [
+        change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
+        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-_MEMORY_OF_CHANGES:]
+        if change
+    ]
+    return float(np.exp(np.mean(np.log(told))))
 
 
-def _finer(rows: Sequence[Price] | Sequence[LevelResult]) -> float:
+def _finer(rows: Sequence[Price]) -> float:
     """How many times finer the last mesh is than the one before, on average over the body."""
     return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
 
 
-def _predict(rows: list[Price], base_memory: float) -> Price:
-    """The next mesh: errors by their rates, time and memory by their growth with the unknowns."""
+def predict(
+    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = _RATE, finer: float | None = None
+) -> Price:
+    """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
+
+    Args:
+        rows: what was solved, coarsest first; at least two.
+        base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
+        finer: how many times finer the next mesh is; None: as many times as the last one was.
+    """
     last, before = rows[-1], rows[-2]
-    growth, finer = last.dofs / before.dofs, _finer(rows)
+    seen_growth, seen_finer = last.dofs / before.dofs, _finer(rows)
+    finer = seen_finer if finer is None else finer
+    growth = finer**2
     dofs = round(last.dofs * growth)
 
     def next_error(name: str) -> float | None:
         value = getattr(last, name)
-        return None if value is None else value / finer ** _RATE[name]
+        return None if value is None else value / finer ** rates[name]
 
     energy_rate = (
-        np.clip(np.log(before.energy / last.energy) / np.log(finer), *_ENERGY_RATES)
+        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *_ENERGY_RATES)
         if before.energy and last.energy
         else 1.0
     )
-    time_growth = float(np.clip(np.log(last.seconds / before.seconds) / np.log(growth), 1.0, 1.6))
+    time_growth = float(np.clip(np.log(last.seconds / before.seconds) / np.log(seen_growth), 1.0, 1.6))
     own = max(last.memory - base_memory, 1.0)
     return Price(
         level=last.level + 1,

@@ -55,7 +55,7 @@ def test_budget_ends_by_name():
     solution = solve(asked("tresca", target=1e-6, seconds=1e-3), check=False)
     assert solution.status is Status.BUDGET
     assert solution.certificate.holds
-    assert len(solution.levels) == 3
+    assert len(solution.levels) == 2
     assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
 
 
