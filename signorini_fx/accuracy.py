@@ -20,7 +20,7 @@ from signorini_fx import parallel
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh import TaggedMesh, load_mesh, triangle_parameters
 from signorini_fx.nested import scene_on
-from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, price_list
+from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
 from signorini_fx.quantities import ContactState
 from signorini_fx.refinement import mark, refine
 from signorini_fx.results import Status
@@ -31,12 +31,11 @@ from signorini_fx.strategy import LARGEST_GAMMA, Task
 # Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
 _COARSER = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them, the others two: one to begin with and one to confirm it.
-_FEWEST_MESHES = {"energy": 2}
+_FEWEST_MESHES = {"energy": 2, "pressure": 2}
 _MOST_MESHES = 40
-# What the estimates may be too small by (docs/accuracy.md): that of the displacement is the better one, and where cells
-# are divided one by one, what changes from mesh to mesh is on the safe side.
+# What the estimates may be too small by (docs/accuracy.md); that of the displacement is the better one.
 _SAFETY = {"energy": 1.3}
-_UNSURE = {False: 2.0, True: 1.2}
+_UNSURE = 2.0
 # What the regularisation may take of the error that is asked for.
 _REGULARISATION_SHARE = 0.2
 # A mesh is at most so many times finer than the one before (its contact state is a start, its rates are trusted), ...
@@ -96,12 +95,12 @@ def solve_to_accuracy(
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(level, seconds=seconds)]
-        rows = price_list(levels, base_memory, rates=rates) if len(levels) > 1 else []
+        rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
         solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        # The first mesh has no row yet, and of the errors only that of the displacement.
-        estimate = getattr(rows[-2] if rows else level, goal.of, None)
-        error = inf if estimate is None else estimate * _SAFETY.get(goal.of, _UNSURE[meshes.adaptive])
+        first = {"energy": level.energy, "pressure": pressure_error(level.table)}
+        estimate = getattr(rows[-2], goal.of) if rows else first.get(goal.of)
+        error = inf if estimate is None else estimate * _SAFETY.get(goal.of, _UNSURE)
         enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
@@ -154,9 +153,19 @@ class _Meshes:
         scene, self.adaptive = _prepared(scene, goal)
         self._given, self._comm = scene, comm
         self.degree = scene.element.degree
-        self._coarsest, self._divisions = float(_COARSER[self.degree]), 1
+        self._coarsest, self._divisions = self._coarsest_factor(), 1
         self.seconds = 0.0
         self.scene = self._scene()
+
+    def _coarsest_factor(self) -> float:
+        """How many times larger the first cells are; a mesh that is no part of the scene's own would lose nodes of it.
+
+        Where a load jumps a mesh needs a node, and the scene's own mesh is the one that has it.
+        """
+        factor = float(_COARSER[self.degree]) if self._generated else 1.0
+        while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
+            factor /= 2
+        return factor
 
     def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
         """Solve on the coarsest mesh that has all the boundaries of the scene's own."""
