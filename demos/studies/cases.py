@@ -1,6 +1,7 @@
 """What the studies of accuracy look at: scenes, and what their solutions are measured against."""
 
 import tomllib
+from functools import cache
 from pathlib import Path
 
 from signorini_fx.reference import Reference, divided, overkill, reference_errors
@@ -25,6 +26,11 @@ def reference_of(name):
     """A reference of much higher accuracy, and how far it may be wrong."""
     if not name.startswith("hertz"):
         return overkill(scene_of(name), 0.2, UNKNOWNS)
+    return _hertz_reference()
+
+
+@cache
+def _hertz_reference():
     # From small cells on: where facets are divided, the body remains the polygon that it is.
     scene = scene_of("hertz_degree2")
     solutions = divided(scene, 1 / 3, UNKNOWNS)
