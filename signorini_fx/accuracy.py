@@ -109,12 +109,11 @@ def solve_to_accuracy(
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
             jump = meshes.jump(excess, rates.get(goal.of) or _seen_rate(levels), compared=goal.of not in _FEWEST_MESHES)
-            while enough and (too_much := _beyond(goal, comm, rows, base_memory, begin, jump)):
-                if jump <= _SMALLEST_JUMP:
-                    break
-                jump = max(jump / 2, _SMALLEST_JUMP)
-            if enough and (too_much or len(levels) >= _MOST_MESHES):
-                return replace(solution, status=Status.BUDGET)
+            if enough:
+                while jump > _SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump):
+                    jump = max(jump / 2, _SMALLEST_JUMP)
+                if len(levels) >= _MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
+                    return replace(solution, status=Status.BUDGET)
             meshes.refine(solved, excess, jump)
         elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)

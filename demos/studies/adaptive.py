@@ -75,9 +75,12 @@ def draw(stem: Path, found: dict, floor: float) -> None:
                 line = 0.6 * rows[-1, 1] * (ends / ends[1]) ** (-degree / 2)
                 axes.loglog(ends, line, color="#6b6b6b", linewidth=1)
                 text = f"optimal: unknowns$^{{-{degree / 2:g}}}$"
-                place = {"xytext": (-4, -4), "textcoords": "offset points", "ha": "right", "va": "top"}
-                axes.annotate(text, (ends.prod() ** 0.5, line.prod() ** 0.5), color="#6b6b6b", fontsize=8, **place)
-        axes.axhspan(axes.get_ylim()[0], floor, facecolor="#f3e9e9", zorder=0)
+                place = {"xytext": (4, 0), "textcoords": "offset points", "ha": "left", "va": "center"}
+                axes.annotate(text, (ends[1], line[1]), color="#6b6b6b", fontsize=8, **place)
+        low = axes.get_ylim()[0]
+        axes.axhspan(low / 10, floor, facecolor="#f3e9e9", zorder=0)
+        axes.annotate("the reference may be wrong by so much", (0.02, 0.015), xycoords="axes fraction", fontsize=7)
+        axes.set_ylim(min(low, floor / 2))
         axes.set(xlabel="unknowns", ylabel="relative error of the displacement, energy norm")
         axes.grid(visible=True, which="major", color=plots._RULE, linewidth=0.35)
         axes.legend(loc="upper right", fontsize=8)
