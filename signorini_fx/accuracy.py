@@ -80,7 +80,7 @@ def solve_to_accuracy(
         solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
-    meshes = _Meshes(scene, goal, comm)
+    meshes = Meshes(scene, goal, comm)
     rates = expected_rates(meshes.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
@@ -135,7 +135,7 @@ def _seen_rate(levels: list[LevelResult]) -> float:
     return float(np.clip(np.log(levels[-2].energy / levels[-1].energy) / np.log(finer), 0.5, 2.0))
 
 
-class _Meshes:
+class Meshes:
     """One finer mesh after the other, and the scene on it.
 
     Attributes:

@@ -83,6 +83,7 @@ def draw(stem: Path, found: dict, floor: float) -> None:
         axes.set_ylim(min(low, floor / 2))
         axes.set(xlabel="unknowns", ylabel="relative error of the displacement, energy norm")
         axes.grid(visible=True, which="major", color=plots._RULE, linewidth=0.35)
+        axes.margins(x=0.1)
         axes.legend(loc="upper right", fontsize=8)
         plots._finish(figure, stem, "Example 2, Tresca friction: where to put the unknowns")
 
