@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from effectivity import of_made_up
 
 from signorini_fx import price_list as prices
 from signorini_fx.contact_table import ContactTable
@@ -43,8 +44,8 @@ def test_one_row_a_mesh_and_one_for_the_next(nested):
     assert [row.predicted for row in rows] == [False] * 4 + [True]
     assert [row.dofs for row in rows[:4]] == [2 * (30 * k + 1) * (10 * k + 1) for k in (1, 2, 4, 8)]
     assert rows[3].linear_solves <= 4
-    assert rows[0].pressure is None
-    assert all(row.pressure > 0 for row in rows[1:])
+    assert rows[0].peak is None
+    assert all(row.pressure > 0 for row in rows)
     assert rows[-1].pressure < rows[-2].pressure
 
 
@@ -57,6 +58,62 @@ def test_effectivity_of_the_pressure(nested):
         difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
         true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
         assert 0.5 < row.pressure / true < 2.0
+
+
+@pytest.mark.parametrize("law", ["tresca", "coulomb"])
+@pytest.mark.parametrize("element", ["Q1", "P2"])
+def test_effectivity_on_a_made_up_solution(law, element):
+    """Displacement and pressure against an exact solution: between 1/2 and 2 on every mesh, of degree 1 and 2."""
+    rows = [row for row in of_made_up(law, element) if row["quantity"] in ("energy", "pressure")]
+    assert len({row["level"] for row in rows}) >= 4
+    assert all(0.5 < row["effectivity"] < 2.0 for row in rows)
+    assert all(row["true"] < 0.05 for row in rows if row["level"] == 3)
+
+
+def test_pressure_error_of_known_profiles():
+    """Of a parabola it is the error of the interpolant times a constant; it falls like h^2, at kinks like h^1.5."""
+
+    def estimated(count, profile):
+        s = np.linspace(-1.0, 1.0, count + 1)
+        columns = {"s": s, "pressure": profile(s), "weight": np.full(s.size, 2 / count)}
+        return prices.pressure_error(ContactTable(columns, [range(s.size)]))
+
+    def parabola(s):
+        return 2.0 - s**2
+
+    def kink(s):
+        return np.maximum(s - 1 / 3, 0.0)
+
+    h = 2 / 64
+    # The interpolant of a parabola is wrong by h^2 |p''| / sqrt(120) in the mean.
+    interpolant = h**2 * 2 / np.sqrt(120) * np.sqrt(2) / np.sqrt(86 / 15)
+    assert estimated(64, parabola) == pytest.approx(np.sqrt(120 / 33) * interpolant, rel=0.03)
+    assert estimated(64, parabola) / estimated(128, parabola) == pytest.approx(4.0, rel=0.05)
+    assert estimated(64, kink) / estimated(256, kink) == pytest.approx(8.0, rel=0.05)
+    assert prices.pressure_error(table([0, 1, 2], [0, 0, 0])) is None
+
+
+def row_of(dofs, seconds, memory):
+    """A row of the price list as far as its prediction looks at it."""
+    errors = dict.fromkeys(("energy", "pressure", "force", "zone", "peak"), 1e-2)
+    effort = {"linear_solves": 2, "factorisations": 1, "seconds": seconds, "memory": memory}
+    return prices.Price(level=0, h=1.0, dofs=dofs, **effort, **errors, regularisation=0.0, iteration=0.0)
+
+
+def test_prediction_tells_what_stays_from_what_grows():
+    """Time and memory with a part that stays are foretold exactly; a jump of another size likewise."""
+
+    def mesh(dofs):
+        return row_of(dofs, 0.1 + 1e-6 * dofs**1.2, 200 + 1e-3 * dofs**1.1)
+
+    for finer, dofs in ((None, 160_000), (4.0, 640_000)):
+        predicted = prices.predict([mesh(10_000), mesh(40_000)], 150.0, finer=finer)
+        assert predicted.dofs == dofs
+        assert predicted.seconds == pytest.approx(mesh(dofs).seconds)
+        assert predicted.memory == pytest.approx(mesh(dofs).memory)
+    assert prices.predict([mesh(10_000), mesh(40_000)], 150.0).pressure == pytest.approx(1e-2 / 2**1.25)
+    # A coarse mesh that took longer than the fine one, for it began cold, does not make the next one free.
+    assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
 
 def test_regularisation_part(nested):
