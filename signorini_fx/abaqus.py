@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh_arrays import Ints, MeshArrays, RawMesh
+from signorini_fx.mesh_arrays import Ints, MeshArrays, RawMesh, plain
 
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
@@ -26,6 +26,8 @@ def _kind(element: str) -> tuple[str, int]:
     Raises:
         ValueError: it is not of the plane.
     """
+    if element == "CAX4P":  # what meshio calls any quadrilateral
+        return "quad", 4
     if found := _SOLID_IN_PLANE.match(element):
         return _KIND[int(found[1])], int(found[1])
     if found := _LINE.match(element):
@@ -104,7 +106,8 @@ class _Reader:
             if number in self.elements:
                 raise ValueError(f"element {number} is there twice: a file with several parts is not understood")
             self.elements[number] = len(self.blocks), row
-        self.blocks.append((kind, [nodes for _, *nodes in table]))
+        if table:
+            self.blocks.append((kind, [nodes for _, *nodes in table]))
         if "ELSET" in parameters:
             self.element_sets.setdefault(parameters["ELSET"], []).extend(row[0] for row in table)
 
@@ -203,17 +206,17 @@ def write(mesh: MeshArrays, file: Path) -> None:
     if mesh.kind == "quad9":
         raise MeshError(f"{file}: Abaqus has no plane quadrilateral with nine nodes")
     lines = ["*HEADING", "*NODE"]
-    lines += [f"{n}, {x!r}, {y!r}" for n, (x, y) in enumerate(mesh.points.tolist(), start=1)]
+    lines += [f"{n}, {x!r}, {y!r}" for n, (x, y) in enumerate(plain(mesh.points), start=1)]
     lines.append(f"*ELEMENT, TYPE=CPE{mesh.cells.shape[1]}")
-    lines += [f"{n}, {', '.join(map(str, row))}" for n, row in enumerate((mesh.cells + 1).tolist(), start=1)]
+    lines += [f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(plain(mesh.cells + 1), start=1)]
     for name, cells in mesh.regions.items():
         lines += [f"*ELSET, ELSET={_quoted(name)}", *_wrapped(cells + 1)]
     corners = mesh.corners
     sides = np.sort(np.stack((corners, np.roll(corners, -1, axis=1)), axis=-1), axis=-1).reshape(-1, 2)
-    where = {tuple(side): n for n, side in enumerate(sides.tolist())}
+    where = {tuple(side): n for n, side in enumerate(plain(sides))}
     for name, rows in mesh.boundaries.items():
         lines += [f"*NSET, NSET={_quoted(name)}", *_wrapped(np.unique(mesh.facets[rows]) + 1)]
-        found = [divmod(where[tuple(side)], corners.shape[1]) for side in np.sort(mesh.facets[rows, :2]).tolist()]
+        found = [divmod(where[tuple(side)], corners.shape[1]) for side in plain(np.sort(mesh.facets[rows, :2]))]
         lines += [
             f"*SURFACE, TYPE=ELEMENT, NAME={_quoted(name)}",
             *(f"{cell + 1}, S{face + 1}" for cell, face in found),

@@ -21,8 +21,8 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh_arrays import Selection
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
-# Name of a boundary -> its tags, name of a region -> its tags.
-_Names = tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]
+# Boundaries and regions.
+_Names = tuple[mesh_files.Tags, mesh_files.Tags]
 
 
 @dataclass(frozen=True)
@@ -189,10 +189,12 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines, surfaces = (
-            {gmsh.model.getPhysicalName(d, tag) or f"{kind}_{tag}": (tag,) for dim, tag in groups if dim == d}
-            for d, kind in ((1, "boundary"), (2, "region"))
-        )
+        lines: mesh_files.Tags = {}
+        surfaces: mesh_files.Tags = {}
+        for dim, tag in groups:
+            names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
+            if dim in (1, 2):
+                names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
         if not lines:
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
         return lines, surfaces
@@ -201,7 +203,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
 
 
 def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
-    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of boundaries and regions."""
+    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
         boundaries, regions = parallel.on_root(comm, build)
         model = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +19,15 @@ Selection = int | Callable[[Floats], Floats]
 # The cells that dolfinx has in the plane: number of corners, and what people call them.
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
 _WORDS = {"triangle": "triangles", "triangle6": "triangles", "quad": "quadrilaterals", "quad9": "quadrilaterals"}
-_LINES = ("line", "line3")
+LINES = ("line", "line3")
 _SURFACES = (*CORNERS, "quad8", "triangle7", "polygon")
 # A corner whose sine is below this has no angle.
 _FLAT = 1e-12
+
+
+def plain(values: npt.NDArray[Any]) -> Any:
+    """Numbers of Python, in lists."""
+    return values.tolist()
 
 
 @dataclass
@@ -94,7 +100,7 @@ def in_the_plane(
         boundaries: names that the scene gives; they stand above those of the file.  A rule takes the exterior facets
             whose ends both satisfy it (true or positive).
         regions: the same for cells and all their corners.
-        data: the cell data that numbers refer to; None: the only one.
+        data: the cell data that numbers refer to; None: the only one that has any.
 
     Raises:
         MeshError: there are no cells, or of several kinds; they are not in a plane, folded or flat; or a node is not
@@ -107,64 +113,98 @@ def in_the_plane(
     _check_shape(points, corners, name)
     facets = _exterior(cells, CORNERS[kind], name)
     find = _Finder(facets[:, :2], len(points))
-    lines = [n for n, (k, _) in enumerate(raw.blocks) if k in _LINES]
-    facet_of = {n: find(_renumbered(raw.blocks[n][1][:, :2], renumber)) for n in lines}
-    offset = dict(zip(body, np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)]), strict=False))
-
-    named: dict[str, Ints] = {}
-    parts: dict[str, Ints] = {}
-    for label, members in raw.sets.items():
-        if any(members[n].size for n in lines):
-            found = np.concatenate([facet_of[n][members[n]] for n in lines])
-            named[label] = np.unique(found[found >= 0])
-        if any(members[n].size for n in body):
-            parts[label] = np.unique(np.concatenate([offset[n] + members[n] for n in body]))
-    for label, nodes in raw.node_sets.items():
-        marked = np.zeros(len(points) + 1, dtype=bool)  # the last entry is that of points that no cell uses
-        marked[renumber[nodes]] = True
-        marked[-1] = False
-        found = np.flatnonzero(marked[facets[:, :2]].all(axis=1))
-        if found.size:
-            named[label] = np.union1d(named.get(label, found), found)
-
-    numbers = _numbers(raw, data, name)
-    if numbers is not None and not raw.sets:  # nothing but numbers: they make the names
-        for value in _values(numbers, lines):
-            found = _take(value, numbers, facet_of)
-            named[f"boundary_{value}"] = np.unique(found[found >= 0])
-        whole = {n: offset[n] + np.arange(len(raw.blocks[n][1])) for n in body}
-        for value in _values(numbers, body):
-            parts[f"region_{value}"] = np.unique(_take(value, numbers, whole))
-
+    lines = [n for n, (k, _) in enumerate(raw.blocks) if k in LINES]
+    sides = _Entities(
+        "boundaries", "exterior facet", {n: find(renumber[raw.blocks[n][1][:, :2]]) for n in lines}, facets[:, :2]
+    )
+    first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
+    whole = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
+    parts = _Entities("regions", "cell", whole, corners)
+    named = _names(raw, sides, data, name) | _from_nodes(raw, renumber, len(points), facets[:, :2])
+    named_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []
-    whole = {n: offset[n] + np.arange(len(raw.blocks[n][1])) for n in body}
-    for key, chosen, result, entities, rows in (
-        ("boundaries", boundaries, named, facet_of, facets[:, :2]),
-        ("regions", regions, parts, whole, corners),
-    ):
+    for entities, chosen, result in ((sides, boundaries, named), (parts, regions, named_parts)):
         for label, selection in (chosen or {}).items():
-            path = f"mesh.{key}.{label}"
             if isinstance(selection, int):
-                if numbers is None:
-                    known = ", ".join(map(repr, raw.data)) or "none"
-                    message = (
-                        f"{name}: which cell data the number means is not known: set mesh.data; there are: {known}"
-                    )
-                    problems.append((path, message))
-                    continue
-                found = _take(selection, numbers, entities)
-                found = np.unique(found[found >= 0])
+                found, message = _numbered(raw, entities, selection, data, name)
             else:
-                found = np.flatnonzero(_holds(selection, points)[rows].all(axis=1))
-            if not found.size:
-                what = "exterior facet" if key == "boundaries" else "cell"
-                seen = ", ".join(map(str, _values(numbers, list(entities)))) if numbers is not None else ""
-                hint = f"; the numbers there are: {seen or 'none'}" if isinstance(selection, int) else ""
-                problems.append((path, f"{name}: takes no {what}{hint}"))
+                found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
+                message = f"{name}: takes no {entities.word}"
             result[label] = found
+            if not found.size:
+                problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, named, parts)
+    return MeshArrays(points, kind, cells, facets, named, named_parts)
+
+
+@dataclass(frozen=True)
+class _Entities:
+    """What can have names: the exterior facets, or the cells.
+
+    Attributes:
+        key: where the scene names them.
+        word: one of them.
+        rows: block of the raw mesh -> which of them each element is, -1: none.
+        nodes: corners of each.
+    """
+
+    key: str
+    word: str
+    rows: Mapping[int, Ints]
+    nodes: Ints
+
+    def take(self, members: Callable[[int], Ints]) -> Ints:
+        """Those that are elements ``members(block)``."""
+        found = [rows[members(block)] for block, rows in self.rows.items()]
+        every = np.concatenate([np.empty(0, dtype=np.int64), *found])
+        return np.unique(every[every >= 0])
+
+    def values(self, numbers: list[Ints]) -> list[int]:
+        """The numbers that elements have; below 0 is none."""
+        return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
+
+    def with_number(self, numbers: list[Ints], value: int) -> Ints:
+        """Those whose elements have this number."""
+        return self.take(lambda block: np.flatnonzero(numbers[block] == value))
+
+
+def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:
+    """The names that sets give, or without any those that numbers make."""
+    named = {
+        label: entities.take(members.__getitem__)
+        for label, members in raw.sets.items()
+        if any(members[block].size for block in entities.rows)
+    }
+    numbers = _numbers(raw, entities, data, name)
+    if named or numbers is None:
+        return named
+    word = "boundary" if entities.key == "boundaries" else "region"
+    return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
+
+
+def _from_nodes(raw: RawMesh, renumber: Ints, count: int, ends: Ints) -> dict[str, Ints]:
+    """Boundaries that are sets of nodes: the exterior facets with both ends in it."""
+    named = {}
+    for label, nodes in raw.node_sets.items():
+        marked = np.zeros(count + 1, dtype=bool)  # the last one stands for points that no cell uses
+        marked[renumber[nodes]] = True
+        marked[-1] = False
+        found = np.flatnonzero(marked[ends].all(axis=1))
+        if found.size:
+            named[label] = found
+    return named
+
+
+def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, name: str) -> tuple[Ints, str]:
+    """Those with a number, and what to say if there are none."""
+    numbers = _numbers(raw, entities, data, name)
+    if numbers is None:
+        known = ", ".join(map(repr, raw.data)) or "none"
+        return np.empty(0, dtype=np.int64), f"{name}: set mesh.data to the cell data that is meant; there are: {known}"
+    known = ", ".join(map(str, entities.values(numbers))) or "none"
+    found = entities.with_number(numbers, value)
+    return found, f"{name}: takes no {entities.word}; the numbers there are: {known}"
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
@@ -175,13 +215,12 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     """
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
-        if len(nodes) and kind not in (*_LINES, "vertex", "line4"):
+        if len(nodes) and kind not in (*LINES, "vertex", "line4"):
             sizes[kind] = sizes.get(kind, 0) + len(nodes)
     solid = [kind for kind in sizes if kind not in _SURFACES and not kind.startswith("polygon")]
     if solid:
-        raise MeshError(
-            f"{name}: has cells of three dimensions, or unknown ones ({', '.join(solid)}): a plane mesh is wanted"
-        )
+        words = ", ".join(solid)
+        raise MeshError(f"{name}: has cells of three dimensions, or unknown ones ({words}): a plane mesh is wanted")
     if not sizes:
         raise MeshError(f"{name}: the mesh has no cells: in gmsh, put the surface into a physical group of dimension 2")
     if len(sizes) > 1:
@@ -197,11 +236,7 @@ def _plane_points(raw: RawMesh, body: list[int], name: str) -> tuple[Floats, Int
     """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
     cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
     count = len(raw.points)
-    if (
-        cells.min() < 0
-        or cells.max() >= count
-        or any(b.size and not 0 <= b.min() <= b.max() < count for _, b in raw.blocks)
-    ):
+    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
         raise MeshError(f"{name}: an element has a node that is not there")
     used = np.zeros(count, dtype=bool)
     used[cells] = True
@@ -211,18 +246,12 @@ def _plane_points(raw: RawMesh, body: list[int], name: str) -> tuple[Floats, Int
         raise MeshError(f"{name}: a node has coordinates that are not finite")
     spread = np.ptp(points, axis=0)
     if points.shape[1] > 2 and spread[2] > 1e-9 * max(spread[:2]):
-        raise MeshError(
-            f"{name}: the mesh is not in a plane x[2] = constant: its nodes are {spread[2]:g} apart in x[2]"
-        )
+        raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant: x[2] varies by {spread[2]:g}")
     return np.ascontiguousarray(points[:, :2]), renumber[cells], renumber
 
 
-def _renumbered(nodes: Ints, renumber: Ints) -> Ints:
-    return renumber[nodes]
-
-
-def corner_sines(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
-    """Cross product and sum of squares of the two sides at each corner of each cell, shape (m, 3 or 4) each."""
+def _corner_sides(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
+    """Cross product and product of the lengths of the sides at each corner of each cell, shape (m, 3 or 4) each."""
     x = points[corners]
     forth, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     cross = forth[..., 0] * back[..., 1] - forth[..., 1] * back[..., 0]
@@ -230,7 +259,7 @@ def corner_sines(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
 
 
 def _check_shape(points: Floats, corners: Ints, name: str) -> None:
-    cross, product = corner_sines(points, corners)
+    cross, product = _corner_sides(points, corners)
     flat = (np.abs(cross) <= _FLAT * product).any(axis=1)
     folded = (cross.min(axis=1) < 0) & (cross.max(axis=1) > 0)
     for bad, what in (
@@ -280,23 +309,15 @@ class _Finder:
         return np.where(self._sorted[place] == keys, self._order[place], -1)
 
 
-def _numbers(raw: RawMesh, data: str | None, name: str) -> list[Ints] | None:
+def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
     """The cell data that numbers refer to; None where there is none or a choice."""
     if data is not None:
         if data not in raw.data:
             known = ", ".join(map(repr, raw.data)) or "none"
             raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {known}")])
         return raw.data[data]
-    return next(iter(raw.data.values())) if len(raw.data) == 1 else None
-
-
-def _values(numbers: list[Ints], blocks: list[int]) -> list[int]:
-    return sorted({int(value) for n in blocks for value in np.unique(numbers[n])})
-
-
-def _take(value: int, numbers: list[Ints], entities: Mapping[int, Ints]) -> Ints:
-    """Entities of the blocks whose number is ``value``."""
-    return np.concatenate([np.empty(0, dtype=np.int64), *(rows[numbers[n] == value] for n, rows in entities.items())])
+    possible = [numbers for numbers in raw.data.values() if entities.values(numbers)]
+    return possible[0] if len(possible) == 1 else None
 
 
 def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:
@@ -305,7 +326,7 @@ def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.b
         return np.broadcast_to(values > 0, (len(points),))
 
 
-# --- what a mesh is like -----------------------------------------------------------------------------------------------
+# --- what a mesh is like ---------------------------------------------------------------------------------------------
 
 
 def areas(mesh: MeshArrays) -> Floats:
@@ -326,7 +347,7 @@ def quality(points: Floats, corners: Ints) -> Floats:
         corners: corners of each cell along its perimeter, shape (m, 3 or 4).
     """
     x = points[corners]
-    cross = np.abs(corner_sines(points, corners)[0])
+    cross = np.abs(_corner_sides(points, corners)[0])
     squares = ((np.roll(x, -1, axis=1) - x) ** 2).sum(axis=-1)
     if corners.shape[1] == 3:
         return 2 * np.sqrt(3.0) * cross[:, 0] / squares.sum(axis=1)

@@ -10,13 +10,16 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from signorini_fx import abaqus
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh_arrays import Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane
+from signorini_fx.mesh_arrays import LINES, Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane, plain
 
+# Name of a boundary or region -> its tags.
+Tags = dict[str, tuple[int, ...]]
 _GMSH_TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _GMSH_NUMBERS = {kind: number for number, kind in _GMSH_TYPES.items()}
 # The beginnings of the names of cell data in which we keep sets where the format has none: 1 for what belongs.
@@ -66,7 +69,7 @@ def write_file(mesh: MeshArrays, file: Path) -> None:
         raise MeshError(f"{file}: cannot be written: {error.strerror or error}") from None
 
 
-# --- gmsh --------------------------------------------------------------------------------------------------------------
+# --- gmsh ------------------------------------------------------------------------------------------------------------
 
 
 def start_gmsh() -> Any:
@@ -90,6 +93,10 @@ def _gmsh_session() -> Iterator[Any]:
 
 def _read_gmsh(file: Path) -> RawMesh:
     """Physical groups are sets; a group without a name is called by its number."""
+    if file.suffix.lower() == ".msh":
+        with file.open("rb") as content:  # anything else gmsh would take for a geometry, and stumble over the next one
+            if content.read(1) != b"$":
+                raise MeshError(f"{file}: is no gmsh mesh: it does not begin with $MeshFormat")
     with _gmsh_session() as gmsh:
         try:
             gmsh.open(str(file))
@@ -116,7 +123,7 @@ def _read_gmsh(file: Path) -> RawMesh:
                     label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim == 1 else 'region'}_{tag}"
                     members.setdefault((label, dim), []).append(len(raw.blocks))
                 raw.blocks.append((_GMSH_TYPES.get(kind, name), number[flat.astype(np.int64)].reshape(-1, count)))
-                physical.append(int(own[0]) if len(own) else 0)
+                physical.append(int(own[0]) if len(own) else -1)
     every = [np.arange(len(nodes)) for _, nodes in raw.blocks]
     none = np.empty(0, dtype=np.int64)
     for (label, _), blocks in members.items():
@@ -148,7 +155,7 @@ def draw(
     where = int(surfaces.min())
     line_kind = "line" if mesh.facets.shape[1] == 2 else "line3"
     for dim, kind, nodes, tags in ((2, mesh.kind, mesh.cells, surfaces), (1, line_kind, mesh.facets, lines)):
-        for tag in np.unique(tags[tags > 0]).tolist():
+        for tag in plain(np.unique(tags[tags > 0])):
             gmsh.model.addDiscreteEntity(dim, tag)
             if (dim, tag) == (2, where):
                 gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(x) + 1), x.ravel())
@@ -156,7 +163,7 @@ def draw(
             if not by_name:
                 gmsh.model.addPhysicalGroup(dim, [tag], tag)
     if by_name:
-        for dim, named in ((1, boundaries), (2, regions or {"body": tuple(np.unique(surfaces).tolist())})):
+        for dim, named in ((1, boundaries), (2, regions or {"body": tuple(plain(np.unique(surfaces)))})):
             for name, entities in named.items():
                 if entities:
                     gmsh.model.addPhysicalGroup(dim, list(entities), name=name)
@@ -181,7 +188,7 @@ def _all_named(mesh: MeshArrays) -> bool:
     return bool(covered.all()) or not mesh.regions
 
 
-# --- meshio ------------------------------------------------------------------------------------------------------------
+# --- meshio ----------------------------------------------------------------------------------------------------------
 
 
 def _meshio(kind: str) -> Any:
@@ -202,6 +209,8 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
     def read(file: Path) -> RawMesh:
         module = _meshio(kind)
         try:
+            if kind == "xdmf" and (several := _grids(file)):
+                return _read_grids(file, several)
             found = module.read(str(file))
             blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in found.cells]
         except (Exception, SystemExit) as error:  # meshio lets pass what its parsers raise
@@ -222,6 +231,49 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
         return raw
 
     return read
+
+
+def _grids(file: Path) -> list[ElementTree.Element]:
+    """The grids of an XDMF file if there are several, as dolfinx writes a mesh and its tags; meshio reads one only."""
+    grids = ElementTree.parse(file).getroot().findall("./Domain/Grid")
+    return grids if len(grids) > 1 else []
+
+
+def _read_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
+    """The first grid is the mesh; the others have elements of it or of its boundary, each with a number."""
+    import h5py
+
+    def values(item: ElementTree.Element | None) -> Any:
+        if item is None or not item.text or item.get("Format") != "HDF":
+            raise ValueError("a grid has no topology, geometry or numbers in HDF5")
+        name, _, path = item.text.strip().partition(":")
+        with h5py.File(file.parent / name) as data:
+            return data[path][()]
+
+    def topology(grid: ElementTree.Element) -> Ints:
+        return np.asarray(values(grid.find("./Topology/DataItem")), dtype=np.int64)
+
+    mesh, *others = grids
+    cells = topology(mesh)
+    kind = {3: "triangle", 4: "quad", 6: "triangle6", 9: "quad9"}.get(cells.shape[1])
+    if kind is None:
+        raise ValueError(f"cells of {cells.shape[1]} nodes")
+    raw = RawMesh(np.asarray(values(mesh.find("./Geometry/DataItem"))), [(kind, cells)])
+    row = {tuple(nodes): n for n, nodes in enumerate(plain(np.sort(cells, axis=1)))}
+    for grid in others:
+        elements = topology(grid)
+        numbers: Ints = np.asarray(values(grid.find("./Attribute/DataItem")), dtype=np.int64).ravel()
+        name = grid.get("Name", "tags")
+        absent: list[Ints] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
+        if elements.shape[1] == cells.shape[1]:
+            absent[0][[row[tuple(nodes)] for nodes in plain(np.sort(elements, axis=1))]] = numbers
+            raw.data[name] = absent
+        else:
+            raw.blocks.append((LINES[elements.shape[1] - 2], elements))
+            raw.data[name] = [*absent, numbers]
+    for arrays in raw.data.values():
+        arrays += [np.full(len(nodes), -1) for _, nodes in raw.blocks[len(arrays) :]]
+    return raw
 
 
 def _union(old: list[Ints] | None, new: list[Ints]) -> list[Ints]:
@@ -260,6 +312,8 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
         module = _meshio(kind)
         import meshio
 
+        if kind == "xdmf" and mesh.degree > 1:  # meshio could not read it again
+            raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
         lines, boundaries = combinations(mesh.boundaries, len(mesh.facets))
         families, regions = combinations(mesh.regions, len(mesh.cells))
         kept = np.flatnonzero(lines)
