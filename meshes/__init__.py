@@ -145,7 +145,8 @@ def mesh_surface(
     Raises:
         SceneError: the facets are so short that no machine could mesh the body.
     """
-    for name, short, long in (("contact_size", sizes.near, sizes.zone), ("size", sizes.far, sizes.reach)):
+    fine = max(sizes.reach, sizes.zone) if curves else sizes.zone
+    for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
         if long / short > _MOST_FACETS:
             refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
     geo, fields = gmsh.model.geo, gmsh.model.mesh.field

@@ -282,10 +282,16 @@ def _sides(cells: Ints, corners: int) -> Ints:
 def _exterior(cells: Ints, corners: int, name: str) -> Ints:
     """The sides that one cell has alone, in the order of the cells."""
     sides = _sides(cells, corners)
-    _, first, counts = np.unique(np.sort(sides[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
+    keys = _keys(sides[:, :2], int(cells.max()) + 1)
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     if counts.max() > 2:
         raise MeshError(f"{name}: a facet belongs to {counts.max()} cells: are cells there twice?")
     return sides[np.sort(first[counts == 1])]
+
+
+def _keys(ends: Ints, points: int) -> Ints:
+    """One number for each pair of nodes, in either order."""
+    return ends.min(axis=1) * points + ends.max(axis=1)
 
 
 class _Finder:
@@ -293,18 +299,15 @@ class _Finder:
 
     def __init__(self, ends: Ints, points: int) -> None:
         self._points = points
-        keys = self._keys(ends)
+        keys = _keys(ends, points)
         self._order = np.argsort(keys)
         self._sorted = keys[self._order]
-
-    def _keys(self, ends: Ints) -> Ints:
-        return ends.min(axis=1) * self._points + ends.max(axis=1)
 
     def __call__(self, ends: Ints) -> Ints:
         """Row of each facet; -1 for one that is not there."""
         if not len(ends):
             return np.empty(0, dtype=np.int64)
-        keys = np.where((ends >= 0).all(axis=1), self._keys(ends), -1)
+        keys = np.where((ends >= 0).all(axis=1), _keys(ends, self._points), -1)
         place = np.minimum(np.searchsorted(self._sorted, keys), len(self._sorted) - 1)
         return np.where(self._sorted[place] == keys, self._order[place], -1)
 
@@ -364,11 +367,11 @@ def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str
     Returns:
         Tag of each, from 1 on, 0 where it is in no group, shape (count,); and name -> its tags.
     """
-    member = np.zeros((len(groups), count), dtype=bool)
-    for row, members in zip(member, groups.values(), strict=True):
-        row[members] = True
-    kinds, inverse = np.unique(member, axis=1, return_inverse=True)
-    # The combination without any group, if there is one, comes first in the order of unique.
-    shift = 0 if kinds.size and not kinds[:, 0].any() else 1
-    tags = inverse.reshape(-1) + shift if groups else np.zeros(count, dtype=np.int64)
-    return tags, {name: tuple(int(t) + shift for t in np.flatnonzero(kinds[k])) for k, name in enumerate(groups)}
+    tags = np.zeros(count, dtype=np.int64)
+    for members in groups.values():
+        member = np.zeros(count, dtype=np.int64)
+        member[members] = 1
+        kinds, tags = np.unique(2 * tags + member, return_inverse=True)
+        # What is in no group stays 0; without it the numbers begin at 1.
+        tags = tags.reshape(-1) + int(kinds.size > 0 and kinds[0] != 0)
+    return tags, {name: tuple(plain(np.unique(tags[members]))) for name, members in groups.items()}

@@ -110,7 +110,7 @@ def _read_gmsh(file: Path) -> RawMesh:
         groups = gmsh.model.getPhysicalGroups()
         grouped = {dim for dim, _ in groups}
         raw = RawMesh(x.reshape(-1, 3), [])
-        members: dict[tuple[str, int], list[int]] = {}
+        members: dict[tuple[str, int], set[int]] = {}
         physical: list[int] = []
         for dim, entity in gmsh.model.getEntities():
             own = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
@@ -121,7 +121,7 @@ def _read_gmsh(file: Path) -> RawMesh:
                 name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(kind)
                 for tag in own:
                     label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim == 1 else 'region'}_{tag}"
-                    members.setdefault((label, dim), []).append(len(raw.blocks))
+                    members.setdefault((label, dim), set()).add(len(raw.blocks))
                 raw.blocks.append((_GMSH_TYPES.get(kind, name), number[flat.astype(np.int64)].reshape(-1, count)))
                 physical.append(int(own[0]) if len(own) else -1)
     every = [np.arange(len(nodes)) for _, nodes in raw.blocks]

@@ -18,7 +18,8 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
-        each), ``area``, ``perimeter``; ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
+        each), ``area``, ``perimeter`` (with straight sides);
+        ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
         ``pieces`` (parts of the body that share no node), ``coincident`` (points at the place of another one);
         ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``length`` and ``bounds``;
         ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``.

@@ -228,6 +228,8 @@ def test_curved_cells_are_not_refined():
         ("sawtooth", {"depth": 1.0}, "depth"),
         ("sawtooth", {"teeth": 0}, "teeth"),
         *((name, {"contact_size": 1e-9}, "contact_size") for name in CURVED),
+        ("plate_with_hole", {"contact_size": 1e-6, "contact_zone": 1e-9}, "contact_size"),
+        ("dovetail", {"contact_size": 1e-6, "contact_zone": 1e-9}, "contact_size"),
         *((name, {"size": 1e-6, "contact_zone": 1e-9}, "size") for name in CURVED),
         *((name, {"order": 3}, "order") for name in CURVED),
         *((name, {"cell": "hexagon"}, "cell") for name in SMALL),
