@@ -9,7 +9,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import TaggedMesh
 
@@ -49,7 +49,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     mesh = tagged.mesh
     if mesh.topology.cell_name() != "triangle":
         raise MeshError("only triangles can be refined: use cell = 'triangle', or a generator and uniform refinement")
-    if mesh.geometry.cmap.degree > 1:
+    if compat.geometry_degree(mesh) > 1:
         raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
     for pair in ((1, 0), (1, 2), (2, 1)):
         mesh.topology.create_connectivity(*pair)
