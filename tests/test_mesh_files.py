@@ -217,6 +217,28 @@ def test_overlapping_names_on_ranks(tmp_path):
 
 
 @pytest.mark.mpi
+def test_names_that_must_not_overlap(tmp_path):
+    """One foundation for each facet, one material for each cell; else there would be two answers."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        write_file(body(folder, "quad"), folder / "body.msh")
+    comm.barrier()
+    data = {
+        "mesh": {"file": folder / "body.msh", "regions": {"right": "x[0] > 1 - 1e-9"}},
+        "material": [{"young": 1.0, "poisson": 0.3, "region": region} for region in ("left", "right")],
+        "displacement": {"boundary": "side of it", "x": 0.0, "y": 0.0},
+        "contact": [{"boundary": "foot"}],
+    }
+    assert solve(parse_scene(data), comm).converged
+    with pytest.raises(SceneError, match=r"contact\[1\]\.boundary: boundary 'low' shares 3 facets with .* 'foot'"):
+        solve(parse_scene({**data, "contact": [{"boundary": "foot"}, {"boundary": "low"}]}), comm)
+    data["material"][1]["region"] = "both"
+    with pytest.raises(SceneError, match="material: 9 cells are in several of the regions"):
+        solve(parse_scene(data), comm)
+
+
+@pytest.mark.mpi
 def test_a_file_on_ranks(tmp_path):
     """A foreign mesh is read on one rank, and solved by all."""
     comm = MPI.COMM_WORLD
