@@ -120,7 +120,8 @@ def in_the_plane(
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
     whole = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
     parts = _Entities("regions", "cell", whole, corners)
-    named = _names(raw, sides, data, name) | _from_nodes(raw, renumber, len(points), facets[:, :2])
+    # Where a name is that of facets and of nodes, as in Abaqus, the facets are what is meant.
+    named = _from_nodes(raw, renumber, len(points), facets[:, :2]) | _names(raw, sides, data, name)
     named_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, named), (parts, regions, named_parts)):
@@ -185,7 +186,7 @@ def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> di
 
 def _from_nodes(raw: RawMesh, renumber: Ints, count: int, ends: Ints) -> dict[str, Ints]:
     """Boundaries that are sets of nodes: the exterior facets with both ends in it."""
-    named = {}
+    named: dict[str, Ints] = {}
     for label, nodes in raw.node_sets.items():
         marked = np.zeros(count + 1, dtype=bool)  # the last one stands for points that no cell uses
         marked[renumber[nodes]] = True
