@@ -63,20 +63,38 @@ class Corner:
     arc: str = ""
 
 
-def draw_outline(gmsh: Any, corners: list[Corner]) -> tuple[int, dict[str, list[int]]]:
+@dataclass(frozen=True)
+class Drawing:
+    """A gmsh model in units of its own: the tolerances of gmsh are absolute, so it is to see the same in all units.
+
+    Attributes:
+        gmsh: the initialised module.
+        unit: length of the model's unit.
+    """
+
+    gmsh: Any
+    unit: float
+
+    def point(self, x: float, y: float) -> int:
+        """A point at a position in units of the scene."""
+        tag: int = self.gmsh.model.geo.addPoint(x / self.unit, y / self.unit, 0.0)
+        return tag
+
+
+def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str, list[int]]]:
     """A surface with straight sides and rounded corners, anticlockwise; no side may be shorter than its arcs need.
 
     Returns:
         The surface, and name -> its curves.
     """
-    geo = gmsh.model.geo
+    geo = drawing.gmsh.model.geo
     named: dict[str, list[int]] = {}
     loop: list[int] = []
     ends: list[tuple[int, int]] = []  # of each corner: where the side before it ends, where the side after it begins
     arcs: list[int | None] = []
     for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
         if corner.radius == 0.0:
-            point = geo.addPoint(corner.x, corner.y, 0.0)
+            point = drawing.point(corner.x, corner.y)
             ends.append((point, point))
             arcs.append(None)
             continue
@@ -84,8 +102,8 @@ def draw_outline(gmsh: Any, corners: list[Corner]) -> tuple[int, dict[str, list[
         half = math.acos(max(-1.0, min(1.0, first[0] * last[0] + first[1] * last[1]))) / 2
         along, away = corner.radius / math.tan(half), corner.radius / math.sin(half)
         bisector = _unit(first[0] + last[0], first[1] + last[1])
-        centre = geo.addPoint(corner.x + away * bisector[0], corner.y + away * bisector[1], 0.0)
-        begin, end = (geo.addPoint(corner.x + along * d[0], corner.y + along * d[1], 0.0) for d in (first, last))
+        centre = drawing.point(corner.x + away * bisector[0], corner.y + away * bisector[1])
+        begin, end = (drawing.point(corner.x + along * d[0], corner.y + along * d[1]) for d in (first, last))
         ends.append((begin, end))
         arcs.append(geo.addCircleArc(begin, centre, end))
     for index, corner in enumerate(corners):
@@ -120,7 +138,7 @@ class Sizes:
 
 
 def mesh_surface(
-    gmsh: Any,
+    drawing: Drawing,
     bodies: Iterable[int],
     boundaries: Mapping[str, Sequence[int]],
     sizes: Sizes,
@@ -133,7 +151,7 @@ def mesh_surface(
     """Mesh surfaces, fine near some points and curves, and name their parts: the body is ``body``.
 
     Args:
-        gmsh: the module, with a model that is not yet synchronised.
+        drawing: the model, not yet synchronised.
         bodies: surfaces.
         boundaries: name -> curves.
         sizes: lengths of the facets.
@@ -149,6 +167,7 @@ def mesh_surface(
     for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
         if long / short > _MOST_FACETS:
             refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
+    gmsh, unit = drawing.gmsh, drawing.unit
     geo, fields = gmsh.model.geo, gmsh.model.mesh.field
     surfaces = list(bodies)
     if cell == "quadrilateral":
@@ -165,10 +184,10 @@ def mesh_surface(
         fields.setNumber(distance, "Sampling", 200)
     settings = {
         "InField": distance,
-        "SizeMin": stretch * min(sizes.near, sizes.far),
-        "SizeMax": stretch * sizes.far,
-        "DistMin": sizes.zone,
-        "DistMax": max(sizes.reach, sizes.zone),
+        "SizeMin": stretch * min(sizes.near, sizes.far) / unit,
+        "SizeMax": stretch * sizes.far / unit,
+        "DistMin": sizes.zone / unit,
+        "DistMax": max(sizes.reach, sizes.zone) / unit,
     }
     for name, value in settings.items():
         fields.setNumber(threshold, name, value)

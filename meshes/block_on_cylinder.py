@@ -25,7 +25,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface, refuse
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)]
@@ -68,21 +68,24 @@ def generate(
     if across >= length / 2:
         refuse("length", f"the seat is {2 * across:g} wide: length must be more, got {length:g}")
 
+    unit = radius / 4.0  # what gmsh is given has the size of the default
+
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         x = length / 2
         places = ((-x, -down), (-across, -down), (0.0, 0.0), (across, -down), (x, -down), (x, height), (-x, height))
-        points = [geo.addPoint(*place, 0.0) for place in places]
-        centre = geo.addPoint(0.0, -radius, 0.0)
+        points = [drawing.point(*place) for place in places]
+        centre = drawing.point(0.0, -radius)
         seat = [geo.addCircleArc(points[k], centre, points[k + 1]) for k in (1, 2)]
         bottom = [geo.addLine(points[k], points[k + 1]) for k in (0, 3)]
         right, top, left = (geo.addLine(points[k], points[(k + 1) % 7]) for k in (4, 5, 6))
         body = geo.addPlaneSurface([geo.addCurveLoop([bottom[0], *seat, bottom[1], right, top, left])])
         names = {"seat": seat, "bottom": bottom, "right": [right], "top": [top], "left": [left]}
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(length, height) / 2)
-        mesh_surface(gmsh, [body], names, sizes, curves=seat, cell=cell, order=order)
+        mesh_surface(drawing, [body], names, sizes, curves=seat, cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="block_on_cylinder")
+    return gmsh_mesh(comm, draw, name="block_on_cylinder", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

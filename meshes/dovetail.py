@@ -28,7 +28,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Corner, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
+from signorini_fx.meshes import Corner, Drawing, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=10, le=80, allow_inf_nan=False)]
@@ -82,7 +82,10 @@ def generate(
     if 2 * fillet >= width or fillet * math.tan(above) >= stem:
         refuse("fillet", f"fillet {fillet:g} does not fit on the bottom or the stem")
 
+    unit = width / 30.0  # what gmsh is given has the size of the default
+
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         half, slim, top = width / 2, neck / 2, shoulder + stem
         right = [
             Corner(half, 0.0, "", fillet),
@@ -96,11 +99,11 @@ def generate(
             Corner(-half, edge, "", fillet),
             Corner(-half, 0.0, "bottom", fillet),
         ]
-        body, names = draw_outline(gmsh, right + left)
+        body, names = draw_outline(drawing, right + left)
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=width / 2)
-        mesh_surface(gmsh, [body], names, sizes, curves=names["left"] + names["right"], cell=cell, order=order)
+        mesh_surface(drawing, [body], names, sizes, curves=names["left"] + names["right"], cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="dovetail")
+    return gmsh_mesh(comm, draw, name="dovetail", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Sizes, coarser_sizes, mesh_surface
+from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -54,25 +54,27 @@ def generate(
     Returns:
         The mesh with the boundaries arc, top and, if it is symmetric, symmetry.
     """
+    unit = radius / 8.0  # what gmsh is given has the size of the default
 
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
-        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        lowest, centre, right = (drawing.point(x, y) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
         arcs = [geo.addCircleArc(lowest, centre, right)]
         if symmetric:
             top = [geo.addLine(right, centre)]
             rest = [geo.addLine(centre, lowest)]
         else:
-            left = geo.addPoint(-radius, radius, 0.0)
+            left = drawing.point(-radius, radius)
             top = [geo.addLine(right, left)]
             rest = [geo.addCircleArc(left, centre, lowest)]
             arcs += rest
         body = geo.addPlaneSurface([geo.addCurveLoop([arcs[0], *top, *rest])])
         names = {"arc": arcs, "top": top} | ({"symmetry": rest} if symmetric else {})
         sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
-        mesh_surface(gmsh, [body], names, sizes, points=[lowest], cell=cell, order=order)
+        mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="half_disk")
+    return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

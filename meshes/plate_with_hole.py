@@ -21,7 +21,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface, refuse
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -61,14 +61,17 @@ def generate(
     if 2 * radius >= min(length, height):
         refuse("radius", f"the hole does not fit: radius must be less than half of length and height, got {radius:g}")
 
+    unit = radius  # what gmsh is given has the size of the default
+
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         x, y = length / 2, height / 2
         low = 0.0 if symmetric else -y
-        corners = [geo.addPoint(*place, 0.0) for place in ((-x, low), (x, low), (x, y), (-x, y))]
-        centre = geo.addPoint(0.0, 0.0, 0.0)
+        corners = [drawing.point(*place) for place in ((-x, low), (x, low), (x, y), (-x, y))]
+        centre = drawing.point(0.0, 0.0)
         around = [(-radius, 0.0), (0.0, radius), (radius, 0.0), (0.0, -radius)][: 3 if symmetric else 4]
-        rim = [geo.addPoint(*place, 0.0) for place in around]
+        rim = [drawing.point(*place) for place in around]
         nexts = rim[1:] if symmetric else rim[1:] + rim[:1]
         hole = [geo.addCircleArc(a, centre, b) for a, b in zip(rim, nexts, strict=False)]
         right, top, left = (geo.addLine(corners[k], corners[(k + 1) % 4]) for k in (1, 2, 3))
@@ -81,9 +84,9 @@ def generate(
         names = {"hole": hole, "right": [right], "top": [top], "left": [left]}
         names["symmetry" if symmetric else "bottom"] = flat
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(length, height) / 2)
-        mesh_surface(gmsh, [geo.addPlaneSurface(loops)], names, sizes, curves=hole, cell=cell, order=order)
+        mesh_surface(drawing, [geo.addPlaneSurface(loops)], names, sizes, curves=hole, cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="plate_with_hole")
+    return gmsh_mesh(comm, draw, name="plate_with_hole", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

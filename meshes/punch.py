@@ -25,7 +25,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Corner, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
+from signorini_fx.meshes import Corner, Drawing, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -65,7 +65,10 @@ def generate(
     if rounding >= min(width / 2, height):
         refuse("rounding", f"rounding must be less than height and half of width, got {rounding:g}")
 
+    unit = width / 4.0  # what gmsh is given has the size of the default
+
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         low = Corner(0.0, 0.0, "foot") if symmetric else Corner(-width / 2, 0.0, "foot", rounding, "foot")
         outline = [
             low,
@@ -73,14 +76,13 @@ def generate(
             Corner(width / 2, height, "top"),
             Corner(low.x, height, "symmetry" if symmetric else "left"),
         ]
-        body, names = draw_outline(gmsh, outline)
-        geo = gmsh.model.geo
+        body, names = draw_outline(drawing, outline)
         ends = [sign * (width / 2 - rounding) for sign in ((1,) if symmetric else (-1, 1))]
-        edges = [geo.addPoint(x, 0.0, 0.0) for x in ends]
+        edges = [drawing.point(x, 0.0) for x in ends]
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(width, height) / 2)
-        mesh_surface(gmsh, [body], names, sizes, points=edges, cell=cell, order=order)
+        mesh_surface(drawing, [body], names, sizes, points=edges, cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="punch")
+    return gmsh_mesh(comm, draw, name="punch", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

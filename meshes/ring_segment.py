@@ -23,7 +23,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface, refuse
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(gt=0, le=170, allow_inf_nan=False)]
@@ -64,15 +64,18 @@ def generate(
     if thickness >= radius:
         refuse("thickness", f"thickness must be less than radius, got {thickness:g} and {radius:g}")
 
+    unit = radius / 8.0  # what gmsh is given has the size of the default
+
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         turn = math.radians(angle)
-        centre = geo.addPoint(0.0, radius, 0.0)
+        centre = drawing.point(0.0, radius)
 
         def ray(at: float) -> tuple[int, int]:
             """Its outer and inner point."""
             radii = (radius, radius - thickness)
-            outer, inner = (geo.addPoint(r * math.sin(at), radius - r * math.cos(at), 0.0) for r in radii)
+            outer, inner = (drawing.point(r * math.sin(at), radius - r * math.cos(at)) for r in radii)
             return outer, inner
 
         rays = [ray(at) for at in ((0.0, turn) if symmetric else (-turn, 0.0, turn))]
@@ -83,9 +86,9 @@ def generate(
         names = {"outer": outer, "inner": inner, "right": [right], "symmetry" if symmetric else "left": [left]}
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=radius)
         lowest = rays[0 if symmetric else 1][0]
-        mesh_surface(gmsh, [body], names, sizes, points=[lowest], cell=cell, order=order)
+        mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="ring_segment")
+    return gmsh_mesh(comm, draw, name="ring_segment", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

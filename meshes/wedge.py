@@ -20,7 +20,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import coarser_grid
+from signorini_fx.meshes import Drawing, coarser_grid
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
@@ -54,11 +54,13 @@ def generate(
     Returns:
         The mesh with the boundaries tip, right, top, left.
     """
+    unit = height / 2.0  # what gmsh is given has the size of the default
 
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
-        corners = [geo.addPoint(x, y, 0.0) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
+        corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
         for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
@@ -72,7 +74,7 @@ def generate(
             gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
-    return gmsh_mesh(comm, draw, name="wedge")
+    return gmsh_mesh(comm, draw, name="wedge", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

@@ -236,7 +236,7 @@ def _new(file: Path) -> int:
 def _mesh_file(options: argparse.Namespace) -> int:
     """Rewrite or describe a mesh file; only one of several processes does."""
     from signorini_fx.errors import SignoriniError
-    from signorini_fx.mesh_files import read_file, write_file
+    from signorini_fx.mesh_formats import read_file, write_file
     from signorini_fx.mesh_info import mesh_info, render
 
     if not _started_as_root():

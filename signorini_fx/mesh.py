@@ -16,13 +16,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from signorini_fx import compat, mesh_files, meshes, parallel
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx import compat, mesh_formats, meshes, parallel
+from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh_arrays import Selection
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
 # Boundaries and regions.
-_Names = tuple[mesh_files.Tags, mesh_files.Tags]
+_Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def read_mesh(
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
 ) -> TaggedMesh:
-    """A mesh from a file, read on the first rank; ``mesh_files.read_file`` has the formats.
+    """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
 
     Args:
         file: the file.
@@ -147,13 +147,13 @@ def read_mesh(
     """
 
     def build() -> _Names:
-        arrays = mesh_files.read_file(file, boundaries, regions, data)
+        arrays = mesh_formats.read_file(file, boundaries, regions, data)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
                 "or in the file (in gmsh: physical groups of dimension 1)"
             )
-        return mesh_files.draw(mesh_files.start_gmsh(), arrays, by_name=False)
+        return mesh_formats.draw(mesh_formats.start_gmsh(), arrays, by_name=False)
 
     return _from_gmsh(comm, build)
 
@@ -166,21 +166,28 @@ def _generator(name: str) -> Any:
     return importlib.import_module(f"signorini_fx.meshes.{name}")
 
 
-def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedMesh:
+def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
     Args:
         comm: the ranks that share the mesh.
         draw: called on the first rank only; leaves a meshed two-dimensional model with physical groups.
         name: what to call the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
+            nor small, and have the same numbers in all units.
 
     Raises:
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
     def build() -> _Names:
-        gmsh = mesh_files.start_gmsh()
-        draw(gmsh)
+        gmsh = mesh_formats.start_gmsh()
+        try:
+            draw(gmsh)
+        except SignoriniError:
+            raise
+        except Exception as error:  # gmsh has no exceptions of its own
+            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
         groups = gmsh.model.getPhysicalGroups()
         if not any(dim == 2 for dim, _ in groups):
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 (the body)")
@@ -189,8 +196,8 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines: mesh_files.Tags = {}
-        surfaces: mesh_files.Tags = {}
+        lines: mesh_formats.Tags = {}
+        surfaces: mesh_formats.Tags = {}
         for dim, tag in groups:
             names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
             if dim in (1, 2):
@@ -199,7 +206,9 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
         return lines, surfaces
 
-    return _from_gmsh(comm, build)
+    tagged = _from_gmsh(comm, build)
+    tagged.mesh.geometry.x[:] *= unit
+    return tagged
 
 
 def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:

@@ -160,6 +160,23 @@ def test_the_same_mesh_every_time(name):
     np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
 
 
+LENGTHS = {"length", "height", "radius", "thickness", "width", "neck", "edge", "stem", "fillet", "tip", "rounding"}
+LENGTHS |= {"size", "contact_size", "contact_zone", "depth", "lower"}
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@pytest.mark.parametrize("name", sorted(set(SMALL) - {"block", "rectangle", "notched_sides"}))
+def test_the_same_mesh_in_all_units(name, unit):
+    """A body of nanometres or of kilometres has the same cells."""
+    generate = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+    defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key in LENGTHS}
+    lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key in LENGTHS}
+    first, second = make(name), make(name, **lengths)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    size = np.abs(first.mesh.geometry.x).max()
+    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
+
+
 @pytest.mark.mpi
 @each
 def test_on_ranks(name):

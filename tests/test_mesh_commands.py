@@ -82,7 +82,7 @@ def test_convert(capsys, squares, suffix):
         (["convert", "SQUARES", "nowhere/body.xdmf"], "nowhere/body.xdmf: cannot be written"),
     ],
 )
-def test_mesh_files_that_cannot_be(capsys, squares, monkeypatch, arguments, message):
+def test_mesh_formats_that_cannot_be(capsys, squares, monkeypatch, arguments, message):
     """One sentence, exit code 2."""
     monkeypatch.chdir(squares.parent)
     code, out, err = run(capsys, *(squares.name if word == "SQUARES" else word for word in arguments))

@@ -10,11 +10,11 @@ from dolfinx.io import XDMFFile
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx import mesh_files
+from signorini_fx import mesh_formats
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh import read_mesh
 from signorini_fx.mesh_arrays import areas, quality
-from signorini_fx.mesh_files import read_file, write_file
+from signorini_fx.mesh_formats import read_file, write_file
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import solve
 
@@ -503,6 +503,6 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
             raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
         return builtins.__import__(name, *arguments)
 
-    monkeypatch.setattr(mesh_files.importlib, "import_module", absent)
+    monkeypatch.setattr(mesh_formats.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)
