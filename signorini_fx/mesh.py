@@ -23,6 +23,8 @@ from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
 # Boundaries and regions.
 _Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
+# Midside nodes farther off than this share of the body's size make a side curved.
+_STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -81,17 +83,36 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses.
+        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells.
         MeshError: the file is no mesh.
     """
     match scene.mesh:
-        case TaggedMesh() as tagged:
-            return tagged
+        case TaggedMesh():
+            tagged = scene.mesh
         case MeshFile(file=file, boundaries=boundaries, regions=regions, data=data):
-            return read_mesh(file, comm, boundaries, regions, data)
+            tagged = read_mesh(file, comm, boundaries, regions, data)
         case MeshGenerator(generator=name, parameters=parameters):
-            return generate_mesh(name, parameters, comm)
-    raise TypeError(f"no mesh: {scene.mesh!r}")
+            tagged = generate_mesh(name, parameters, comm)
+        case _:
+            raise TypeError(f"no mesh: {scene.mesh!r}")
+    if scene.element.degree == 1 and _curvature(tagged) > _STRAIGHT * tagged.size:
+        # Such elements cannot even turn without strain: no refinement would help.
+        message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
+        raise SceneError([("element.degree", message)])
+    return tagged
+
+
+def _curvature(tagged: TaggedMesh) -> float:
+    """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
+    mesh = tagged.mesh
+    if compat.geometry_degree(mesh) == 1:
+        return 0.0
+    triangles = mesh.topology.cell_name() == "triangle"
+    ends = [(1, 2), (0, 2), (0, 1)] if triangles else [(0, 1), (0, 2), (1, 3), (2, 3)]
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :2]
+    corners = 3 if triangles else 4
+    away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
+    return parallel.global_max(mesh.comm, parallel.local_max(np.linalg.norm(away, axis=2)))
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:

@@ -11,12 +11,14 @@ from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx import meshes
+from signorini_fx.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh import coarser_parameters, generate_mesh
 from signorini_fx.mesh_arrays import quality
 from signorini_fx.refinement import refine
-from signorini_fx.scene import parse_scene
+from signorini_fx.scene import Discretised, parse_scene
+from signorini_fx.solver import solve
 
 
 def segment(radius, angle):
@@ -345,8 +347,9 @@ def test_saddle_on_a_pipe():
         r = 4.0 - thinner
         solution = solved(
             "block_on_cylinder",
-            {"order": 2, "contact_size": 0.1},
+            {"order": 2, "contact_size": 0.2},
             {"boundary": "seat", "gap": f"sqrt(x[0]**2 + (x[1] + {r})**2) - {r}"},
+            element={"degree": 2},
             displacement={"boundary": "top", "x": 0.0},
             traction={"boundary": "top", "pressure": 50.0},
         )
@@ -363,11 +366,31 @@ def test_shoe_on_a_plane():
         "ring_segment",
         {"contact_size": 0.1, "symmetric": True, "order": 2},
         {"boundary": "outer", "gap": "x[1]", "direction": [0, -1]},
+        element={"degree": 2},
         displacement=[{"boundary": "symmetry", "normal": 0.0}],
         traction={"boundary": "right", "y": -20.0},
     )
     columns = table_of(solution).columns
     assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(40.0, rel=1e-6)
+
+
+@pytest.mark.mpi
+@each_cell
+def test_linear_elements_on_curved_cells(cell):
+    """They cannot turn without strain, so they are refused."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "punch", "parameters": {"order": 2, "cell": cell, "contact_size": 0.2}},
+            "material": STEEL,
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
+            "contact": {"boundary": "foot", "gap": "x[1]", "direction": [0, -1]},
+        }
+    )
+    for ask in (solve, check_scene):
+        with pytest.raises(SceneError, match=r"element\.degree: the mesh has curved cells: set degree = 2"):
+            ask(scene, MPI.COMM_WORLD)
+    quadratic = scene.model_copy(update={"element": Discretised(degree=2)})
+    assert solve(quadratic, MPI.COMM_WORLD).converged
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.1])

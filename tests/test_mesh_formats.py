@@ -506,3 +506,19 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
     monkeypatch.setattr(mesh_formats.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)
+
+
+@pytest.mark.parametrize("kind", ["triangle6", "quad9"])
+def test_straight_cells_with_midside_nodes(tmp_path, kind):
+    """Linear elements may be used on them: the answer is that of the corners alone."""
+    pressures = []
+    for nodes in (kind, kind[:-1]):
+        write_file(body(tmp_path, nodes), tmp_path / f"{nodes}.msh")
+        data = {
+            "mesh": {"file": tmp_path / f"{nodes}.msh"},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "side of it", "x": 0.0, "y": -0.01},
+            "contact": {"boundary": "low"},
+        }
+        pressures.append(table_of(alone(parse_scene(data))).columns["pressure"])
+    np.testing.assert_allclose(pressures[0], pressures[1], rtol=0, atol=1e-9 * pressures[1].max())
