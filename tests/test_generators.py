@@ -247,10 +247,6 @@ def test_curved_cells_are_not_refined():
         ("dovetail", {"stem": 0.1}, "fillet"),
         ("sawtooth", {"depth": 1.0}, "depth"),
         ("sawtooth", {"teeth": 0}, "teeth"),
-        *((name, {"contact_size": 1e-9}, "contact_size") for name in CURVED),
-        ("plate_with_hole", {"contact_size": 1e-6, "contact_zone": 1e-9}, "contact_size"),
-        ("dovetail", {"contact_size": 1e-6, "contact_zone": 1e-9}, "contact_size"),
-        *((name, {"size": 1e-6, "contact_zone": 1e-9}, "size") for name in CURVED),
         *((name, {"order": 3}, "order") for name in CURVED),
         *((name, {"cell": "hexagon"}, "cell") for name in SMALL),
         *((name, {"colour": "red"}, "colour") for name in SMALL),
@@ -261,6 +257,17 @@ def test_parameters_that_are_refused(name, changes, path):
     with pytest.raises(SceneError) as caught:
         make(name, **changes)
     assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
+
+
+@pytest.mark.parametrize("changes", [{"contact_size": 1e-9}, {"size": 1e-6, "contact_zone": 1e-9}], ids=str)
+@each_curved
+def test_more_cells_than_there_could_be(name, changes):
+    """A size that no machine could mesh is refused before it is tried, also along a whole curve."""
+    with pytest.raises(SceneError, match=r"mesh\.parameters"):
+        make(name, **changes)
+    if name in ("plate_with_hole", "dovetail", "block_on_cylinder"):
+        with pytest.raises(SceneError, match=r"mesh\.parameters"):
+            make(name, contact_size=1e-6, contact_zone=1e-9)
 
 
 @each
