@@ -1,9 +1,10 @@
 # Everything runs through ./env: on this machine where it has dolfinx, else in the image of the Dockerfile.
 # DEBIAN=sid make TARGET takes that release's image.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint format paper bench clean
+.PHONY: help demo test test-long lint format paper bench docs clean
 DEMOS := example1_tresca example1_coulomb
 RUFF := build/ruff-0.17.5
+SPHINX := build/sphinx-9.0.4
 
 help:       ## list these targets
 	@sed -nE 's/^([a-z-]+):.*## /\1\t/p' Makefile | expand -t 12
@@ -33,6 +34,9 @@ paper:      ## recompute the paper's tables
 bench:      ## measure
 	./env python3 bench/run.py
 
+docs: $(SPHINX)  ## make HTML of README and docs/ (build/docs/docs/index.html)
+	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -n -W --keep-going -c docs . build/docs
+
 clean:      ## remove what these targets made, but for the image
 	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
@@ -43,3 +47,8 @@ $(RUFF):
 	python3 -m pip install -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)
 	mv $@.d/bin/ruff $@
 	rm -rf $@.d
+
+$(SPHINX):
+	rm -rf $@.d
+	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19
+	mv $@.d $@

@@ -59,6 +59,8 @@ def warm_up(plan: Sequence[Key], meshes: Mapping[int, TaggedMesh], say: Callable
 
 
 def _note(outcome: contestants.Outcome) -> str:
+    if outcome.unfinished:
+        return outcome.unfinished
     solves = sum(answer.solves for answer in outcome.answers)
     factorisations = sum(answer.factorisations for answer in outcome.answers)
     if not solves:
@@ -75,6 +77,8 @@ def interleave(
     samples = []
     for repeat in range(repeats):
         for name, nx in plan:
+            if repeat >= contestants.ROUNDS.get(name, repeats):
+                continue
             say(f"round {repeat + 1} of {repeats}: {name}, {nx} x {nx // 3}")
             gc.collect()
             cpu, wall = time.process_time(), time.perf_counter()

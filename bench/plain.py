@@ -12,6 +12,7 @@ Of what was tried this is the fastest: the line search ``cp`` (``basic``, ``bt``
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import example1
@@ -30,6 +31,10 @@ _FACTOR = 10.0
 _ITERATIONS = 12
 _SMALLEST_FACTOR = 1.002
 _DOWN = -1e-2  # where the body begins: in contact everywhere, or nothing would hold it
+
+
+class Unfinished(Exception):
+    """The time was up before the last gamma."""
 
 
 @dataclass
@@ -61,8 +66,13 @@ class _Plain:
         self.factorisations += 1
 
 
-def tresca(tagged: TaggedMesh) -> Answer:
-    """Solve; the answer is read off the displacement at the bottom nodes."""
+def tresca(tagged: TaggedMesh, seconds: float = math.inf) -> Answer:
+    """Solve; the answer is read off the displacement at the bottom nodes.
+
+    Raises:
+        Unfinished: it takes more than so many seconds.
+    """
+    begin = time.perf_counter()
     mesh = tagged.mesh
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     y, z = fem.Function(space), ufl.TestFunction(space)
@@ -96,15 +106,19 @@ def tresca(tagged: TaggedMesh) -> Answer:
         snes.setFromOptions()
 
     iterate.getArray()[1::2] = _DOWN
-    path = _follow(snes, gamma, iterate)
+    path = _follow(snes, gamma, iterate, begin + seconds)
     return _read(y, tagged, problem.factorisations, f"{len(path)} values of gamma")
 
 
-def _follow(snes: PETSc.SNES, gamma: fem.Constant, iterate: PETSc.Vec) -> list[float]:
+def _follow(snes: PETSc.SNES, gamma: fem.Constant, iterate: PETSc.Vec, end: float) -> list[float]:
     """Raise gamma to its last value; the values at which there is a solution."""
     factor, good, path = _FACTOR, iterate.copy(), []
     while not path or path[-1] < example1.GAMMA:
         wanted = min(path[-1] * factor, example1.GAMMA) if path else FIRST_GAMMA
+        if time.perf_counter() > end:
+            raise Unfinished(
+                f"stopped at gamma = {path[-1] if path else 0:.1e}, before the last of {example1.GAMMA:.0e}"
+            )
         gamma.value = wanted
         good.copy(iterate)
         snes.solve(None, iterate)

@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -120,7 +120,22 @@ RATIOS = [
     ),
 ]
 GROWTH = ("tresca", "newton", "fp")
-GROUPS = ("tresca", "coulomb", "sweep", "plain", "rival", "growth", "memory", "nested", "ranks", "counts", "import")
+GROUPS = (
+    "tresca",
+    "coulomb",
+    "sweep",
+    "plain",
+    "rival",
+    "growth",
+    "memory",
+    "nested",
+    "ranks",
+    "counts",
+    "large",
+    "import",
+)
+# The largest mesh is no matter of small differences.
+_FEW_REPEATS = 3
 
 
 def plan(groups: Sequence[str], sizes: Sizes) -> list[Key]:
@@ -143,9 +158,13 @@ def timed(groups: Sequence[str], sizes: Sizes, samples: list[Sample], notes: dic
         for size, target in zip(ratio.sizes, ratio.targets, strict=True):
             nx = getattr(sizes, size)
             top, bottom = ((name, nx) for name in ratio.over)
-            measured = clock.series(samples, top) / clock.series(samples, bottom)
+            seconds = clock.series(samples, top), clock.series(samples, bottom)
+            rounds = min(map(len, seconds))
+            measured = seconds[0][:rounds] / seconds[1][:rounds]
             ours = bottom if ratio.at_least else top
-            note = notes.get(ours, "")
+            note = "; ".join(
+                filter(None, (notes.get(ours, ""), notes.get(top, "") if top[0] in contestants.ROUNDS else ""))
+            )
             counts = ratio.coulomb in ("", default)
             if ratio.coulomb and counts:
                 note += "; the default"
@@ -342,15 +361,18 @@ def start_up(repeats: int, say: Say) -> list[Row]:
     return rows
 
 
-def run(groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say) -> tuple[list[Row], list[Sample]]:
-    """All rows of the groups, and the samples behind those that are ratios of times."""
+def run(
+    groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say
+) -> Iterator[tuple[list[Row], list[Sample]]]:
+    """All rows of the groups, and the samples behind those that are ratios of times; more with each yield."""
     keys = plan(groups, sizes)
+    default = contestants.default_coulomb(example1.tagged_mesh(sizes.middle))
     meshes = {nx: example1.tagged_mesh(nx) for nx in sorted({nx for _, nx in keys})}
-    smallest = meshes[min(meshes)] if meshes else example1.tagged_mesh(sizes.small)
-    default = contestants.default_coulomb(smallest)
     notes = clock.warm_up(keys, meshes, say)
     samples = clock.interleave(keys, meshes, repeats, say)
     rows = timed(groups, sizes, samples, notes, default)
+    if rows:
+        yield rows, samples
     del meshes
     gammas = [10.0**power for power in range(4, 11)]
     others: dict[str, Callable[[], list[Row]]] = {
@@ -358,7 +380,7 @@ def run(groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say
         "nested": lambda: nested(sizes, levels, gammas, say),
         "ranks": lambda: ranks(sizes, levels, repeats, say),
         "counts": lambda: counts(sizes, levels, say),
-        "large": lambda: huge(sizes, repeats, default, say),
+        "large": lambda: huge(sizes, min(repeats, _FEW_REPEATS), default, say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:
@@ -367,4 +389,4 @@ def run(groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say
                 rows += others[group]()
             except RuntimeError as error:
                 rows.append(Row(group, f"{group}: failed", "", [np.inf], 0.0, note=str(error)))
-    return rows, samples
+            yield rows, samples

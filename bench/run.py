@@ -1,6 +1,6 @@
 """Measure the package against one linear solve and against its rivals, side by side: ratios, CSV files and a picture.
 
-    ./env python3 bench/run.py [--quick] [--large] [--only NAME,...] [--out DIR]        (make bench)
+    ./env python3 bench/run.py [--quick] [--only NAME,...] [--out DIR]        (make bench)
 
 Every contestant gets the same mesh in memory, the same problem, tolerance and BLAS, and one thread a rank; all forms
 are compiled before any clock starts, and all must have come to the same pressure and the same sets.  Runs are
@@ -20,6 +20,7 @@ from pathlib import Path
 import dolfinx
 import report
 import rows
+from clock import Sample
 from petsc4py import PETSc
 
 _FULL = rows.Sizes(240, 480, 960, 1734)
@@ -30,15 +31,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(prog="bench/run.py", description=__doc__.split("\n\n")[0])
     parser.add_argument("--quick", action="store_true", help="small meshes, three repeats")
-    parser.add_argument("--large", action="store_true", help="also two million unknowns (needs up to 24 GB)")
-    parser.add_argument("--only", metavar="NAME,...", help=f"some rows only: {', '.join((*rows.GROUPS, 'large'))}")
+    parser.add_argument("--only", metavar="NAME,...", help=f"some rows only: {', '.join(rows.GROUPS)}")
     parser.add_argument("--repeats", type=int, metavar="N", help="rounds, 5 by default")
     parser.add_argument("--sizes", metavar="A,B,C,D", help="cells along the bottom, multiples of 3")
     parser.add_argument("--levels", type=int, default=4, metavar="N", help="meshes of the nested iterations")
     parser.add_argument("--out", type=Path, default=Path("results/bench"), metavar="DIR")
     given = parser.parse_args(arguments)
-    groups = given.only.split(",") if given.only else [*rows.GROUPS, *(["large"] if given.large else [])]
-    if unknown := set(groups) - {*rows.GROUPS, "large"}:
+    groups = given.only.split(",") if given.only else list(rows.GROUPS)
+    if unknown := set(groups) - set(rows.GROUPS):
         parser.error(f"no row {', '.join(sorted(unknown))}")
     repeats = given.repeats or (3 if given.quick else 5)
     sizes = rows.Sizes(*map(int, given.sizes.split(","))) if given.sizes else _QUICK if given.quick else _FULL
@@ -53,9 +53,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set: more than one thread may run"),
         "repeats": repeats,
     }
-    found, samples = rows.run(groups, sizes, repeats, given.levels, _say)
-    facts["load average at the start, at the end"] = " and ".join(f"{one[0]:.1f}" for one in (load, os.getloadavg()))
-    facts["minutes"] = round((time.time() - start) / 60, 1)
+    found: list[rows.Row] = []
+    samples: list[Sample] = []
+    # What there is is written at once: the whole takes its time.
+    for found, samples in rows.run(groups, sizes, repeats, given.levels, _say):
+        facts["load average at the start, at the end"] = " and ".join(
+            f"{one[0]:.1f}" for one in (load, os.getloadavg())
+        )
+        facts["minutes"] = round((time.time() - start) / 60, 1)
+        report.write(given.out, found, samples, facts)
     _say("")
     print("\n".join(f"{name}: {value}" for name, value in facts.items()), end="\n\n")
     if sizes != _FULL:
@@ -63,7 +69,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(report.table(found), end="\n\n")
     if samples:
         print(report.information(samples), end="\n\n")
-    report.write(given.out, found, samples, facts)
     report.picture(given.out, found, samples, sizes)
     print(f"written to {given.out}: rows.csv, samples.csv, facts.csv, performance.png")
     return 0

@@ -8,6 +8,7 @@ rank may own none of the facets around it.  A node of two contact boundaries is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -129,3 +130,47 @@ def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int
     local_nodes = np.array(rows, dtype=np.int32).reshape(-1, degree + 1)
     nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
     return np.column_stack((np.full(len(rows), part, dtype=np.int64), nodes))
+
+
+def chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64]]:
+    """Connected pieces of the boundary and the order of the nodes along them.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbers of nodes and ranks.
+    """
+    # Rounded, or round-off would choose among points that are meant to be in line.
+    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[int(part), int(node)] for node in nodes]
+        for a, b in pairwise(path):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    pieces: list[range] = []
+    order: list[int] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    rest = sorted(neighbours, key=key)
+    found: list[list[int]] = []
+    for start in [*ends, *rest]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
+            chain.append(following)
+            seen.add(following)
+        found.append(chain)
+    for chain in sorted(found, key=lambda rows: key(rows[0])):
+        pieces.append(range(len(order), len(order) + len(chain)))
+        order += chain
+    return pieces, np.array(order, dtype=np.int64)

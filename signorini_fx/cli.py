@@ -61,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="say what a scene will do and what will hurt, without solving it")
     check.add_argument("scene", type=Path, help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
+    report.add_argument("folder", type=Path, help="result folder that solve wrote")
+    report.add_argument("--out", type=Path, help="the page (default: report.html in the folder)")
     study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
     study.add_argument("scene", type=Path, help="scene file (TOML) with a mesh from a generator")
     study.add_argument("--out", type=Path, help="folder (default: results/work_precision_NAME of the scene file)")
@@ -114,6 +117,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _schema()
     if options.command in ("convert", "mesh-info"):
         return _mesh_file(options)
+    if options.command == "report":
+        return _report(options)
     from mpi4py import MPI
 
     try:
@@ -254,6 +259,21 @@ def _mesh_file(options: argparse.Namespace) -> int:
         return EXIT_BAD_INPUT
     except BrokenPipeError:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+    return EXIT_OK
+
+
+def _report(options: argparse.Namespace) -> int:
+    """Write the page of a result folder; only one of several processes does."""
+    from signorini_fx.errors import SignoriniError
+    from signorini_fx.report import write_report
+
+    if not _started_as_root():
+        return EXIT_OK
+    try:
+        print(write_report(options.folder, options.out))
+    except SignoriniError as error:
+        print(f"signorini-fx: error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     return EXIT_OK
 
 

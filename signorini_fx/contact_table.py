@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
+from signorini_fx.boundary import chains
 from signorini_fx.quantities import ContactState
 
 
@@ -71,13 +71,13 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     )
     rows = parallel.gather_rows(boundary.comm, local)
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
-    chains, order = _chains(numbers, segments, rows[:, :2])
+    pieces, order = chains(numbers, segments, rows[:, :2])
     rows, part = rows[order], numbers[order, 0]
     x, y, gap, u_n, u_t, pressure, shear, bound, touching, slip, slip_length, n_x, n_y, weight = rows.T
     sliding = np.where(slip > 0, "slip+", np.where(slip < 0, "slip-", "stick"))
     friction = np.where(bound > 0, sliding, "none")
     along = np.zeros(x.size)
-    for chain in chains:
+    for chain in pieces:
         steps = np.hypot(np.diff(x[chain.start : chain.stop]), np.diff(y[chain.start : chain.stop]))
         along[chain.start + 1 : chain.stop] = np.cumsum(steps)
     columns = {
@@ -98,48 +98,4 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "n_y": n_y,
         "weight": weight,
     }
-    return ContactTable(columns, chains)
-
-
-def _chains(
-    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
-) -> tuple[list[range], npt.NDArray[np.int64]]:
-    """Connected pieces of the boundary and the order of the nodes along them.
-
-    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
-    not depend on the numbers of nodes and ranks.
-    """
-    # Rounded, or round-off would choose among points that are meant to be in line.
-    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
-    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
-    for part, *nodes in segments:
-        path = [row_of[int(part), int(node)] for node in nodes]
-        for a, b in pairwise(path):
-            neighbours[a].append(b)
-            neighbours[b].append(a)
-
-    def key(row: int) -> tuple[int, float, float]:
-        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
-
-    chains: list[range] = []
-    order: list[int] = []
-    seen: set[int] = set()
-    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
-    rest = sorted(neighbours, key=key)
-    found: list[list[int]] = []
-    for start in [*ends, *rest]:
-        if start in seen:
-            continue
-        chain = [start]
-        seen.add(start)
-        while (
-            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
-        ) is not None:
-            chain.append(following)
-            seen.add(following)
-        found.append(chain)
-    for chain in sorted(found, key=lambda rows: key(rows[0])):
-        chains.append(range(len(order), len(order) + len(chain)))
-        order += chain
-    return chains, np.array(order, dtype=np.int64)
+    return ContactTable(columns, pieces)

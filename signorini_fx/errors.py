@@ -47,3 +47,7 @@ class ConvergenceError(SignoriniError):
 
 class OutputError(SignoriniError):
     """A result cannot be written."""
+
+
+class ResultError(SignoriniError):
+    """A result folder cannot be read: it is none, or not whole."""

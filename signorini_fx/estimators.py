@@ -31,7 +31,7 @@ class StressRecovery:
         self._displacement = fem.Function(d.space)
         space = fem.functionspace(d.tagged.mesh, ("Lagrange", d.scene.element.degree, (3,)))
         self._recovered = fem.Function(space)
-        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+        z = ufl.TestFunction(space)
         sigma = stress(self._displacement, *d.lame)
         raw = ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
         compiled = d.inventory.compile
@@ -39,7 +39,11 @@ class StressRecovery:
         density = _compliance(self._recovered - raw, *d.lame)
         cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
         self._squares = compiled("stress recovery error", lambda: fem.form(density * cellwise * ufl.dx))
-        mass = fem_petsc.assemble_matrix(compiled("stress mass", lambda: fem.form(ufl.inner(y, z) * ufl.dx)))
+        # The three components share one matrix: dolfinx numbers the nodes of both spaces alike.
+        scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", d.scene.element.degree))
+        assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
+        product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)) * ufl.dx
+        mass = fem_petsc.assemble_matrix(compiled("stress mass", lambda: fem.form(product)))
         mass.assemble()
         d.inventory.matrices.append("stress mass")
         self._ksp = PETSc.KSP().create(self._comm)
@@ -47,7 +51,7 @@ class StressRecovery:
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.getPC().setType(PETSc.PC.Type.JACOBI)
         self._ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
-        self._projection = mass.createVecRight()
+        self._moment, self._component = mass.createVecs()
 
     def error(self, x: PETSc.Vec) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
@@ -58,8 +62,12 @@ class StressRecovery:
         _fill(self._displacement, x)
         moments = fem_petsc.assemble_vector(self._moments)
         moments.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        self._ksp.solve(moments, self._projection)
-        _fill(self._recovered, self._projection)
+        owned = moments.getLocalSize()
+        for k in range(3):
+            self._moment.getArray()[:] = moments.getArray(readonly=True)[k::3]
+            self._ksp.solve(self._moment, self._component)
+            self._recovered.x.array[k:owned:3] = self._component.getArray(readonly=True)
+        self._recovered.x.scatter_forward()
         squares = fem_petsc.assemble_vector(self._squares)
         squares.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         return np.maximum(squares.getArray(), 0.0)

@@ -21,7 +21,7 @@ from dolfinx import default_scalar_type, fem, io
 from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
-from signorini_fx.contact_table import ContactTable
+from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
 from signorini_fx.results import as_rows
@@ -30,7 +30,13 @@ from signorini_fx.summary import summarise
 
 _PART = ".part"
 _SUMMARY = "summary.json"
-_SOMETIMES = ("steps.csv", "contact.csv", "price_list.csv", "price_list.png", "price_list.pdf")
+_SOMETIMES = (
+    *("steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv", "price_list.png", "price_list.pdf"),
+    *(f"{picture}.{ending}" for picture in ("deformed", "profiles", "history") for ending in ("png", "pdf")),
+    *("field_displacement.png", "field_density.png", "report.html"),
+)
+# What changes along the contact boundary from load step to load step.
+_STEP_COLUMNS = ("x", "y", "s", "boundary", "u_n", "u_t", "pressure", "shear", "bound", "state", "friction")
 
 
 def prepare_folder(comm: Any, folder: Path) -> None:
@@ -88,6 +94,7 @@ def write_results(
     steps = summary.get("steps", [])
     if fields:
         summary["fields"] = write_fields(solution, part)
+    along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     gathered = gather_cells(solution) if pictures else None
 
     def write() -> None:
@@ -99,8 +106,9 @@ def write_results(
             if len(steps) > 1:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
-                rows = [dict(zip(table.columns, row, strict=True)) for row in zip(*table.columns.values(), strict=True)]
-                write_csv(part / "contact.csv", rows)
+                write_csv(part / "contact.csv", _rows(table.columns))
+            if along_steps:
+                write_csv(part / "contact_steps.csv", along_steps)
             if gathered is not None:
                 _draw(solution, gathered, table, part)
             text = json.dumps(summary, indent=2, allow_nan=False)
@@ -115,7 +123,7 @@ def write_results(
 
 def _move_into_place(part: Path, folder: Path) -> None:
     (folder / _SUMMARY).unlink(missing_ok=True)
-    for old in _SOMETIMES:  # of an earlier run with other effects
+    for old in _SOMETIMES:  # of an earlier run with other effects, or with pictures
         (folder / old).unlink(missing_ok=True)
     for source in sorted(part.iterdir(), key=lambda path: path.name == _SUMMARY):
         target = folder / source.name
@@ -123,6 +131,22 @@ def _move_into_place(part: Path, folder: Path) -> None:
             shutil.rmtree(target)
         source.replace(target)
     part.rmdir()
+
+
+def _rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Columns of equal length as rows."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
+    """The contact boundary of each load step in turn, step number first; collective."""
+    names = [effect.boundary for effect in solution.scene.contact]
+    found: list[dict[str, Any]] = []
+    for result in solution.steps:
+        if result.contact is not None:
+            columns = contact_table(result.contact, names).columns
+            found += [{"step": result.step, **row} for row in _rows({name: columns[name] for name in _STEP_COLUMNS})]
+    return found
 
 
 def describe(value: Any) -> Any:
@@ -248,8 +272,9 @@ def gather_cells(solution: Solution) -> GatheredCells:
 
 def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
     from signorini_fx import plots  # matplotlib takes a while to import
+    from signorini_fx.pyvista_pictures import draw_fields
 
-    title = solution.scene.title
+    title = plots.plain(solution.scene.title)
     gap = None
     if table is not None:
         c = table.columns
@@ -263,8 +288,11 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
         gap=gap,
         title=title,
     )
+    factor = plots.magnification(gathered.points, gathered.displacement)
+    draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
     if table is not None:
         plots.boundary_profiles(folder / "profiles", table.columns, title=title)
+    if solution.history.iterations:
         plots.iteration_history(folder / "history", as_rows(solution.history.iterations))
     if solution.price_list:
         plots.price_list(folder / "price_list", as_rows(solution.price_list), title=title)

@@ -10,9 +10,14 @@ from petsc4py import PETSc
 PREFIX = "sfx_"
 
 
+# These only watch.
+_WATCHING = ("monitor", "view", "converged_reason")
+
+
 def user_sets(start: str) -> bool:
-    """Whether the user has set any option whose name begins with ``start`` (without the prefix)."""
-    return any(name.startswith(PREFIX + start) for name in PETSc.Options().getAll())
+    """Whether the user has set any option whose name begins with ``start`` (without the prefix), but to watch."""
+    names = (name for name in PETSc.Options().getAll() if name.startswith(PREFIX + start))
+    return any(not any(word in name for word in _WATCHING) for name in names)
 
 
 @contextmanager

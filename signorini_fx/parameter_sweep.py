@@ -18,7 +18,7 @@ from signorini_fx.problem import ContactProblem
 from signorini_fx.quantities import Certificate, ContactState, Forces, certify
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
-from signorini_fx.solver import contact_state, contact_task
+from signorini_fx.solver import contact_task
 from signorini_fx.strategy import run
 
 
@@ -96,7 +96,7 @@ def sweep(
         if coefficients is not None and law is not None:
             task.law = replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0))
         status = run(task)
-        contact = contact_state(task)
+        contact = task.contact()
         x = task.answer.x.copy()
         points.append(
             SweepPoint(value, status, contact, history.linear_solves - before, discretisation, task.problem, x, load)

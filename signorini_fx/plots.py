@@ -1,7 +1,8 @@
 """Pictures from plain arrays: deformed mesh, curves along the contact boundary, course of the iteration.
 
 Nothing here knows of dolfinx or ranks: call it on one rank.  Every picture is written twice, ``stem.png`` to look at
-and ``stem.pdf`` to print.  It stays readable in black and white: line styles and lightness carry what the colours do.
+and ``stem.pdf`` to print, unless ``suffixes`` asks for others, as a page does for ``.svg``.  It stays readable in black
+and white: line styles and lightness carry what the colours do.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap
@@ -33,6 +35,7 @@ _TEXT_COLUMNS = frozenset({"boundary", "friction", "state", "status"})
 
 _PNG_DPI = 160
 _PDF_DPI = 300  # of what is rasterised in the PDF
+_BOTH = (".png", ".pdf")
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _INK, _MUTED, _RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
 _BLUE, _ORANGE = "#0072b2", "#e69f00"
@@ -78,6 +81,7 @@ _STYLE: dict[str, Any] = {
     "legend.borderaxespad": 0.2,
     "legend.labelspacing": 0.3,
     "pdf.fonttype": 42,
+    "svg.hashsalt": "signorini_fx",  # the same data give the same identifiers
     "text.color": _INK,
 }
 
@@ -110,6 +114,11 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
         except ValueError:
             pass
     return np.array(entries, dtype=np.str_)
+
+
+def plain(text: str) -> str:
+    """A user's text for a picture: dollar signs are no mathematics."""
+    return text.replace("$", r"\$")
 
 
 def magnification(points: Floats, displacement: Floats) -> float:
@@ -345,7 +354,14 @@ class _Boundary:
         return [str(key) for key in np.where(acts, friction if of_friction else state, without)]
 
 
-def boundary_profiles(path_stem: str | Path, table: Table, *, title: str = "") -> None:
+def boundary_profiles(
+    path_stem: str | Path,
+    table: Table,
+    *,
+    title: str = "",
+    sides: Sequence[str] = ("friction", "contact"),
+    suffixes: Sequence[str] = _BOTH,
+) -> None:
     """Draw the curves along the contact boundary, as in Figures 3 and 4 of the paper, one row a boundary.
 
     Left: shear stress mu, its bounds and the tangential displacement.  Right: contact pressure lambda, rigid foundation
@@ -359,6 +375,8 @@ def boundary_profiles(path_stem: str | Path, table: Table, *, title: str = "") -
         table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
             u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
         title: what to say above the picture.
+        sides: which of the two panels to draw.
+        suffixes: of the files to write.
 
     Raises:
         ValueError: the table has no rows.
@@ -366,7 +384,8 @@ def boundary_profiles(path_stem: str | Path, table: Table, *, title: str = "") -
     boundaries = _boundaries(table)
     if not boundaries:
         raise ValueError("the contact table has no rows")
-    sides = ["friction", "contact"] if any(boundary.has_friction for boundary in boundaries) else ["contact"]
+    if not any(boundary.has_friction for boundary in boundaries):
+        sides = ["contact"]
     with mpl.rc_context(_STYLE):
         size = (7.2 if len(sides) == 2 else 4.4, 2.95 * len(boundaries) + 0.4)
         figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
@@ -391,7 +410,7 @@ def boundary_profiles(path_stem: str | Path, table: Table, *, title: str = "") -
             if state in seen
         ]
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
-        _finish(figure, path_stem, title)
+        _finish(figure, path_stem, title, suffixes)
 
 
 def _boundaries(table: Table) -> list[_Boundary]:
@@ -405,12 +424,12 @@ def _boundaries(table: Table) -> list[_Boundary]:
         # The arc length starts again at 0 with each connected piece.
         starts = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(s) <= 0))]
         if np.ptp(y) <= 1e-9 * np.ptp(x):
-            found.append(_Boundary(name, columns, x, "$x_1$", starts))
+            found.append(_Boundary(plain(name), columns, x, "$x_1$", starts))
         else:
             before = np.zeros_like(s)
             for start in starts[1:]:
                 before[start:] += s[start - 1]
-            found.append(_Boundary(name, columns, s + before, "arc length $s$", starts))
+            found.append(_Boundary(plain(name), columns, s + before, "arc length $s$", starts))
     return found
 
 
@@ -505,7 +524,13 @@ def _state_strip(axes: Axes, boundary: _Boundary, states: list[str], name: str) 
     axes.set_ylabel(name, rotation=0, ha="right", va="center")
 
 
-def iteration_history(path_stem: str | Path, rows: Sequence[Mapping[str, Any]] | Table, *, title: str = "") -> None:
+def iteration_history(
+    path_stem: str | Path,
+    rows: Sequence[Mapping[str, Any]] | Table,
+    *,
+    title: str = "",
+    suffixes: Sequence[str] = _BOTH,
+) -> None:
     """Draw the course of the iteration against the linear solves: sizes of the active sets, changed nodes, residual.
 
     Args:
@@ -513,6 +538,7 @@ def iteration_history(path_stem: str | Path, rows: Sequence[Mapping[str, Any]] |
         rows: one mapping a linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
         title: what to say above the picture.
+        suffixes: of the files to write.
 
     Raises:
         ValueError: there are no rows.
@@ -553,7 +579,7 @@ def iteration_history(path_stem: str | Path, rows: Sequence[Mapping[str, Any]] |
         lower.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         _mark_outer(upper, lower, solve, data["outer"], firsts)
         figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=3)
-        _finish(figure, path_stem, title)
+        _finish(figure, path_stem, title, suffixes)
 
 
 _QUANTITIES = {
@@ -564,13 +590,16 @@ _QUANTITIES = {
 }
 
 
-def price_list(path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "") -> None:
+def price_list(
+    path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = _BOTH
+) -> None:
     """Estimated errors against the time that they cost, one point a mesh; the next mesh as an open marker.
 
     Args:
         path_stem: the files without their ending.
         rows: the rows of price_list.csv, coarsest mesh first, the predicted one last.
         title: what was solved.
+        suffixes: of the files to write.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(4.6, 3.3), layout=ConstrainedLayoutEngine())
@@ -590,7 +619,117 @@ def price_list(path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, titl
         axes.set_ylabel("estimated relative error")
         axes.grid(visible=True, which="major", color=_RULE, linewidth=0.4)
         axes.legend()
-        _finish(figure, path_stem, title)
+        _finish(figure, path_stem, title, suffixes)
+
+
+def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes: Sequence[str] = _BOTH) -> None:
+    """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
+
+    Args:
+        path_stem: where to write, without suffix.
+        steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
+        title: what to say above the picture.
+        suffixes: of the files to write.
+    """
+    names = ("contact_force_x", "contact_force_y", "friction_force_x", "friction_force_y")
+    forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
+    scale = _largest(*forces.values())
+    power = _readable(scale)
+    styles = (_MULTIPLIER, _MULTIPLIER | {"color": _MUTED}, _MOTION, _MOTION | {"color": _ORANGE})
+    friction = max(names[2:], key=lambda name: _largest(forces[name]))
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(4.4, 4.6), layout="constrained")
+        upper, lower = figure.subplots(2, 1)
+        for name, style in zip(names, styles, strict=True):
+            if _largest(forces[name]) > 1e-6 * scale:  # what is left by symmetry and round-off is not shown
+                kind, _, axis = name.rpartition("_")
+                label = f"{kind.replace('_', ' ')}, {'first' if axis == 'x' else 'second'} component"
+                upper.plot(steps["step"], forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
+        upper.set(xlabel="load step", ylabel=f"force per thickness{_times(power)}")
+        upper.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        motion = np.asarray(steps["mean_tangential_displacement"], dtype=np.float64)
+        out = _readable(_largest(motion))
+        lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **_MULTIPLIER)
+        lower.set(
+            xlabel=f"mean tangential displacement{_times(out)}", ylabel=f"{friction.replace('_', ' ')}{_times(power)}"
+        )
+        lower.locator_params(axis="x", nbins=6)
+        for axes in (upper, lower):
+            axes.axhline(0.0, color=_RULE, linewidth=0.6, zorder=0)
+        _finish(figure, path_stem, title, suffixes)
+
+
+_MOST_FRAMES = 120
+_GIF_DPI = 110
+_FRAMES_A_SECOND = 4
+
+
+def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
+    """Write a GIF of pressure, shear and states along the contact boundary, one frame a load step.
+
+    Scales stay the same from frame to frame.  Of more than 120 steps every second, third, ... is shown, and the last.
+
+    Args:
+        path: the file.
+        table: columns of ``contact_steps.csv``, each of shape (n,): those of ``contact.csv`` that
+            ``boundary_profiles`` needs but for the lengths, and ``step``.
+        title: what to say above the picture.
+
+    Raises:
+        ValueError: the table has no rows.
+    """
+    numbers = np.asarray(table["step"], dtype=np.float64)
+    steps = np.unique(numbers)
+    if not steps.size:
+        raise ValueError("the table has no load steps")
+    stride = math.ceil(steps.size / _MOST_FRAMES)
+    stresses = [np.asarray(table[name], dtype=np.float64) for name in ("pressure", "shear")]
+    power = _readable(_largest(*stresses))
+    every = np.concatenate([column[np.isfinite(column)] for column in stresses]) * 10.0**power
+    low, high = float(every.min(initial=0.0)), float(every.max(initial=0.0))
+    margin = 0.06 * (high - low) or 1.0
+    with mpl.rc_context(_STYLE):
+        count = len(dict.fromkeys(table["boundary"]))
+        figure = Figure(figsize=(4.4, 2.5 * count + 0.5), layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03))
+        grid = figure.add_gridspec(2 * count, 1, height_ratios=[1, 0.07] * count)
+        panels = []
+        for i in range(count):
+            panel = figure.add_subplot(grid[2 * i])
+            panels.append((panel, figure.add_subplot(grid[2 * i + 1], sharex=panel)))
+        used = {key for boundary in _boundaries(table) for key in boundary.states(of_friction=False)}
+        patches = [
+            Patch(facecolor=color, edgecolor=_MUTED, linewidth=0.5, label=label)
+            for key, (color, label) in _STATES.items()
+            if key in used
+        ]
+        figure.legend(handles=patches, loc="outside lower center", ncols=max(1, len(patches)), handlelength=1.6)
+        heading = figure.suptitle(" ", fontsize=9)
+        writer = PillowWriter(fps=_FRAMES_A_SECOND)
+        with writer.saving(figure, str(path), _GIF_DPI):
+            for step in (*steps[:-1:stride], steps[-1]):
+                here = {name: np.asarray(column)[numbers == step] for name, column in table.items()}
+                for (panel, strip), boundary in zip(panels, _boundaries(here), strict=True):
+                    panel.clear()
+                    strip.clear()
+                    _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
+                    panel.set_ylim(low - margin, high + margin)
+                    _state_strip(strip, boundary, boundary.states(of_friction=False), "")
+                heading.set_text(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}")
+                writer.grab_frame()
+                figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
+
+
+def _stress_panel(axes: Axes, boundary: _Boundary, power: int, name: str) -> None:
+    """Pressure, shear and its bounds, one scale for all."""
+    pressure, shear, bound = (boundary.floats(key) * 10.0**power for key in ("pressure", "shear", "bound"))
+    if boundary.has_friction:
+        boundary.draw(axes, bound, **_LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
+        boundary.draw(axes, -bound, **_LIMIT)
+        boundary.draw(axes, shear, **_MOTION, label=r"shear stress $\mu$")
+    boundary.draw(axes, pressure, **_MULTIPLIER, label=r"contact pressure $\lambda$")
+    _finish_panel(axes, boundary, name, [pressure, shear], math.inf)
+    axes.set_ylabel(f"stress{_times(power)}")
 
 
 def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: npt.NDArray[np.intp]) -> None:
@@ -625,11 +764,13 @@ def _number(value: float) -> str:
     return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits}\cdot 10^{{{int(power)}}}"
 
 
-def _finish(figure: Figure, path_stem: str | Path, title: str) -> None:
-    """Title the figure and write PNG and PDF; without dates, so that the same data give the same files."""
+def _finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = _BOTH) -> None:
+    """Title the figure and write it; without dates, so that the same data give the same files."""
     if title:
         figure.suptitle(title, x=0.012, ha="left", fontsize=9)
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(stem.with_name(f"{stem.name}.png"), dpi=_PNG_DPI)
-    figure.savefig(stem.with_name(f"{stem.name}.pdf"), dpi=_PDF_DPI, metadata={"CreationDate": None})
+    dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    for suffix in suffixes:
+        dpi = _PNG_DPI if suffix == ".png" else _PDF_DPI
+        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, metadata=dateless.get(suffix))

@@ -16,11 +16,8 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.problem import ROUND_OFF
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY
 
-# A violation above this share of the solution's own scale refuses the certificate.
-CERTIFICATE_TOLERANCE = 1e-6
-# A body that moves by so many times its size is no small deformation, and its figures are round-off.
-FAR_AWAY = 1e3
 # Contact stresses below this share of the mean stress in the body are not told from zero.
 _FAINT = 1e-3
 

@@ -11,6 +11,11 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+# A violation above this share of the solution's own scale refuses the certificate.
+CERTIFICATE_TOLERANCE = 1e-6
+# A body that moves by so many times its size is no small deformation, and its figures are round-off.
+FAR_AWAY = 1e3
+
 
 class Status(Enum):
     """How a solve ended.  Every member carries the sentence that tells the user what to do."""

@@ -316,7 +316,8 @@ class SolverSettings(_Model):
         sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
             slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
         initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
-            problem; a box or an expression (true or > 0): a patch that is forced into contact.
+            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all, but
+            where a condensed system has more than 300 contact nodes the problem is solved on fewer of them first.
         gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
         gamma_factor: alm with given friction: growth of gamma from one problem to the next.
         inner_iterations: alm with given friction: linear solves allowed for one problem (inexact); ``auto``: until its
@@ -339,7 +340,7 @@ class SolverSettings(_Model):
     gamma_n: Automatic = "auto"
     gamma_t: Automatic = "auto"
     sigma: Automatic = "auto"
-    initial_contact: Box | Literal["all"] | Value = "all"
+    initial_contact: Box | Literal["auto", "all"] | Value = "auto"
     gamma_first: Automatic = "auto"
     gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
@@ -353,7 +354,7 @@ class SolverSettings(_Model):
     @field_validator("initial_contact", mode="before")
     @classmethod
     def _region(cls, given: Any) -> Any:
-        if given == "all" or isinstance(given, Box):
+        if given in ("auto", "all") or isinstance(given, Box):
             return given
         return Box.model_validate(given) if isinstance(given, Mapping) else _value(given)
 

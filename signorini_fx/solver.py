@@ -11,11 +11,10 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import options, parallel
+from signorini_fx import boundary_levels, options, parallel
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import slip_multiplier, slip_of
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError
@@ -169,7 +168,7 @@ def _with_larger_gamma(scene: Scene, task: Task, excess: float) -> Scene:
 
 
 def _level_result(level: int, solution: Solution, task: Task, own: list[IterationRecord]) -> LevelResult:
-    """What a mesh is worth and what it took; one stress recovery and two back substitutions, collective."""
+    """What a mesh is worth and what it took; one stress recovery and a back substitution or two, collective."""
     seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
@@ -214,8 +213,10 @@ def _solve_mesh(
     with timings.phase("condense"):
         task = contact_task(discretisation, discretisation.boundary, history)
     if state is not None:
-        sets, start = carry_over(state, discretisation.boundary)
-        task.first_sets, task.first_iteration, task.start = sets, 1, start
+        task.begin_from(*carry_over(state, discretisation.boundary))
+    elif boundary_levels.worthwhile(task):
+        with timings.phase("iterate"):
+            boundary_levels.start_from_few_nodes(task)
     return _solve_contact(discretisation, task, timings), task
 
 
@@ -231,7 +232,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
             status = run(task)
         with timings.phase("certify"):
             displacement = discretisation.function(task.displacement())
-            contact = contact_state(task)
+            contact = task.contact()
             forces = Forces.of(discretisation, displacement, step)
             certificate = certify(discretisation, displacement, forces, contact)
             if status is Status.CONVERGED and not certificate.holds:
@@ -364,27 +365,3 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
 
     return share
-
-
-def contact_state(task: Task) -> ContactState:
-    """The contact nodes of this rank as the answer of a task has them."""
-    problem, newton = task.problem, task.answer
-    sets, data = problem.sets, problem.data
-    u_n, u_t = problem.traces(newton.x)
-    pressure, shear = newton.multipliers()
-    return ContactState(
-        boundary=task.boundary,
-        gap=data.gap,
-        u_n=u_n,
-        u_t=u_t,
-        pressure=pressure,
-        shear=shear,
-        # Of the law itself: the iteration may have stopped with the bound of the pressure before.
-        bound=np.zeros_like(pressure) if not data.has_friction or task.law is None else task.law.bound(pressure),
-        in_contact=sets.contact,
-        slip=sets.slip,
-        has_friction=data.has_friction,
-        bilateral=np.zeros(task.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
-        slip_length=slip_of(u_t, data),
-        xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
-    )

@@ -22,12 +22,20 @@ from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.complementarity import (
+    ActiveSets,
+    FrictionLaw,
+    Nodal,
+    RegularisedData,
+    slip_multiplier,
+    slip_of,
+)
 from signorini_fx.exact import ExactProblem
 from signorini_fx.holding import balance_exists
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem import ContactProblem, RegularisedProblem
+from signorini_fx.quantities import ContactState
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import SolverSettings
@@ -125,6 +133,33 @@ class Task:
     def displacement(self) -> PETSc.Vec:
         """All displacement dofs of the answer."""
         return self.problem.system.displacement(self.answer.x)
+
+    def contact(self) -> ContactState:
+        """The contact nodes of this rank as the answer has them."""
+        problem = self.problem
+        sets, data = problem.sets, problem.data
+        u_n, u_t = problem.traces(self.answer.x)
+        pressure, shear = self.answer.multipliers()
+        return ContactState(
+            boundary=self.boundary,
+            gap=data.gap,
+            u_n=u_n,
+            u_t=u_t,
+            pressure=pressure,
+            shear=shear,
+            # Of the law itself: the iteration may have stopped with the bound of the pressure before.
+            bound=np.zeros_like(pressure) if not data.has_friction or self.law is None else self.law.bound(pressure),
+            in_contact=sets.contact,
+            slip=sets.slip,
+            has_friction=data.has_friction,
+            bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
+            slip_length=slip_of(u_t, data),
+            xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
+        )
+
+    def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:
+        """Start from sets and (lambda, mu) that another mesh, or fewer contact nodes, have led to."""
+        self.first_sets, self.first_iteration, self.start = sets, 1, start
 
     def restart(self, step: int, scale: float = 1.0) -> None:
         """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""

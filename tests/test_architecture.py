@@ -7,8 +7,12 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parent.parent / "signorini_fx"
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "signorini_fx"
 MODULES = sorted(PACKAGE.rglob("*.py"))
+sys.path.insert(0, str(ROOT / "docs"))
+
+import architecture  # noqa: E402
 
 
 def imports(path, *, everywhere):
@@ -63,7 +67,44 @@ def test_algorithms_and_linear_algebra_are_strangers():
         assert not uses(file, "signorini_fx.algorithms"), file.name
 
 
-@pytest.mark.parametrize("module", ["scene", "expressions", "errors", "results"])
+LEVEL_OF = {
+    module: number for number, level in enumerate(architecture.LEVELS) for layer in level for module in layer.modules
+}
+LAYER_OF = {module: layer.name for level in architecture.LEVELS for layer in level for module in layer.modules}
+
+
+def test_every_module_has_a_layer():
+    """One each; a new module goes into LEVELS of docs/architecture.py."""
+    named = [module for level in architecture.LEVELS for layer in level for module in layer.modules]
+    assert sorted(named) == sorted(architecture.files())
+
+
+def test_imports_point_down():
+    """To lower layers, or within one; two layers on one level do not know each other."""
+    graph = architecture.graph()
+    assert graph["forms"] == {"material"}
+    assert {"scene", "mesh", "linalg.full"} <= graph["solver"]
+    for module, used in graph.items():
+        for other in used:
+            same = LAYER_OF[module] == LAYER_OF[other]
+            assert same or LEVEL_OF[module] < LEVEL_OF[other], f"{module} imports {other}"
+
+
+def test_imports_run_in_no_circle():
+    """Modules can be read in an order in which nothing is used before it is explained."""
+    rest = architecture.graph()
+    while rest:
+        free = {module for module, used in rest.items() if not used & rest.keys()}
+        assert free, f"these import each other: {sorted(rest)}"
+        rest = {module: used for module, used in rest.items() if module not in free}
+
+
+def test_the_picture_is_of_today():
+    """Run ./env python3 docs/architecture.py where it is not."""
+    assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawn()
+
+
+@pytest.mark.parametrize("module", ["scene", "expressions", "errors", "results", "report"])
 def test_scenes_need_no_solver(module):
     """A scene can be read and checked without dolfinx, PETSc, MPI or UFL."""
     heavy = ("dolfinx", "petsc4py", "mpi4py", "ufl", "basix", "gmsh", "signorini_fx.mesh", "signorini_fx.parallel")

@@ -35,7 +35,7 @@ from signorini_fx.template import starting_scene
 ROOT = Path(__file__).parent.parent
 README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"
 THEORY, GLOSSARY = ROOT / "docs" / "theory.md", ROOT / "docs" / "glossary.md"
-PAGES = sorted([README, ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
 MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
 
 
@@ -192,6 +192,50 @@ def test_links(page):
         assert file.is_relative_to(ROOT), target
         if anchor:
             assert anchor in anchors(file), target
+
+
+def test_contributing():
+    """What it names is there: files, and targets of make."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    folders = (ROOT, ROOT / "signorini_fx", ROOT / "signorini_fx" / "algorithms")
+    for name in set(re.findall(r"`([\w./]+\.(?:py|md|toml))`", text)):
+        assert any((folder / name).is_file() for folder in folders), name
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"`make ([a-z-]+)`|^make ([a-z-]+) ", text, re.MULTILINE))
+    assert {name for pair in targets for name in pair if f"\n{name}:" not in makefile and name} == set()
+
+
+def test_hooks_are_the_commands_of_ci():
+    """pre-commit runs what .ci/run runs."""
+    hooks = re.findall(r"entry: (.+)", (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    commands = re.findall(r"^make .+", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    assert hooks == commands
+    assert hooks
+
+
+def test_one_version():
+    """The package's, and nowhere another one."""
+    version = signorini_fx.__version__
+    assert re.fullmatch(r"\d+\.\d+\.\d+", version)
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert version in headings[:2]
+    assert headings[0] in (version, "Unreleased")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert "version" not in project["project"]
+    assert project["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "signorini_fx.__version__"
+
+
+def test_everything_is_shipped():
+    """Files that are no Python, py.typed among them, and all packages."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    package = ROOT / "signorini_fx"
+    others = [file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+    data = {file.name for file in others if file.suffix != ".py"}
+    assert "py.typed" in data
+    assert set(settings["package-data"]["signorini_fx"]) == data
+    folders = {".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")}
+    assert set(settings["packages"]) == folders | {"signorini_fx.meshes"}
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------

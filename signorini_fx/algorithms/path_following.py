@@ -18,9 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
 from signorini_fx.results import Status
+
+# Below this share of gamma the pole is left out: it changes the distance by no more.
+_NO_POLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class PathModel:
 
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
-    """Fit the model at the solution that ``newton`` holds; two back substitutions, collective."""
+    """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
@@ -67,15 +71,20 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         return force
 
     ksp = newton.snes.getKSP()
-    first, second = newton.x.duplicate(), newton.x.duplicate()
+    first, stretched = newton.x.duplicate(), newton.x.duplicate()
     nothing = np.zeros_like(data.gap)
     ksp.solve(-contact_force(newton.x, data.gap, origin), first)
-    ksp.solve(-2.0 * contact_force(first, nothing, nothing), second)
-    stretched = first.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
-    curvature = -stretched.dot(second)
-    reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    reach = data.gamma_n
+    # The pole is a mean stiffness that the contact nodes meet, below the largest one; it may be too small to matter.
+    stiffness = system.matrix.getDiagonal().getArray(readonly=True)[system.contact_dofs].max(axis=1, initial=0.0)
+    largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
+    if largest > _NO_POLE * data.gamma_n:
+        second = newton.x.duplicate()
+        ksp.solve(-2.0 * contact_force(first, nothing, nothing), second)
+        curvature = -stretched.dot(second)
+        reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, _ = boundary.traces(newton.x.getArray(readonly=True)[system.contact_dofs])
     slope_n, _ = boundary.traces(first.getArray(readonly=True)[system.contact_dofs])

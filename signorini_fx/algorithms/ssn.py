@@ -114,6 +114,7 @@ class SemismoothNewton:
         problem.assemble_jacobian(snes, x, jacobian)
         moved = problem.moved if self._may_keep or problem.moved == 0 else None
         self._factorised = not problem.system.keep_factor(snes.getKSP(), moved)
+        self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
         # SNES decides on the factor after this callback: -2 renews it once, -1 keeps it.
@@ -146,7 +147,7 @@ class SemismoothNewton:
         self._status: Status | None = None
         limit = min(self._max_iterations, max_iterations or self._max_iterations)
         self.snes.setTolerances(max_it=limit)
-        self._may_keep = True
+        self._may_keep, self._loosened = True, False
         try:
             with options.defaults(self.problem.system.solver_defaults):
                 status = self._run(data, limit)
@@ -160,10 +161,10 @@ class SemismoothNewton:
         return status
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; once more with factors of its own where an old one did not serve."""
+        """Let SNES iterate; once more with exact linear solves where old factors or loose ones did not serve."""
         self.snes.solve(None, self.x)
         status = self._status or self._reason()
-        while status is Status.LINEAR_SOLVER and not self._factorised and self._may_keep:
+        while self._may_keep and self._unreliable(status):
             self._may_keep = False
             self._seen.clear()
             done = self.history.linear_solves - self._before
@@ -173,6 +174,12 @@ class SemismoothNewton:
             self.snes.solve(None, self.x)
             status = self._status or self._reason()
         return status
+
+    def _unreliable(self, status: Status) -> bool:
+        """Whether a failure may be that of a linear solve that was cheaper than an exact one."""
+        if status is Status.LINEAR_SOLVER:
+            return not self._factorised
+        return status is Status.CYCLING and self._loosened
 
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""

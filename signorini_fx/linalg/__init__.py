@@ -41,6 +41,10 @@ class ElasticSystem(Protocol):
     def unsymmetric(self) -> bool:
         """Whether its linear solver can take an unsymmetric tangent."""
 
+    @property
+    def inexact(self) -> bool:
+        """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks, whose operators it has already.
 

@@ -78,6 +78,11 @@ class CondensedSystem:
         """None."""
         return {}
 
+    @property
+    def inexact(self) -> bool:
+        """Never: dense."""
+        return False
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK."""
         ksp.setType(PETSc.KSP.Type.PREONLY)

@@ -42,6 +42,8 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
     return next((package for package in candidates if has_package(package, kind)), "petsc")
 
 
+# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
+_FEW_RANKS = 4
 # MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
@@ -51,6 +53,8 @@ _LAG = 4
 _LAGGED_STEPS = 20
 _LAGGED_TOLERANCE = 1e-12
 _KRYLOV_TOLERANCE = 1e-11
+# While the sets still change a linear solve need not be exact: inexact Newton.
+_LOOSE_TOLERANCE = 1e-3
 
 
 @dataclass
@@ -59,6 +63,7 @@ class FullSystem:
 
     Attributes:
         krylov: solve by a Krylov method with algebraic multigrid instead of a factorisation.
+        inexact: whether the last solve was a loose one.
     """
 
     comm: MPI.Comm
@@ -70,6 +75,7 @@ class FullSystem:
     contact_dofs: npt.NDArray[np.int32]
     cases: tuple[LoadCase, ...]
     krylov: bool = False
+    inexact: bool = False
 
     @property
     def unsymmetric(self) -> bool:
@@ -115,11 +121,18 @@ class FullSystem:
     @property
     def solver_defaults(self) -> dict[str, str]:
         """For MUMPS and CHOLMOD, which read their options when they factorise."""
-        return {} if self.krylov else dict(_FACTOR_DEFAULTS)
+        if self.krylov:
+            return {}
+        ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= _FEW_RANKS else {}
+        return {**_FACTOR_DEFAULTS, **ordering}
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
-        if self.krylov or options.user_sets("ksp_") or options.user_sets("pc_"):
+        if options.user_sets("ksp_") or options.user_sets("pc_"):
+            return moved == 0
+        if self.krylov:
+            self.inexact = moved is not None and moved > 0
+            ksp.setTolerances(rtol=_LOOSE_TOLERANCE if self.inexact else _KRYLOV_TOLERANCE)
             return moved == 0
         kept = moved is not None and moved <= _LAG
         if kept and moved != 0:

@@ -45,6 +45,11 @@ class RotatedSystem:
         """As the system that is turned."""
         return self.inner.solver_defaults
 
+    @property
+    def inexact(self) -> bool:
+        """As the system that is turned."""
+        return self.inner.inexact
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """As the system that is turned."""
         self.inner.configure(ksp, symmetric=symmetric)

@@ -1,0 +1,99 @@
+"""A condensed elastic system with fewer contact nodes, by Galerkin's method: the other nodes are interpolated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.linalg import ElasticSystem
+
+
+@dataclass
+class CoarsenedSystem:
+    """See ``ElasticSystem``: x = P x_c, A_c = P^T A P, b_c = P^T b; dense, one rank."""
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
+    contact_dofs: npt.NDArray[np.int32]
+    inner: ElasticSystem
+    prolongation: Any
+    kept: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(
+        cls,
+        system: ElasticSystem,
+        prolongation: Any,
+        kept: npt.NDArray[np.int32],
+        contact_dofs: npt.NDArray[np.int32],
+    ) -> CoarsenedSystem:
+        """Coarsen a system with a dense matrix.
+
+        Args:
+            system: the finer one.
+            prolongation: P, scipy sparse, shape (fine dofs, coarse dofs).
+            kept: the fine dof that each coarse one is, shape (coarse dofs,).
+            contact_dofs: as in ``ElasticSystem``, of the coarse system.
+        """
+        # A is symmetric, so that both products are of a sparse and a dense matrix.
+        half = prolongation.T @ system.matrix.getDenseArray(readonly=True)
+        dense = np.asfortranarray(prolongation.T @ half.T)
+        matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)
+        matrix.assemble()
+        load, start = matrix.createVecRight(), matrix.createVecRight()
+        coarse = cls(
+            system.comm, matrix, load, start, system.fixed[kept], contact_dofs, system, prolongation.tocsr(), kept
+        )
+        coarse._restrict()
+        return coarse
+
+    def _restrict(self) -> None:
+        self.load.getArray()[:] = self.prolongation.T @ self.inner.load.getArray(readonly=True)
+        self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.kept]
+
+    @property
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """As the finer system: interpolation keeps rigid motions."""
+        return self.inner.resultant
+
+    @property
+    def unsymmetric(self) -> bool:
+        """As the finer system."""
+        return self.inner.unsymmetric
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """As the finer system."""
+        return self.inner.solver_defaults
+
+    @property
+    def inexact(self) -> bool:
+        """As the finer system."""
+        return self.inner.inexact
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """As the finer system."""
+        self.inner.configure(ksp, symmetric=symmetric)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+        """As the finer system."""
+        return self.inner.keep_factor(ksp, moved)
+
+    def set_step(self, step: int, scale: float = 1.0) -> None:
+        """As the finer system."""
+        self.inner.set_step(step, scale)
+        self._restrict()
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """That of the finer system at P x_c."""
+        fine = self.inner.load.duplicate()
+        fine.getArray()[:] = self.prolongation @ x.getArray(readonly=True)
+        return self.inner.displacement(fine)

@@ -1,0 +1,110 @@
+"""A condensed problem is solved on few contact nodes first: the same answer, from fewer solves on all of them."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1, on_mesh, rectangle, table_of
+
+from signorini_fx import boundary_levels
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Timings
+from signorini_fx.scene import parse_scene
+from signorini_fx.solver import contact_task
+
+LONG = {"nx": 600, "ny": 12, "linear_algebra": "condensed"}
+
+
+def task_of(scene):
+    """The contact problem of a scene, not yet solved."""
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    return contact_task(discretisation, discretisation.boundary, History())
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"bound": 1.5},
+        {"coefficient": 0.3, "coulomb": "fp"},
+        {"coefficient": 0.3, "coulomb": "newton"},
+        {},
+        {"bound": 1.5, "algorithm": "exact"},
+        {"bound": 1.5, "degree": 2, "nx": 300},
+    ],
+    ids=lambda effects: ", ".join(map(str, effects.values())) or "no friction",
+)
+def test_same_answer_from_fewer_solves(effects):
+    """Both starts end in the same pressure and shear, one of them with at most five solves on all nodes."""
+    settings = LONG | effects
+    plain, nested = (alone(example1(**settings, patch=start)) for start in ("all", "auto"))
+    for name in ("pressure", "shear"):
+        ours, theirs = table_of(nested).columns[name], table_of(plain).columns[name]
+        assert np.abs(ours - theirs).max() <= 3e-7 * table_of(plain).columns["pressure"].max()
+    assert nested.certificate.holds
+    assert nested.history.linear_solves <= min(6, plain.history.linear_solves / 2)
+    assert [event.split(":")[0] for event in nested.history.events][-3:] == [
+        f"{n} contact nodes first" for n in (76, 151, 301)
+    ]
+    assert not plain.history.events
+
+
+def test_few_nodes_start_as_in_the_paper():
+    """The examples of the paper keep the iteration of the paper; a start that is given is taken."""
+    assert not alone(example1(bound=1.5, nx=120, ny=40)).history.events
+    assert not boundary_levels.worthwhile(task_of(example1(bound=1.5, patch={"x": [1.0, 2.0]}, **LONG)))
+    assert not boundary_levels.worthwhile(task_of(example1(bound=1.5, patch="auto", algorithm="alm", **LONG)))
+    assert boundary_levels.worthwhile(task_of(example1(bound=1.5, patch="auto", **LONG)))
+
+
+def test_coarse_matrix_is_galerkins():
+    """P^T S P, P^T b and the length of the boundary, with P linear between every second node."""
+    task = task_of(example1(bound=1.5, nx=24, ny=4, linear_algebra="condensed"))
+    level = boundary_levels._coarser(boundary_levels._finest(task))
+    fine, coarse = task.boundary, level.boundary
+    order = np.argsort(coarse.x[:, 0])
+    np.testing.assert_allclose(coarse.x[order, 0], np.linspace(0, 3, 13), atol=1e-12)
+    hat = np.array([np.interp(fine.x[:, 0], coarse.x[order, 0], unit) for unit in np.eye(13)])
+    hat = hat[np.argsort(order)]
+    dense, reduced = task.system.matrix.getDenseArray(), level.system.matrix.getDenseArray()
+    fixed = level.system.fixed
+    for component, free in ((0, ~fixed[0::2]), (1, ~fixed[1::2])):
+        rows = task.system.contact_dofs[:, component]
+        expected = hat @ dense[np.ix_(rows, rows)] @ hat.T
+        found = reduced[component::2, component::2]
+        inside = np.ix_(free, free)
+        # The prescribed ends are interpolated from nothing, and nothing from them: they count for themselves alone.
+        np.testing.assert_allclose(found[inside], expected[inside], rtol=1e-12, atol=1e-9 * abs(dense).max())
+        load = hat @ task.system.load.getArray()[rows]
+        np.testing.assert_allclose(level.system.load.getArray()[component::2][free], load[free], atol=1e-12)
+    np.testing.assert_allclose(coarse.weight.sum(), 3.0, rtol=1e-14)
+    np.testing.assert_allclose(coarse.weight, hat @ fine.weight, atol=1e-15)
+
+
+def test_two_boundaries_with_a_common_node():
+    """A block pressed into the corner of two foundations: the corner node stays, with both its normals."""
+    scene = parse_scene(
+        {
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "y": -1.0}, {"boundary": "right", "x": -1.0}],
+            "contact": [
+                {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+                {"boundary": "left", "friction": {"law": "tresca", "bound": 0.1}},
+            ],
+            "solver": {"linear_algebra": "condensed"},
+        }
+        | {"mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}}}
+    )
+    tagged = rectangle(length=1.0, height=1.0, nx=160, ny=160)
+    plain, nested = (
+        alone(
+            on_mesh(
+                scene.model_copy(update={"solver": scene.solver.model_copy(update={"initial_contact": start})}), tagged
+            )
+        )
+        for start in ("all", "auto")
+    )
+    assert any("contact nodes first" in event and "converged" in event for event in nested.history.events)
+    for name in ("pressure", "shear"):
+        ours, theirs = table_of(nested).columns[name], table_of(plain).columns[name]
+        assert np.abs(ours - theirs).max() <= 1e-6 * table_of(plain).columns["pressure"].max()

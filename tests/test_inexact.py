@@ -1,0 +1,45 @@
+"""Inexact Newton: the Krylov path solves loosely while the sets change, and exactly in the end."""
+
+import numpy as np
+import pytest
+from scenes import alone, example1, table_of
+
+from signorini_fx.linalg import full
+from signorini_fx.results import Status
+
+
+@pytest.fixture
+def iterations(monkeypatch):
+    """Counts the CG iterations."""
+    count = [0]
+    configure = full.FullSystem.configure
+
+    def watched(self, ksp, *, symmetric):
+        configure(self, ksp, symmetric=symmetric)
+        ksp.setMonitor(lambda _ksp, number, _norm: count.__setitem__(0, count[0] + (number > 0)))
+
+    monkeypatch.setattr(full.FullSystem, "configure", watched)
+    return count
+
+
+def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
+    """Half of the CG iterations, one solve more, and the pressure of the direct path."""
+    scene = example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov")
+    direct = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))
+    loose, used = alone(scene), iterations[0]
+    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", full._KRYLOV_TOLERANCE)
+    iterations[0] = 0
+    exact = alone(scene)
+    assert used < 0.6 * iterations[0]
+    assert exact.history.linear_solves == direct.history.linear_solves
+    assert loose.history.linear_solves == direct.history.linear_solves + 1
+    assert loose.certificate.holds
+    wanted = table_of(direct).columns["pressure"]
+    np.testing.assert_allclose(table_of(loose).columns["pressure"], wanted, atol=1e-9 * wanted.max())
+
+
+def test_far_too_loose_is_no_solution(monkeypatch):
+    """Solves that are hardly any do not end in a wrong answer."""
+    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", 0.9)
+    solution = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov", max_iterations=20), check=False)
+    assert solution.status is Status.MAX_ITERATIONS

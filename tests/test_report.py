@@ -1,0 +1,513 @@
+"""The report of a result folder: one page, whole, with the numbers of the files, and nothing from outside."""
+
+import base64
+import csv
+import io
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from dataclasses import fields, replace
+from html.parser import HTMLParser
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from PIL import Image
+from scenes import alone, example1, on_mesh, rectangle
+
+from signorini_fx import cli, parallel, plots, pyvista_pictures, report
+from signorini_fx.errors import OutputError, ResultError
+from signorini_fx.io import write_results
+from signorini_fx.mesh import tag_boundaries
+from signorini_fx.quantities import Certificate
+from signorini_fx.results import Status
+from signorini_fx.scene import UnilateralContact
+from signorini_fx.solver import solve
+
+TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""
+_VOID = {"br", "img", "meta"}
+
+
+def stepped(factors=(0.5, 1.0, 0.25), **settings):
+    data = example1(coefficient=0.3, nx=12, ny=4, **settings)
+    loads = [load.model_copy(update={"factors": factors}) for load in data.traction]
+    return data.model_copy(update={"traction": tuple(loads), "title": TITLE})
+
+
+def not_held():
+    data = example1(nx=12, ny=4)
+    return data.model_copy(update={"displacement": ()})
+
+
+def linear():
+    data = example1(nx=12, ny=4)
+    held = [entry.model_copy(update={"y": 0.0}) for entry in data.displacement]
+    return data.model_copy(update={"displacement": tuple(held), "contact": ()})
+
+
+def two_boundaries():
+    """Names that no page must take for its own; one boundary has friction, the other has not."""
+    tagged = rectangle(nx=24, ny=8)
+    sides = {
+        "<a&b>": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.5 + 1e-9),
+        "$c$": lambda x: np.isclose(x[1], 0.0),
+        "left": lambda x: np.isclose(x[0], 0.0),
+        "right": lambda x: np.isclose(x[0], 3.0),
+        "top": lambda x: np.isclose(x[1], 1.0),
+    }
+    data = example1(bound=1.5, nx=12, ny=4)
+    (first,) = data.contact
+    halves = (first.model_copy(update={"boundary": "<a&b>"}), UnilateralContact(boundary="$c$", gap=first.gap))
+    return on_mesh(data.model_copy(update={"contact": halves}), tag_boundaries(tagged.mesh, sides))
+
+
+SCENES = {
+    "steps": stepped,
+    "levels": lambda: example1(coefficient=0.3, nx=24, ny=8, levels=3),
+    "linear": linear,
+    "not held": not_held,
+    "two boundaries": two_boundaries,
+}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A result folder of each scene, with its report."""
+    found = {}
+    for name, scene in SCENES.items():
+        found[name] = tmp_path_factory.mktemp("results") / name
+        drawn = name in ("steps", "linear", "not held")
+        write_results(alone(scene(), check=False), found[name], fields=False, pictures=drawn)
+        report.write_report(found[name])
+    return found
+
+
+@pytest.fixture(params=SCENES)
+def folder(request, folders):
+    return folders[request.param]
+
+
+def summary_of(folder):
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def rows_of(file):
+    return list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
+
+
+class Page(HTMLParser):
+    """A page taken apart; elements that are not closed, or in the wrong order, are an error."""
+
+    def __init__(self, folder):
+        super().__init__(convert_charrefs=True)
+        self.source = (folder / report.PAGE).read_text(encoding="utf-8")
+        self.open, self.tags, self.attributes, self.ids, self.texts, self.cells = [], [], [], set(), [], []
+        self.feed(self.source)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        names = [name for name, _ in attrs]
+        assert len(names) == len(set(names)), f"{tag}: {names}"
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value) for name, value in attrs]
+        self.ids.update(value for name, value in attrs if name == "id")
+        if tag not in _VOID:
+            self.open.append(tag)
+        if tag in ("td", "dd", "h2"):
+            self.cells.append((tag, ""))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+        if any(tag in ("td", "dd", "h2") for tag in self.open) and "small" not in self.open:
+            kind, text = self.cells[-1]
+            self.cells[-1] = kind, text + data
+
+    @property
+    def text(self):
+        return " ".join(self.texts)
+
+    def of(self, kind):
+        return [text for tag, text in self.cells if tag == kind]
+
+
+def pictures(page):
+    """Kind and content of every picture of a page."""
+    found = []
+    for _, _, value in (a for a in page.attributes if a[:2] == ("img", "src")):
+        kind, _, data = value.partition(";base64,")
+        found.append((kind.removeprefix("data:image/"), base64.b64decode(data, validate=True)))
+    return found
+
+
+def test_page_is_whole(folder):
+    """Well-formed, one of each frame, readable on a phone, outcome and certificate first, links lead somewhere."""
+    page = Page(folder)
+    assert page.source.startswith("<!DOCTYPE html>")
+    for name in ("html", "head", "body", "title", "h1", "main", "style"):
+        assert page.tags.count(name) == 1
+    assert ("meta", "content", "width=device-width, initial-scale=1") in page.attributes
+    assert "@media print" in page.source
+    assert page.of("h2")[:2] == ["Outcome", "Certificate"]
+    targets = {value.removeprefix("#") for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
+    assert targets == page.ids
+    assert len(targets) == len(page.of("h2"))
+
+
+def test_page_needs_nothing_else(folder):
+    """No script, no address, no file: pictures are in the page, each with words for those who do not see it."""
+    page = Page(folder)
+    assert not set(page.tags) & {"script", "link", "iframe", "object", "embed", "base", "form"}
+    assert re.findall(r"https?:|url\(|@import|//\w", re.sub(r'"data:[^"]*"', "", page.source)) == []
+    for tag, name, value in page.attributes:
+        assert not name.startswith("on")
+        if name in ("src", "href", "srcset"):
+            assert value.startswith(("data:image/", "#")), (tag, name, value[:40])
+    alternatives = [value for tag, name, value in page.attributes if (tag, name) == ("img", "alt")]
+    found = pictures(page)
+    assert len(alternatives) == len(found) >= 1
+    assert all(alternatives)
+    for kind, data in found:
+        if kind == "svg+xml":
+            assert ElementTree.fromstring(data).tag.endswith("svg")
+            assert not re.search(rb'href="(?!#)', data)
+        else:
+            with Image.open(io.BytesIO(data)) as image:
+                assert image.format == kind.upper()
+
+
+def test_numbers(folder):
+    """Those of the summary, the certificate and the tables."""
+    page, summary = Page(folder), summary_of(folder)
+    assert summary["status"] in page.text
+    cells = page.of("td")
+    for name, value in summary["certificate"].items():
+        if name != "holds":
+            assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(value, rel=0.05, abs=1e-300)
+    cards = page.of("dd")
+    for key in ("max_pressure", "strain_energy"):
+        if key in summary:
+            assert f"{summary[key]:.6g}" in cards
+    if "contact_force" in summary and summary["converged"]:
+        assert f"(0, {summary['contact_force'][1]:.6g})" in cards
+    assert str(summary["dofs"]) in cards
+    if (folder / "history.csv").stat().st_size:
+        for row in rows_of(folder / "history.csv"):
+            assert f"{float(row['residual']):.6g}" in cells
+    for row in summary.get("price_list", []):
+        assert str(row["dofs"]) in cells
+        assert f"{row['energy']:.2g}" in cells
+    for step in summary.get("steps", []):
+        assert f"{step['strain_energy']:.6g}" in cells
+    for runs in summary.get("zones", {}).values():
+        assert {f"{math.dist(*run):.6g}" for run in runs} <= set(cells)
+
+
+def test_sections(folders):
+    """What a scene does not have is not on its page."""
+    headings = {name: set(Page(folder).of("h2")) for name, folder in folders.items()}
+    assert {"Zones", "Contact boundary", "Iteration", "Load steps"} <= headings["steps"]
+    assert "Price list" in headings["levels"]
+    assert "Load steps" not in headings["levels"]
+    assert not {"Zones", "Contact boundary", "Iteration", "Load steps", "Price list"} & headings["linear"]
+    kinds = {name: [kind for kind, _ in pictures(Page(folder))] for name, folder in folders.items()}
+    assert kinds["linear"] == ["png"]
+    assert kinds["not held"] == ["png", "svg+xml"]  # no friction, no linear solve
+    assert kinds["levels"] == ["svg+xml"] * 4
+    assert sorted(kinds["steps"]) == ["gif", "png", *["svg+xml"] * 4]
+
+
+def test_escapes(folders):
+    """Names with markup, quotes and dollars are shown as they are, and are no markup; pictures are drawn too."""
+    page = Page(folders["steps"])
+    assert page.texts.count(TITLE) == 1
+    assert any(text == f"{TITLE}: converged" for text in page.texts)
+    assert "b" not in page.tags
+    other = Page(folders["two boundaries"])
+    assert "<a&b>" in other.texts
+    assert "$c$" in other.texts
+    assert "<a&b>" not in other.source
+    given = report.tag("p", "<&>\"'", report.tag("b", "x"), class_="\"'<")
+    assert given == '<p class="&quot;&#x27;&lt;">&lt;&amp;&gt;"\'<b>x</b></p>'
+
+
+def test_animation(folders):
+    """One frame a load step, each different."""
+    (data,) = (data for kind, data in pictures(Page(folders["steps"])) if kind == "gif")
+    frames = []
+    with Image.open(io.BytesIO(data)) as image:
+        assert image.n_frames == 3
+        for frame in range(3):
+            image.seek(frame)
+            frames.append(np.asarray(image.convert("L")).astype(int))
+    assert all(np.abs(a - b).max() > 100 for a, b in pairwise(frames))
+
+
+def test_many_load_steps(tmp_path, monkeypatch):
+    """Of too many steps some are left out, never the last."""
+    monkeypatch.setattr(plots, "_MOST_FRAMES", 4)
+    rows = {"step": np.repeat(np.arange(10.0), 2), "boundary": np.repeat("b", 20)}
+    rows |= {name: np.tile([0.0, 1.0], 10) for name in ("x", "s")}
+    rows |= {name: np.zeros(20) for name in ("y", "shear", "bound")}
+    rows |= {"state": np.repeat("stick", 20), "friction": np.repeat("none", 20)}
+    rows["pressure"] = 1 + rows["step"]  # or frames that are equal would be made one
+    plots.step_animation(tmp_path / "a.gif", rows)
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.n_frames == 4  # steps 0, 3, 6 and 9
+
+
+def test_next_steps(folders):
+    """Advice follows from the result."""
+
+    def said(name, **changes):
+        folder = folders[name]
+        contact = plots.read_csv(folder / "contact.csv") if name != "linear" else {}
+        return " ".join(report.next_steps({**summary_of(folder), **changes}, contact))
+
+    failed = said("not held")
+    assert "signorini-fx check" in failed
+    assert "--levels" not in failed
+    assert Page(folders["not held"]).text.count(Status.NOT_HELD.advice) == 1
+    assert Page(folders["two boundaries"]).text.count("made by refinement, or in Python") == 1
+    assert "--levels 3" in said("two boundaries")
+    assert "--levels 3" not in said("steps")
+    assert said("linear") == ""
+    assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
+    prices = summary_of(folders["levels"])["price_list"]
+    assert f"{prices[-1]['dofs']} unknowns" in said("levels")
+    assert "regularisation takes" not in said("levels")
+    worse = [{**row, "regularisation": row["energy"] or 1.0} for row in prices]
+    assert "regularisation takes" in said("levels", price_list=worse)
+    contact = plots.read_csv(folders["two boundaries"] / "contact.csv")
+    counts = [np.count_nonzero(contact["state"][contact["boundary"] == name] != "open") for name in ("<a&b>", "$c$")]
+    assert min(counts) < 8 <= sum(counts)  # one zone on two boundaries that meet: each is too short to judge
+    assert f"only {min(counts)} node" in said("two boundaries")
+    short = said("levels", status=Status.BUDGET.value, advice=Status.BUDGET.advice)
+    assert "signorini-fx check" in short
+    assert "Estimated errors" in short
+
+
+def test_verdict(folders):
+    """A result that is none is not taken for one."""
+    page = Page(folders["not held"])
+    assert "to look at, not to use" in page.text
+    assert "does NOT hold" in page.text
+    assert "violated" in page.of("td")
+    assert any(value == "status bad" for _, name, value in page.attributes if name == "class")
+    good = Page(folders["levels"])
+    assert "violated" not in good.of("td")
+    assert any(value == "status good" for _, name, value in good.attributes if name == "class")
+
+
+def test_figures_of_the_certificate():
+    """Every figure has a meaning; what the page says is judged refuses the certificate, and nothing else does."""
+    zero = Certificate(**dict.fromkeys((field.name for field in fields(Certificate)), 0.0))
+    assert set(report.JUDGED) == {field.name for field in fields(Certificate)}
+    assert zero.holds
+    for name, (limit, meaning) in report.JUDGED.items():
+        assert meaning
+        assert replace(zero, **{name: 1e300}).holds == (limit is None)
+        if limit is not None:
+            assert replace(zero, **{name: limit}).holds
+            assert not replace(zero, **{name: 1.01 * limit}).holds
+
+
+# --- folders that are no result --------------------------------------------------------------------------------------
+
+
+def broken(folder, tmp_path, *names, **texts):
+    """A copy without some files, or with others of its own."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / report.PAGE).unlink()
+    for name in names:
+        (copy / name).unlink()
+    for name, text in texts.items():
+        (copy / name.replace("_", ".")).write_text(text, encoding="utf-8")
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("names", "texts", "message"),
+    [
+        (["summary.json"], {}, "half written"),
+        (["contact.csv"], {}, r"contact\.csv is missing"),
+        (["steps.csv"], {}, r"steps\.csv is missing"),
+        ([], {"summary_json": "{"}, "cannot be read"),
+        ([], {"summary_json": "[]"}, "is not what signorini-fx solve writes"),
+        ([], {"summary_json": '{"status": "converged"}'}, "is not what signorini-fx solve writes"),
+        (
+            [],
+            {"summary_json": '{"status": 1, "certificate": 2, "scene": 3, "linear_solves": 4}'},
+            "not as signorini-fx .* writes them",
+        ),
+        ([], {"contact_csv": "x,y\n1\n"}, "not as signorini-fx .* writes them"),
+        ([], {"contact_csv": ""}, "contact.csv has 0 rows, 13 are wanted"),
+        ([], {"history_csv": ""}, "history.csv has 0 rows"),
+        ([], {"steps_csv": "step\n0\n1\n"}, "steps.csv has 2 rows, 3 are wanted"),
+    ],
+)
+def test_broken_folders(folders, tmp_path, capsys, names, texts, message):
+    """One sentence that names the place; no page, no traceback."""
+    copy = broken(folders["steps"], tmp_path, *names, **texts)
+    with pytest.raises(ResultError, match=message):
+        report.write_report(copy)
+    assert not (copy / report.PAGE).exists()
+    assert cli.main(["report", str(copy)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert re.fullmatch(rf"signorini-fx: error: {re.escape(str(copy))}[^\n]*\n", printed.err)
+
+
+def test_no_folder(tmp_path):
+    """Nothing there, a file, an empty folder, a solve that is under way."""
+    with pytest.raises(ResultError, match="is not there"):
+        report.write_report(tmp_path / "none")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultError, match="is a file"):
+        report.write_report(tmp_path / "file")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ResultError, match="is no result folder"):
+        report.write_report(tmp_path / "empty")
+    (tmp_path / "empty" / ".part").mkdir()
+    with pytest.raises(ResultError, match="half written"):
+        report.write_report(tmp_path / "empty")
+
+
+def test_page_elsewhere(folders, tmp_path):
+    """In a folder of its own, made if need be; where a folder is in the way it says so."""
+    file = report.write_report(folders["linear"], tmp_path / "new" / "page.html")
+    assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert [path.name for path in file.parent.iterdir()] == ["page.html"]
+    with pytest.raises(OutputError, match="cannot be written"):
+        report.write_report(folders["linear"], tmp_path / "new")
+
+
+def test_same_page_twice(folders):
+    """The same files give the same page."""
+    assert report.page(folders["levels"]) == report.page(folders["levels"])
+
+
+def test_without_pictures(tmp_path):
+    """Curves are drawn from the tables; the deformed body is missed in words.  A new solve takes an old page away."""
+    folder = tmp_path / "plain"
+    solution = alone(example1(nx=12, ny=4))
+    write_results(solution, folder, fields=False)
+    report.write_report(folder)
+    assert (folder / "deformed.png").exists()
+    write_results(solution, folder, fields=False, pictures=False)
+    assert not list(folder.glob("*.png"))
+    assert not (folder / report.PAGE).exists()
+    report.write_report(folder)
+    page = Page(folder)
+    assert "--no-pictures" in page.text
+    assert [kind for kind, _ in pictures(page)] == ["svg+xml"] * 2
+
+
+def test_no_solver_is_imported(folders, tmp_path):
+    """The command works where dolfinx is not: only the files are read."""
+    code = (
+        "import sys\n"
+        "from signorini_fx.cli import main\n"
+        f"code = main(['report', {str(folders['steps'])!r}, '--out', {str(tmp_path / 'page.html')!r}])\n"
+        "print(code, [name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh') if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    assert (done.stdout.splitlines()[-1:], done.stderr) == (["0 []"], "")
+
+
+# --- the contact boundary of every load step -------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_contact_of_every_step():
+    """contact_steps.csv has each step's contact boundary, whole, on any number of ranks; the last is contact.csv."""
+    comm = MPI.COMM_WORLD
+    folder = Path(parallel.on_root(comm, tempfile.mkdtemp))
+    try:
+        summary = write_results(solve(stepped(), comm), folder, fields=False, pictures=False)
+        steps, last = rows_of(folder / "contact_steps.csv"), rows_of(folder / "contact.csv")
+        assert [int(row["step"]) for row in steps] == [k for k in range(3) for _ in range(13)]
+        final = [row for row in steps if row["step"] == "2"]
+        assert [{k: v for k, v in row.items() if k != "step"} for row in final] == [
+            {k: row[k] for k in final[0] if k != "step"} for row in last
+        ]
+        for step, row in enumerate(summary["steps"]):
+            pressures = [float(node["pressure"]) for node in steps if node["step"] == str(step)]
+            assert max(pressures) == pytest.approx(row["max_pressure"], rel=1e-12)
+    finally:
+        comm.barrier()
+        parallel.on_root(comm, lambda: shutil.rmtree(folder))
+
+
+def test_one_step_is_not_kept_twice(folders):
+    """Scenes without load steps ask for no history of them."""
+    assert not (folders["levels"] / "contact_steps.csv").exists()
+
+
+# --- fields by pyvista -----------------------------------------------------------------------------------------------
+
+
+def body():
+    """Two triangles."""
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return points, np.array([[0, 1, 2], [0, 2, 3]]), 0.01 * points, np.array([1.0, 2.0]), 5.0
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["import os\nos.abort()\n", "raise ImportError('no libGL')\n", "import time\ntime.sleep(60)\n"],
+    ids=["ends the process", "does not load", "hangs"],
+)
+def test_pyvista_that_cannot_draw(tmp_path, monkeypatch, module):
+    """No such pictures, and no harm."""
+    (tmp_path / "pyvista.py").write_text(module, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(pyvista_pictures, "_PATIENCE", 3.0)
+    assert find_spec("pyvista") is not None
+    (tmp_path / "out").mkdir()
+    assert pyvista_pictures.draw_fields(tmp_path / "out", *body()) == []
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_without_pyvista(tmp_path, monkeypatch):
+    """No process is begun."""
+    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(pyvista_pictures.subprocess, "run", None)
+    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
+
+
+@pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed")
+def test_fields(tmp_path):
+    """Each field as a picture with colours in it, where this machine can draw at all."""
+    drawn = pyvista_pictures.draw_fields(tmp_path, *body())
+    if not drawn:
+        pytest.skip("VTK cannot draw on this machine")
+    assert drawn == [f"{stem}.png" for stem in pyvista_pictures.FIELDS]
+    for name in drawn:
+        with Image.open(tmp_path / name) as image:
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+        assert np.mean(np.ptp(pixels, axis=2) > 40) > 0.2
+
+
+def test_fields_are_on_the_page(folders, tmp_path):
+    """Those that are in the folder, with their names."""
+    copy = broken(folders["linear"], tmp_path)
+    (copy / "field_density.png").write_bytes((copy / "deformed.png").read_bytes())
+    report.write_report(copy)
+    page = Page(copy)
+    assert [kind for kind, _ in pictures(page)] == ["png", "png"]
+    assert pyvista_pictures.FIELDS["field_density"] in page.text
+    assert pyvista_pictures.FIELDS["field_displacement"] not in page.text
