@@ -1,7 +1,8 @@
 """Mesh generators.
 
 Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
-With ``coarser(parameters, factor)`` it can take part in a nested iteration.
+With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``triangles(parameters)``, for bodies
+with straight sides, its cells can be divided where the error is, as an accuracy asks for.
 """
 
 from __future__ import annotations
