@@ -58,7 +58,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "nested", "exact", "price_list", "solution"),
+            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "solution"),
         ),
     ),
     (
@@ -78,7 +78,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Linear algebra",
             "how its linear systems are solved",
-            ("linalg.choice", "linalg.full", "linalg.condensed", "linalg.schur", "linalg.rotated"),
+            ("linalg.choice", "linalg.full", "linalg.condensed", "linalg.coarsened", "linalg.schur", "linalg.rotated"),
         ),
     ),
     (

@@ -228,7 +228,7 @@ def _certificate(summary: dict[str, Any]) -> Markup:
         if name == "holds":
             continue
         limit, meaning = JUDGED.get(name, (None, ""))
-        missed = limit is not None and not value <= limit
+        missed = limit is not None and not (_is_number(value) and value <= limit)
         verdict = "reported" if limit is None else "violated" if missed else "holds"
         judged = "" if limit is None else f"<= {limit:g}"
         rows.append((_named(name.replace("_", " "), meaning), _short(value), verdict, judged))
@@ -247,8 +247,11 @@ def _certificate(summary: dict[str, Any]) -> Markup:
 def _scene(summary: dict[str, Any]) -> Markup:
     scene = summary["scene"]
     mesh = scene["mesh"]
-    generated = isinstance(mesh, dict) and "generator" in mesh
-    rows = [(_named("mesh", mesh["generator"]), shown(mesh["parameters"])) if generated else ("mesh", shown(mesh))]
+    rows: list[tuple[str, str]] = []
+    if isinstance(mesh, dict) and "generator" in mesh:
+        rows.append((_named("mesh", mesh["generator"]), shown(mesh["parameters"])))
+    else:
+        rows.append(("mesh", shown(mesh) if isinstance(mesh, dict) else "made by refinement, or in Python"))
     rows.append(("element", shown(scene["element"])))
     for kind, place in (("material", "region"), ("displacement", "boundary"), ("traction", "boundary")):
         nothing = 0.0 if kind == "traction" else None
@@ -388,8 +391,10 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     """
     advice = []
     if summary["status"] != Status.CONVERGED.value:
-        advice.append(f"First: {summary['advice']}.")
-        advice.append("Before the next solve, signorini-fx check SCENE says what will hurt, and why.")
+        advice.append(
+            "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what will hurt, "
+            "and why."
+        )
         if summary["status"] != Status.BUDGET.value:
             return advice
     prices = summary.get("price_list", [])
@@ -411,7 +416,10 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
             "for an accuracy, as with --accuracy 0.05."
         )
     if contact:
-        runs = [len(list(run)) for touching, run in groupby(contact["state"] != "open") if touching]
+        # The arc length starts again with each connected piece, and so with each boundary.
+        piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
+        nodes = zip(piece, contact["state"] != "open", strict=True)
+        runs = [len(list(run)) for (_, touching), run in groupby(nodes) if touching]
         if runs and min(runs) < _FEW_NODES:
             advice.append(
                 f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
