@@ -27,9 +27,13 @@ from signorini_fx.contact_table import ContactTable
 _RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
 _ENERGY_RATES = (0.5, 3.0)
 _MEMORY_OF_CHANGES = 3
-# The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times that
-# where it ends like a square root, as contact zones do.
+# The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
+# that where it ends like a square root, as contact zones do.
 _KINKS = 1 / 33
+# Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.
+_TIME_POWER, _MEMORY_POWER = 1.2, 1.1
+# Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.
+_LEAST_GROWING = 0.25
 # What changes from one uniform mesh to the next in a pressure that the mesh resolves comes from elsewhere in the body.
 _SMOOTH_RATE = 2.0
 
@@ -292,16 +296,22 @@ def predict(
         if before.energy and last.energy
         else 1.0
     )
-    time_growth = float(np.clip(np.log(last.seconds / before.seconds) / np.log(seen_growth), 1.0, 1.6))
-    own = max(last.memory - base_memory, 1.0)
+
+    def grown(name: str, power: float, offset: float, least: float) -> float:
+        """A part that stays, at least ``offset``, and one that grows like this power of the unknowns."""
+        value, earlier = getattr(last, name), getattr(before, name)
+        growing = (value - earlier) / (1 - seen_growth**-power)
+        own = max(value - offset, 0.0)
+        return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
+
     return Price(
         level=last.level + 1,
         h=last.h / finer,
         dofs=dofs,
         linear_solves=last.linear_solves,
         factorisations=last.factorisations,
-        seconds=last.seconds * growth**time_growth,
-        memory=base_memory + own * growth**1.1,
+        seconds=grown("seconds", _TIME_POWER, 0.0, _LEAST_GROWING),
+        memory=grown("memory", _MEMORY_POWER, base_memory, 0.0),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),

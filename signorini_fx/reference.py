@@ -32,8 +32,9 @@ EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
 _CELLS = {"P": "triangle", "Q": "quadrilateral"}
 # How errors fall with h on smooth parts of the boundary, and the slowest rate that the reference is credited with.
 _EXPECTED, _SLOWEST = {"energy": 1.0, **_RATE}, 0.5
-# Meshes divided where the error is begin with these cells, relative to those of the scene: no other run has them.
-_FIRST = 3.0
+# Meshes divided where the error is begin with these cells, relative to those of the scene: all its nodes that matter,
+# where loads jump or named sides end, should be nodes of them too.
+_FIRST = 2.0
 
 
 def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:

@@ -50,7 +50,7 @@ def one_after_the_other(scenes) -> list[Solved]:
     return found
 
 
-def as_asked(scene, target: float) -> tuple[list[Solved], list]:
+def as_asked(scene, target: float, **goal) -> tuple[list[Solved], list]:
     """The meshes that an asked-for accuracy takes, and their price list."""
     history, found = History(), []
 
@@ -58,7 +58,7 @@ def as_asked(scene, target: float) -> tuple[list[Solved], list]:
         found.append(solve_level(scene, MPI.COMM_SELF, history, state, number))
         return found[-1]
 
-    solution = solve_to_accuracy(scene, Accuracy(target=target, of="pressure"), MPI.COMM_SELF, solve_on)
+    solution = solve_to_accuracy(scene, Accuracy(target=target, **goal), MPI.COMM_SELF, solve_on)
     assert len(found) == len(solution.levels)
     return found, list(solution.price_list)
 
@@ -97,7 +97,7 @@ def of_scene(name: str) -> list[dict]:
     prices = price_list([solved.level for solved in found], 0.0)
     rows = compare(name, found, prices, [reference.errors(solved.solution) for solved in found], own)
     if name in ADAPTIVE:
-        found, prices = as_asked(scene, ASKED)
+        found, prices = as_asked(scene, ASKED, of="pressure")
         true = [reference.errors(solved.solution) for solved in found]
         rows += compare(f"{name}, adaptive", found, prices, true, own)
     return rows
