@@ -16,11 +16,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from signorini_fx import compat, meshes, parallel
+from signorini_fx import compat, mesh_files, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh_arrays import Selection
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
-_GMSH_SUFFIXES = {".msh", ".geo"}
+# Boundaries and regions.
+_Names = tuple[mesh_files.Tags, mesh_files.Tags]
 
 
 @dataclass(frozen=True)
@@ -30,22 +32,22 @@ class TaggedMesh(TaggedMeshBase):
     Attributes:
         mesh: the distributed mesh.
         facet_tags: tags on facets.
-        boundaries: name of a boundary -> its tag.
+        boundaries: name of a boundary -> its tag, or all its tags where boundaries overlap.
         cell_tags: tags on cells, None where the body is one region.
-        regions: name of a part of the body -> its tag.
+        regions: name of a part of the body -> its tag, or all its tags.
     """
 
     mesh: dmesh.Mesh
     facet_tags: dmesh.MeshTags
-    boundaries: Mapping[str, int]
+    boundaries: Mapping[str, int | tuple[int, ...]]
     cell_tags: dmesh.MeshTags | None = None
-    regions: Mapping[str, int] = field(default_factory=dict)
+    regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
 
     def cells(self, region: str) -> npt.NDArray[np.int32]:
         """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
         if self.cell_tags is None or region not in self.regions:
             raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
-        return self.cell_tags.find(self.regions[region])
+        return _tagged(self.cell_tags, self.regions[region])
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
         """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
@@ -57,7 +59,7 @@ class TaggedMesh(TaggedMeshBase):
             known = ", ".join(sorted(self.boundaries)) or "none"
             raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {known}")
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
-        tagged = self.facet_tags.find(self.boundaries[name])
+        tagged = _tagged(self.facet_tags, self.boundaries[name])
         self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
         return np.intersect1d(tagged, dmesh.exterior_facet_indices(self.mesh.topology)).astype(np.int32)
 
@@ -67,6 +69,12 @@ class TaggedMesh(TaggedMeshBase):
         x = self.mesh.geometry.x[:, : self.mesh.geometry.dim].astype(np.float64)
         low, high = parallel.global_bounds(self.mesh.comm, x)
         return float(np.linalg.norm(high - low))
+
+
+def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """Entities with any of the tags, sorted."""
+    own = (values,) if isinstance(values, int) else values
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, own)]))
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
@@ -79,8 +87,8 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     match scene.mesh:
         case TaggedMesh() as tagged:
             return tagged
-        case MeshFile(file=file):
-            return read_mesh(file, comm)
+        case MeshFile(file=file, boundaries=boundaries, regions=regions, data=data):
+            return read_mesh(file, comm, boundaries, regions, data)
         case MeshGenerator(generator=name, parameters=parameters):
             return generate_mesh(name, parameters, comm)
     raise TypeError(f"no mesh: {scene.mesh!r}")
@@ -126,26 +134,38 @@ def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, A
     return None if triangles is None else triangles(dict(parameters))
 
 
-def read_mesh(file: Path, comm: MPI.Comm) -> TaggedMesh:
-    """A mesh from a gmsh file with physical groups for its boundaries and its body.
+def read_mesh(
+    file: Path,
+    comm: MPI.Comm,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+) -> TaggedMesh:
+    """A mesh from a file, read on the first rank; ``mesh_files.read_file`` has the formats.
+
+    Args:
+        file: the file.
+        comm: the ranks that share the mesh.
+        boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
+            positive where both ends of an exterior facet of the boundary are.
+        regions: the same for cells with all their corners.
+        data: the cell data that numbers refer to; None: the only one.
 
     Raises:
-        MeshError: there is no such file, or it is no mesh of that format.
+        MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
+        SceneError: a number or a rule takes nothing.
     """
-    if file.suffix.lower() not in _GMSH_SUFFIXES:
-        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_GMSH_SUFFIXES))}")
 
-    def draw(gmsh: Any) -> None:
-        if not file.is_file():
-            raise MeshError(f"{file}: no such file")
-        try:
-            gmsh.open(str(file))
-            if file.suffix.lower() == ".geo":
-                gmsh.model.mesh.generate(2)
-        except Exception as error:
-            raise MeshError(f"{file}: gmsh cannot read it: {error}") from None
+    def build() -> _Names:
+        arrays = mesh_files.read_file(file, boundaries, regions, data)
+        if not any(rows.size for rows in arrays.boundaries.values()):
+            raise MeshError(
+                f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                "or in the file (in gmsh: physical groups of dimension 1)"
+            )
+        return mesh_files.draw(mesh_files.start_gmsh(), arrays, by_name=False)
 
-    return gmsh_mesh(comm, draw, name=str(file))
+    return _from_gmsh(comm, build)
 
 
 def _generator(name: str) -> Any:
@@ -168,12 +188,8 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
-    def build() -> tuple[dict[str, int], dict[str, int]]:
-        import gmsh
-
-        gmsh.initialize(interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+    def build() -> _Names:
+        gmsh = mesh_files.start_gmsh()
         draw(gmsh)
         groups = gmsh.model.getPhysicalGroups()
         if not any(dim == 2 for dim, _ in groups):
@@ -183,12 +199,21 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines, surfaces = (
-            {gmsh.model.getPhysicalName(d, tag) or f"{kind}_{tag}": tag for dim, tag in groups if dim == d}
-            for d, kind in ((1, "boundary"), (2, "region"))
-        )
+        lines: mesh_files.Tags = {}
+        surfaces: mesh_files.Tags = {}
+        for dim, tag in groups:
+            names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
+            if dim in (1, 2):
+                names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
+        if not lines:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
         return lines, surfaces
 
+    return _from_gmsh(comm, build)
+
+
+def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
+    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
         boundaries, regions = parallel.on_root(comm, build)
         model = None
@@ -203,9 +228,12 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
 
             if gmsh.isInitialized():
                 gmsh.finalize()
-    if facet_tags is None or not boundaries:
-        raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
-    return TaggedMesh(mesh, facet_tags, boundaries, cell_tags, regions)
+    return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+
+def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:
+    """One tag stands for itself."""
+    return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
 
 
 def _cell_kinds(gmsh: Any, group: int) -> set[int]:
