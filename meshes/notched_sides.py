@@ -79,3 +79,8 @@ def generate(
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
     return coarser_grid(generate, parameters, factor)
+
+
+def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters for triangles; see ``generate``."""
+    return parameters | {"cell": "triangle"}

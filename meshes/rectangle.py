@@ -81,3 +81,8 @@ def name_sides(mesh: dmesh.Mesh, length: float, height: float) -> TaggedMesh:
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
     return coarser_grid(generate, parameters, factor)
+
+
+def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters for triangles; see ``generate``."""
+    return parameters | {"cell": "triangle"}

@@ -115,10 +115,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _new(options.file)
     if options.command == "schema":
         return _schema()
-    if options.command in ("convert", "mesh-info"):
-        return _mesh_file(options)
     if options.command == "report":
         return _report(options)
+    if options.command in ("convert", "mesh-info"):
+        return _mesh_file(options)
     from mpi4py import MPI
 
     try:
@@ -238,6 +238,21 @@ def _new(file: Path) -> int:
     return EXIT_OK
 
 
+def _report(options: argparse.Namespace) -> int:
+    """Write the page of a result folder; only one of several processes does."""
+    from signorini_fx.errors import SignoriniError
+    from signorini_fx.report import write_report
+
+    if not _started_as_root():
+        return EXIT_OK
+    try:
+        print(write_report(options.folder, options.out))
+    except SignoriniError as error:
+        print(f"signorini-fx: error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return EXIT_OK
+
+
 def _mesh_file(options: argparse.Namespace) -> int:
     """Rewrite or describe a mesh file; only one of several processes does."""
     from signorini_fx.errors import SignoriniError
@@ -259,21 +274,6 @@ def _mesh_file(options: argparse.Namespace) -> int:
         return EXIT_BAD_INPUT
     except BrokenPipeError:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
-    return EXIT_OK
-
-
-def _report(options: argparse.Namespace) -> int:
-    """Write the page of a result folder; only one of several processes does."""
-    from signorini_fx.errors import SignoriniError
-    from signorini_fx.report import write_report
-
-    if not _started_as_root():
-        return EXIT_OK
-    try:
-        print(write_report(options.folder, options.out))
-    except SignoriniError as error:
-        print(f"signorini-fx: error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
     return EXIT_OK
 
 

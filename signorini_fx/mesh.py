@@ -145,6 +145,16 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     return result
 
 
+def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` makes triangles that can be divided; None where it cannot.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    triangles = getattr(_generator(name), "triangles", None)
+    return None if triangles is None else triangles(dict(parameters))
+
+
 def read_mesh(
     file: Path,
     comm: MPI.Comm,

@@ -2,15 +2,15 @@
 mesh.
 
 Nothing is solved for it that the nested iteration does not solve anyway.  The energy norm of the displacement's error
-is estimated on every mesh by stress recovery; errors of contact pressure, contact force, zone ends and peak pressure by
-the change from the mesh before, extrapolated with the rate that three meshes show, or else an expected one; the error
+is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact
+force, zone ends and peak pressure by the change from the mesh before, extrapolated with the expected rate; the error
 that the regularisation leaves by the path that gamma takes; that of the iteration by its last residual or change.
 """
 
 from __future__ import annotations
 
 import resource
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -27,6 +27,15 @@ from signorini_fx.contact_table import ContactTable
 _RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
 _ENERGY_RATES = (0.5, 3.0)
 _MEMORY_OF_CHANGES = 3
+# The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
+# that where it ends like a square root, as contact zones do.
+_KINKS = 1 / 33
+# Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.
+_TIME_POWER, _MEMORY_POWER = 1.2, 1.1
+# Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.
+_LEAST_GROWING = 0.25
+# What changes from one uniform mesh to the next in a pressure that the mesh resolves comes from elsewhere in the body.
+_SMOOTH_RATE = 2.0
 
 
 @dataclass(frozen=True)
@@ -111,20 +120,39 @@ def peak_memory(comm: MPI.Comm) -> float:
     return float(parallel.global_sum(comm, np.array(own)))
 
 
-def price_list(levels: list[LevelResult], base_memory: float) -> list[Price]:
+def expected_rates(degree: int) -> dict[str, float]:
+    """How errors are expected to fall with h, taken as the square root of 1 / unknowns.
+
+    Args:
+        degree: of the displacement on meshes that are refined where the error is, which restores the rates of smooth
+            solutions; 1 on meshes that are refined everywhere, where the ends of the contact zones limit them.
+    """
+    return {name: max(rate, degree) for name, rate in _RATE.items()}
+
+
+def price_list(
+    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = _RATE, uniform: bool = True
+) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
     Args:
         levels: what was solved; at least two.
         base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
+        uniform: whether each mesh is finer everywhere, and by about as much, than the one before.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(_RATE)
         if index > 0:
-            finer = _finer(levels[: index + 1])
-            errors = {name: _error(name, [c[name] for c in changes[:index]], finer) for name in _RATE}
+            fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
+            errors = {name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in _RATE}
+        errors["pressure"] = pressure_error(level.table)
+        change = changes[index - 1]["pressure"] if index > 0 and uniform else None
+        if change is not None and errors["pressure"] is not None:
+            finer = np.sqrt(level.dofs / levels[index - 1].dofs)
+            errors["pressure"] = max(errors["pressure"], float(change / (finer**_SMOOTH_RATE - 1)))
         rows.append(
             Price(
                 level=level.level,
@@ -143,7 +171,23 @@ def price_list(levels: list[LevelResult], base_memory: float) -> list[Price]:
                 peak=errors["peak"],
             )
         )
-    return [*rows, _predict(rows, base_memory)]
+    return [*rows, predict(rows, base_memory, rates=rates)]
+
+
+def pressure_error(table: ContactTable) -> float | None:
+    """Estimated error of the contact pressure, relative in L2(Gamma_c), from its kinks; None without contact.
+
+    Between the nodes the pressure is linear.  How far it is from the true one there shows in the change of its slope at
+    the nodes, in smooth parts and at the ends of the contact zones alike.
+    """
+    total = 0.0
+    for chain in table.chains:
+        rows = slice(chain.start, chain.stop)
+        h = np.diff(table.columns["s"][rows])
+        kinks = np.diff(np.diff(table.columns["pressure"][rows]) / h)
+        total += float(np.dot((h[1:] ** 3 + h[:-1] ** 3) / 2, kinks**2))
+    size = float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
+    return float(np.sqrt(_KINKS * total / size)) if size > 0 else None
 
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
@@ -203,45 +247,71 @@ def _end(
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
 
 
-def _error(name: str, changes: list[float | None], finer: float) -> float | None:
-    """Error of the last mesh: the geometric mean of the last changes, brought to this mesh and extrapolated."""
-    recent = changes[::-1][:_MEMORY_OF_CHANGES]
-    brought = [change / finer ** (_RATE[name] * back) for back, change in enumerate(recent) if change]
-    if not brought or not changes[-1]:
+def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
+    """Error of the last mesh: the geometric mean of what the last changes, extrapolated and brought to it, tell.
+
+    Args:
+        rate: the error falls like 1 / fineness to this power.
+        changes: from each mesh to the next.
+        fineness: 1 / h of the meshes, one more than changes.
+    """
+    if not changes[-1]:
         return changes[-1]
-    return float(np.exp(np.mean(np.log(brought)))) / (finer ** _RATE[name] - 1)
+    told = [
+        change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
+        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-_MEMORY_OF_CHANGES:]
+        if change
+    ]
+    return float(np.exp(np.mean(np.log(told))))
 
 
-def _finer(rows: Sequence[Price] | Sequence[LevelResult]) -> float:
+def _finer(rows: Sequence[Price]) -> float:
     """How many times finer the last mesh is than the one before, on average over the body."""
     return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
 
 
-def _predict(rows: list[Price], base_memory: float) -> Price:
-    """The next mesh: errors by their rates, time and memory by their growth with the unknowns."""
+def predict(
+    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = _RATE, finer: float | None = None
+) -> Price:
+    """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
+
+    Args:
+        rows: what was solved, coarsest first; at least two.
+        base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
+        finer: how many times finer the next mesh is; None: as many times as the last one was.
+    """
     last, before = rows[-1], rows[-2]
-    growth, finer = last.dofs / before.dofs, _finer(rows)
+    seen_growth, seen_finer = last.dofs / before.dofs, _finer(rows)
+    finer = seen_finer if finer is None else finer
+    growth = finer**2
     dofs = round(last.dofs * growth)
 
     def next_error(name: str) -> float | None:
         value = getattr(last, name)
-        return None if value is None else value / finer ** _RATE[name]
+        return None if value is None else value / finer ** rates[name]
 
     energy_rate = (
-        np.clip(np.log(before.energy / last.energy) / np.log(finer), *_ENERGY_RATES)
+        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *_ENERGY_RATES)
         if before.energy and last.energy
         else 1.0
     )
-    time_growth = float(np.clip(np.log(last.seconds / before.seconds) / np.log(growth), 1.0, 1.6))
-    own = max(last.memory - base_memory, 1.0)
+
+    def grown(name: str, power: float, offset: float, least: float) -> float:
+        """A part that stays, at least ``offset``, and one that grows like this power of the unknowns."""
+        value, earlier = getattr(last, name), getattr(before, name)
+        growing = (value - earlier) / (1 - seen_growth**-power)
+        own = max(value - offset, 0.0)
+        return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
+
     return Price(
         level=last.level + 1,
         h=last.h / finer,
         dofs=dofs,
         linear_solves=last.linear_solves,
         factorisations=last.factorisations,
-        seconds=last.seconds * growth**time_growth,
-        memory=base_memory + own * growth**1.1,
+        seconds=grown("seconds", _TIME_POWER, 0.0, _LEAST_GROWING),
+        memory=grown("memory", _MEMORY_POWER, base_memory, 0.0),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),

@@ -13,16 +13,14 @@ from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import TaggedMesh
 
-# Share of the squared error that the marked cells hold together (Doerfler).
-_BULK = 0.5
 
-
-def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
-    """The fewest cells that hold half of the squared error, over all ranks; collective.
+def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -> npt.NDArray[np.int32]:
+    """The fewest cells that hold a share of the squared error (Doerfler), over all ranks; collective.
 
     Args:
         comm: the ranks that share the mesh.
         squares: squared error of each owned cell, shape (cells,).
+        share: what the marked cells hold together.
 
     Returns:
         Marked cells of this rank (local numbers).
@@ -32,7 +30,7 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64]) -> npt.NDArray[np.int
     for _ in range(60):  # bisection for the threshold: no rank needs to know the cells of another
         middle = (low + high) / 2
         held = float(parallel.global_sum(comm, squares[squares >= middle].sum()))
-        low, high = (middle, high) if held >= _BULK * total else (low, middle)
+        low, high = (middle, high) if held >= share * total else (low, middle)
     return np.flatnonzero(squares >= low).astype(np.int32)
 
 

@@ -366,14 +366,16 @@ class Accuracy(_Model):
         target: relative error allowed.
         of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
             the contact zones, or the largest pressure.
-        refinement: ``uniform``, or ``adaptive``: triangles are divided where the estimated error is.
+        refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
+            estimated error is; ``auto``: for displacement and pressure, bodies with straight sides from a generator get
+            triangles of degree 2, divided where the error is, and other triangles are so divided; else uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """
 
     target: Annotated[float, Field(gt=0, lt=1, strict=True)]
     of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
-    refinement: Literal["uniform", "adaptive"] = "uniform"
+    refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None
     memory: Positive | None = None
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import boundary_levels, options, parallel
+from signorini_fx.accuracy import Solved, solve_to_accuracy
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
@@ -23,15 +24,14 @@ from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.rotated import check_rotation
-from signorini_fx.mesh import TaggedMesh, load_mesh
-from signorini_fx.nested import carry_over, coarser_scenes, scene_on
+from signorini_fx.mesh import load_mesh
+from signorini_fx.nested import carry_over, coarser_scenes
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
-from signorini_fx.refinement import mark, refine
 from signorini_fx.results import IterationRecord, Status, Timings
-from signorini_fx.scene import Accuracy, MeshGenerator, Scene
+from signorini_fx.scene import Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import LARGEST_GAMMA, Task, run
+from signorini_fx.strategy import Task, run
 
 
 def solve(
@@ -57,7 +57,11 @@ def solve(
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
-        solution = _solve_to_accuracy(scene, scene.accuracy, comm, history)
+
+        def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
+            return solve_level(scene, comm, history, state, level)
+
+        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on)
     elif not coarse:
         solution, _ = _solve_mesh(scene, comm, history, None)
     else:
@@ -72,108 +76,50 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
     base_memory = peak_memory(comm)
     state: ContactState | None = None
     levels: list[LevelResult] = []
-    for level, scene in enumerate(scenes):
-        history.add(f"level {level}")
-        before = history.linear_solves
-        solution, task = _solve_mesh(scene, comm, history, state)
-        if not solution.converged or task is None:
-            state = None
-            continue
-        state = solution.contact
-        levels.append(_level_result(level, solution, task, history.iterations[before:]))
+    for number, scene in enumerate(scenes):
+        solved = solve_level(scene, comm, history, state, number)
+        solution, state = solved.solution, None
+        if solved.level is not None:
+            state = solution.contact
+            levels.append(solved.level)
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
-def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Solution:
-    """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
+def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
+    """Solve on one of several meshes, and say what it is worth; collective."""
+    history.add(f"level {number}")
+    before = history.linear_solves
+    solution, task = _solve_mesh(scene, comm, history, state)
+    if not solution.converged or task is None:
+        return Solved(solution, task, None, None)
+    squares = StressRecovery(solution.discretisation).squares(task.displacement())
+    level = _level_result(number, solution, task, history.iterations[before:], squares)
+    return Solved(solution, task, level, squares)
 
-    Begins on meshes coarser than the scene's where a generator makes them.  A refinement that the budget would not
-    allow is not begun.
+
+def _level_result(
+    level: int,
+    solution: Solution,
+    task: Task,
+    own: list[IterationRecord],
+    squares: npt.NDArray[np.float64],
+) -> LevelResult:
+    """What a mesh is worth and what it took; two back substitutions, collective.
+
+    Args:
+        level: number of the mesh.
+        solution: the solution on it.
+        task: its contact problem.
+        own: the linear solves on this mesh.
+        squares: estimated squared error of each owned cell.
     """
-    base_memory, begin = peak_memory(comm), time.perf_counter()
-    levels: list[LevelResult] = []
-    state: ContactState | None = None
-    meshes = _meshes(scene, goal, comm)
-    tagged = next(meshes)
-    while True:
-        history.add(f"level {len(levels)}")
-        before = history.linear_solves
-        solution, task = _solve_mesh(scene.model_copy(update={"mesh": tagged}), comm, history, state)
-        if not solution.converged or task is None:
-            return replace(solution, levels=tuple(levels))
-        state = solution.contact
-        level = _level_result(len(levels), solution, task, history.iterations[before:])
-        same_mesh = bool(levels) and levels[-1].dofs == level.dofs
-        levels = [*levels[: len(levels) - same_mesh], level]
-        if len(levels) < _FEWEST_MESHES:
-            tagged = meshes.send((solution, task))
-            continue
-        rows = price_list(levels, base_memory)
-        solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
-        left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        estimate = getattr(rows[-2], goal.of)
-        error = np.inf if estimate is None else estimate * _SAFETY
-        if error + left <= goal.target:
-            return solution
-        scene = _with_larger_gamma(scene, task, left / goal.target)
-        if error > goal.target * (1 - _REGULARISATION_SHARE):
-            spent = parallel.global_max(comm, time.perf_counter() - begin)
-            late = goal.seconds is not None and spent + rows[-1].seconds > goal.seconds
-            large = goal.memory is not None and rows[-1].memory > 1024 * goal.memory
-            if late or large or len(levels) >= _MOST_MESHES:
-                return replace(solution, status=Status.BUDGET)
-            tagged = meshes.send((solution, task))
-        elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
-            return replace(solution, status=Status.BUDGET)
-
-
-def _meshes(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Generator[TaggedMesh, tuple[Solution, Task], None]:
-    """One finer mesh after the other; what was solved on the last one is sent in."""
-    generated = isinstance(scene.mesh, MeshGenerator)
-    factor = 2.0**_COARSER
-    tagged = load_mesh(scene_on(scene, factor) if generated else scene, comm)
-    while True:
-        solution, task = yield tagged
-        factor /= 2
-        if goal.refinement == "adaptive":
-            squares = StressRecovery(solution.discretisation).squares(task.displacement())
-            tagged = refine(tagged, mark(comm, squares))
-        elif generated:
-            tagged = load_mesh(scene_on(scene, factor), comm)
-        else:
-            tagged = refine(tagged)
-
-
-# Accuracy on demand begins on meshes this many times coarser (as a power of two) than that of the scene, ...
-_COARSER = 2
-# ... estimates from at least so many meshes, and ends after so many.
-_FEWEST_MESHES = 3
-_MOST_MESHES = 40
-# The estimates are within a factor of two of the truth; this makes a promise of them.
-_SAFETY = 2.0
-# What the regularisation may take of the error that is asked for.
-_REGULARISATION_SHARE = 0.2
-
-
-def _with_larger_gamma(scene: Scene, task: Task, excess: float) -> Scene:
-    """The scene with gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma."""
-    factor = excess / _REGULARISATION_SHARE
-    if factor <= 1:
-        return scene
-    largest = LARGEST_GAMMA * task.natural_gamma
-    gammas = {"gamma_n": min(task.data.gamma_n * factor, largest), "gamma_t": min(task.data.gamma_t * factor, largest)}
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update=gammas)})
-
-
-def _level_result(level: int, solution: Solution, task: Task, own: list[IterationRecord]) -> LevelResult:
-    """What a mesh is worth and what it took; one stress recovery and a back substitution or two, collective."""
     seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
     size = np.sqrt(2 * solution.steps[-1].strain_energy)
-    recovered = StressRecovery(solution.discretisation).error(task.displacement())
+    recovered = float(np.sqrt(parallel.global_sum(solution.comm, squares.sum())))
     regularisation = pressure_regularisation = 0.0
     data = task.problem.data
     if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
@@ -353,12 +299,17 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
+# Of the discretisation error path-following may leave: with degree 2 the model of the path was seen to be wrong by two.
+_PATH_SHARE = {1: 1.0, 2: 1 / 3}
+
+
 def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
     """What path-following may leave at an iterate of the system, in the energy norm."""
     wanted = discretisation.scene.solver.regularisation_error
     if discretisation.scene.solver.algorithm == "path-following" and wanted == "auto":
         recovery = StressRecovery(discretisation)
-        return lambda x: recovery.error(system.displacement(x))
+        allowed = _PATH_SHARE[discretisation.scene.element.degree]
+        return lambda x: allowed * recovery.error(system.displacement(x))
 
     def share(x: PETSc.Vec) -> float:
         displacement = discretisation.function(system.displacement(x))

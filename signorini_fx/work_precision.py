@@ -1,40 +1,34 @@
 """What accuracy costs by every method: one list of methods, one reference, the same measure for all.
 
 The methods vary one choice at a time around the default: the element, the regularisation, the algorithm, the linear
-algebra, the start.  Errors are measured outside the methods, against a solution without regularisation on a much finer
-mesh of quadratic quadrilaterals; how far that reference itself can be trusted is estimated from one on coarser cells.
+algebra, the meshes.  Errors are measured outside the methods, against a solution of much higher accuracy (see
+``reference``); how far that can be trusted itself is estimated from coarser ones.
 """
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import basix
 import matplotlib as mpl
-import numpy as np
-import numpy.typing as npt
-import ufl
-from dolfinx import fem, geometry
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from signorini_fx import compat, plots
+from signorini_fx import plots
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.io import write_csv
-from signorini_fx.material import stress
-from signorini_fx.nested import scene_on
-from signorini_fx.price_list import _RATE, _interpolate, zone_ends
-from signorini_fx.scene import MeshGenerator, Scene, SolverSettings
+from signorini_fx.reference import Reference, on_mesh, overkill
+from signorini_fx.scene import Accuracy, Scene
 from signorini_fx.solution import Solution
 from signorini_fx.solver import solve
 
-Floats = npt.NDArray[np.float64]
 Row = dict[str, Any]
 
 QUANTITIES = {
@@ -49,20 +43,20 @@ FAMILIES = {
     "gamma": r"Fixed $\gamma$, in units of $E$ / size",
     "algorithm": "Algorithm",
     "linear algebra": "Linear algebra",
-    "start": "Start of the iteration",
+    "meshes": "One mesh, nested, adaptive",
 }
 PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-_CELLS = {"P": "triangle", "Q": "quadrilateral"}
-# Elements of the study's meshes, relative to those of the scene, and of the reference.
-_FACTORS, _REFERENCE = (8.0, 4.0, 2.0, 1.0, 0.5), 0.2
-_QUICK_FACTORS, _QUICK_REFERENCE = (4.0, 2.0), 1.0
+# Elements of the study's meshes, relative to those of the scene; those of a uniform reference, unknowns of another.
+_FACTORS, _QUICK_FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
+_REFERENCE, _QUICK_REFERENCE = (0.2, 300_000), (1.0, 30_000)
+# Errors in the energy norm that adaptive meshes are asked for, and what a run may take, seconds.
+_ASKED = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
+_QUICK_ASKED, _TOO_LONG = (0.05, 0.02), 30.0
 # A run that takes longer is not repeated, one that takes this long only three times, seconds.
 _LONG, _MIDDLE = 15.0, 0.5
 # Times so close are a tie, and the first in the list wins: it is the simpler one.  So are errors so close.
 _TIE, _SAME = 1.25, 0.8
-# How errors fall with h on smooth parts of the boundary, and the slowest rate that the reference is credited with.
-_EXPECTED, _SLOWEST = {"energy": 1.0, **_RATE}, 0.5
 # Forces that balance the load on every mesh have no error to be shown.
 _NOTHING = 1e-5
 
@@ -77,6 +71,7 @@ class Method:
         element: P1, Q1, P2 or Q2.
         gamma: gamma_1 = gamma_2 over E / size of the body; None: automatic.
         settings: further solver settings.
+        adaptive: whether its meshes are divided where the error is, until an accuracy is reached.
     """
 
     name: str
@@ -84,6 +79,7 @@ class Method:
     element: str = "Q1"
     gamma: float | None = None
     settings: dict[str, Any] = field(default_factory=dict)
+    adaptive: bool = False
 
     @property
     def degree(self) -> int:
@@ -115,10 +111,12 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
         found.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
     for element in ("Q1", "Q2"):
         nested = {**exact, "levels": 2 if quick else 3}
-        found.append(Method(f"{element}, exact, nested", ("start",), element, settings=nested))
+        found.append(Method(f"{element}, exact, nested", ("meshes",), element, settings=nested))
     if not quick:
-        found.append(Method("Q2, ALM, nested", ("start",), "Q2", settings={"algorithm": "alm", "levels": 3}))
-        found.append(Method("Q2, exact", ("start",), "Q2", settings=exact))
+        found.append(Method("Q2, ALM, nested", ("meshes",), "Q2", settings={"algorithm": "alm", "levels": 3}))
+        found.append(Method("Q2, exact", ("meshes",), "Q2", settings=exact))
+        found.append(Method("P1, exact, adaptive", ("meshes",), "P1", settings=exact, adaptive=True))
+    found.append(Method("P2, exact, adaptive", ("meshes",), "P2", settings=exact, adaptive=True))
     return list({method.name: method for method in _merge(found)}.values())
 
 
@@ -127,124 +125,7 @@ def _merge(found: list[Method]) -> list[Method]:
     families: dict[str, list[str]] = {}
     for method in found:
         families.setdefault(method.name, []).extend(method.families)
-    return [Method(m.name, tuple(families[m.name]), m.element, m.gamma, m.settings) for m in found]
-
-
-def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
-    """The scene with elements ``factor`` times as large, of this kind, and solver settings of its own.
-
-    Raises:
-        SceneError: the generator makes no such meshes.
-    """
-    if not isinstance(scene.mesh, MeshGenerator):
-        raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
-    mesh = scene_on(scene, factor).mesh
-    assert isinstance(mesh, MeshGenerator)
-    parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
-    given = {"max_iterations", "max_outer_iterations", "tolerance"}
-    return scene.model_copy(
-        update={
-            "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
-            "element": scene.element.model_copy(update={"degree": int(element[1])}),
-            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings),
-            "accuracy": None,
-        }
-    )
-
-
-class Reference:
-    """A solution to measure others against.
-
-    Stresses are compared at the quadrature points of the reference's cells; where a point lies outside the other mesh
-    (a curved boundary), the nearest cell is continued.
-    """
-
-    def __init__(self, solution: Solution) -> None:
-        self.solution = solution
-        self._located: dict[Any, npt.NDArray[np.int32]] = {}
-        d, mesh = solution.discretisation, solution.discretisation.tagged.mesh
-        points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
-        cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-
-        def at_points(expression: Any) -> Floats:
-            return np.asarray(fem.Expression(expression, points).eval(mesh, cells)).reshape(
-                cells.size * len(points), -1
-            )
-
-        self._points = np.zeros((cells.size * len(points), 3))
-        self._points[:, :2] = at_points(ufl.SpatialCoordinate(mesh))
-        self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
-        lame = at_points(ufl.as_vector(d.lame))
-        self._lame, self._mu = lame.T
-        self._stress = at_points(_stress(solution))
-        self._size = self._energy_norm(self._stress)
-
-    def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
-        """Relative errors of a solution; None where there is nothing to compare.
-
-        Args:
-            solution: the solution.
-            mesh_key: solutions with the same key are on the same mesh; None: on a mesh of its own.
-        """
-        table, fine = solution.table, self.solution.table
-        weight, pressure = fine.columns["weight"], fine.columns["pressure"]
-        difference = _interpolate(table, fine, "pressure") - pressure
-        size = float(np.sqrt(np.dot(weight, pressure**2)))
-        ends, true_ends = zone_ends(table), zone_ends(fine)
-        length = float(sum(abs(b - a) for a, b in zip(true_ends[::2], true_ends[1::2], strict=True)))
-        assert solution.contact is not None
-        assert self.solution.contact is not None
-        force, true_force = (np.concatenate(s.contact.forces) for s in (solution, self.solution) if s.contact)
-        peak = pressure.max()
-        return {
-            "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
-            "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
-            "peak": float(abs(table.columns["pressure"].max() / peak - 1)) if peak > 0 else None,
-            "zone": float(np.abs(np.subtract(ends, true_ends)).max()) / length
-            if len(ends) == len(true_ends) > 0 and length > 0
-            else None,
-            "force": float(np.linalg.norm(force - true_force) / np.linalg.norm(true_force)),
-        }
-
-    def _energy_norm(self, tau: Floats) -> float:
-        """The square root of the integral of C^-1 tau : tau for tau = (xx, yy, xy) at the points."""
-        xx, yy, xy = tau.T
-        lame, mu = self._lame, self._mu
-        density = (xx**2 + yy**2 + 2 * xy**2 - lame / (2 * (lame + mu)) * (xx + yy) ** 2) / (2 * mu)
-        return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
-
-    def _stress_of(self, solution: Solution, key: Any) -> Floats:
-        """Stress of another solution at the points of the reference."""
-        mesh = solution.discretisation.tagged.mesh
-        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (3,)))
-        function = fem.Function(space)
-        points = compat.interpolation_points(space.element)
-        function.interpolate(fem.Expression(_stress(solution), points))
-        if key is None or key not in self._located:
-            self._located[key] = self._locate(mesh)
-        return np.asarray(function.eval(self._points, self._located[key]))
-
-    def _locate(self, mesh: Any) -> npt.NDArray[np.int32]:
-        """A cell of the mesh for each point."""
-        dim = mesh.topology.dim
-        tree = geometry.bb_tree(mesh, dim, padding=1e-12)
-        candidates = geometry.compute_collisions_points(tree, self._points)
-        colliding = geometry.compute_colliding_cells(mesh, candidates, self._points)
-        starts, ends = colliding.offsets[:-1], colliding.offsets[1:]
-        found = ends > starts
-        cells = np.zeros(len(self._points), dtype=np.int32)
-        cells[found] = colliding.array[starts[found]]
-        if not found.all():
-            every = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-            middles = geometry.create_midpoint_tree(mesh, dim, every)
-            cells[~found] = geometry.compute_closest_entity(tree, middles, mesh, self._points[~found])
-        return cells
-
-
-def _stress(solution: Solution) -> Any:
-    """Stress (xx, yy, xy) as UFL."""
-    sigma = stress(solution.displacement, *solution.discretisation.lame)
-    return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+    return [replace(method, families=tuple(families[method.name])) for method in found]
 
 
 @dataclass(frozen=True)
@@ -285,17 +166,17 @@ def run_study(
     if not scene.contact or scene.steps > 1:
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
-    factors, fine = (_QUICK_FACTORS, _QUICK_REFERENCE) if quick else (_FACTORS, _REFERENCE)
-    exact = {"algorithm": "exact", "linear_algebra": "condensed"}
-    reference = Reference(solve(on_mesh(scene, fine, "Q2", exact), MPI.COMM_SELF))
-    floor = reference_errors(
-        *(reference.errors(solve(on_mesh(scene, k * fine, "Q2", exact), MPI.COMM_SELF)) for k in (2, 4))
-    )
-    about = f"Q2, exact, condensed, {reference.solution.discretisation.dofs} unknowns"
+    factors = _QUICK_FACTORS if quick else _FACTORS
+    reference, floor = overkill(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
+    about = f"{reference.about}, {reference.solution.discretisation.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
     natural = scene.young / reference.solution.discretisation.tagged.size
     runs = []
     for method in methods(scene, quick=quick):
+        if method.adaptive:
+            targets = _QUICK_ASKED if quick else _ASKED[method.element]
+            runs += [_Run(method, 1.0, scene, natural, asked=target) for target in targets]
+            continue
         # Quadratic elements on twice as large cells have as many unknowns.
         own = factors[:-1] if method.degree == 2 else factors[1:]
         runs += [_Run(method, factor, scene, natural) for factor in (own if not quick else factors)]
@@ -306,30 +187,19 @@ def run_study(
     return Study(scene, [run.row() for run in runs], floor, about, time.perf_counter() - begin)
 
 
-def reference_errors(second: dict[str, float | None], third: dict[str, float | None]) -> dict[str, float | None]:
-    """How far the reference may be wrong, from the differences to it on cells two and four times as large.
-
-    With errors like h^r the differences are 2^r - 1 and 4^r - 1 times that of the reference, so that their ratio is
-    2^r + 1; in the energy norm, where the error is orthogonal to the coarser spaces, this holds of the squares.  The
-    rate is the one that is seen, or the expected one where that is smaller.
-    """
-    found: dict[str, float | None] = {}
-    for name, near in second.items():
-        far, power = third[name], 2 if name == "energy" else 1
-        expected, slowest = (2 ** (power * rate) - 1 for rate in (_EXPECTED[name], _SLOWEST))
-        seen = expected if not far or not near else (far / near) ** power - 2
-        found[name] = None if near is None else near / min(expected, max(seen, slowest)) ** (1 / power)
-    return found
-
-
 class _Run:
-    """A method on a mesh, as often as it is repeated."""
+    """A method on a mesh, or on those that an accuracy takes, as often as it is repeated."""
 
-    def __init__(self, method: Method, factor: float, scene: Scene, natural: float) -> None:
+    def __init__(
+        self, method: Method, factor: float, scene: Scene, natural: float, *, asked: float | None = None
+    ) -> None:
         gamma = "auto" if method.gamma is None else method.gamma * natural
         settings = {"gamma_n": gamma, "gamma_t": gamma, **method.settings}
         self._scene = on_mesh(scene, factor, method.element, settings)
-        self._method, self._factor = method, factor
+        if asked is not None:
+            goal = Accuracy(target=asked, of="energy", refinement="adaptive", seconds=_TOO_LONG)
+            self._scene = self._scene.model_copy(update={"accuracy": goal})
+        self._method, self._factor, self._asked = method, factor, asked
         self._times: list[dict[str, float]] = []
         self._about: Row = {}
         self._enough = 1000
@@ -338,7 +208,7 @@ class _Run:
         """Solve once; measure the errors where there is a reference."""
         if len(self._times) >= self._enough:
             return
-        begin = time.perf_counter()
+        before, begin = _resident(reset=True), time.perf_counter()
         try:
             solution = solve(self._scene, MPI.COMM_SELF, check=False)
         except SignoriniError as error:
@@ -350,7 +220,8 @@ class _Run:
             own = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
             coarser = sum(level.seconds for level in solution.levels[:-1])
             rest = max(0.0, total - sum(own.values()) - coarser)
-            self._times.append({"seconds": total, **own, "coarser": coarser, "rest": rest})
+            memory = max(0.0, _resident() - before)
+            self._times.append({"seconds": total, **own, "coarser": coarser, "rest": rest, "memory": memory})
         if reference is None:
             return
         weight = solution.table.columns["weight"]
@@ -358,18 +229,22 @@ class _Run:
             "h": float(weight.mean()),
             "dofs": solution.discretisation.dofs,
             "linear_solves": solution.history.linear_solves,
+            "work": work_of(solution),
             "factorisations": sum(record.factorised for record in solution.history.iterations),
             "linear_algebra": solution.linear_algebra.split(":")[0],
             "status": solution.status.value,
             **dict.fromkeys(QUANTITIES),
         }
         if solution.converged:
-            self._about |= reference.errors(solution, (self._method.element[0], self._factor))
+            key = None if self._asked else (self._method.element[0], self._factor)
+            self._about |= reference.errors(solution, key)
 
     def row(self) -> Row:
         """All that is known of it."""
         settings, about = self._scene.solver, self._about
-        times: dict[str, float | None] = dict.fromkeys(("seconds", *PHASES, "coarser", "rest", "fastest", "slowest"))
+        times: dict[str, float | None] = dict.fromkeys(
+            ("seconds", *PHASES, "coarser", "rest", "fastest", "slowest", "memory")
+        )
         if self._times:
             times |= {name: statistics.median(run[name] for run in self._times) for name in self._times[0]}
             totals = [run["seconds"] for run in self._times]
@@ -383,16 +258,38 @@ class _Run:
             "gamma": self._method.gamma if self._method.gamma is not None else "auto",
             "linear_algebra": about.get("linear_algebra", settings.linear_algebra),
             "levels": settings.levels,
-            "size_of_cells": self._factor,
+            "size_of_cells": None if self._asked else self._factor,
+            "asked": self._asked,
             "h": about.get("h"),
             "dofs": about.get("dofs"),
             "status": about.get("status", ""),
             **{name: about.get(name) for name in QUANTITIES},
             "linear_solves": about.get("linear_solves"),
+            "work": about.get("work"),
             "factorisations": about.get("factorisations"),
             "repeats": len(self._times),
             **times,
         }
+
+
+def work_of(solution: Solution) -> int:
+    """Linear solves on every mesh times the unknowns there."""
+    meshes = [(level.linear_solves, level.dofs) for level in solution.levels]
+    meshes = meshes or [(solution.history.linear_solves, solution.discretisation.dofs)]
+    return sum(solves * dofs for solves, dofs in meshes)
+
+
+def _resident(*, reset: bool = False) -> float:
+    """Largest resident memory since the last reset, MB; 0 where the system does not tell."""
+    try:
+        if reset:  # what earlier runs have left would hide what this one takes
+            gc.collect()
+            ctypes.CDLL(None).malloc_trim(0)
+            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+        text = Path("/proc/self/status").read_text(encoding="ascii")
+    except (OSError, AttributeError):
+        return 0.0
+    return int(text.partition("VmHWM:")[2].split()[0]) / 1024
 
 
 # --- what follows from the table -------------------------------------------------------------------------------------
@@ -405,10 +302,15 @@ def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
     """
     result: list[float | None] = []
     for row in rows:
-        family = [r for r in rows if r["method"] == row["method"] and r["size_of_cells"] <= row["size_of_cells"]]
+        family = [r for r in rows if r["method"] == row["method"] and _coarseness(r) <= _coarseness(row)]
         errors = [r[quantity] for r in family if r[quantity] is not None]
         result.append(max(errors) if row[quantity] is not None else None)
     return result
+
+
+def _coarseness(row: Row) -> float:
+    """The size of the cells, or the accuracy that was asked for: what falls from run to run of a method."""
+    return float(row["size_of_cells"] or row["asked"])
 
 
 def cheapest_front(rows: Sequence[Row], quantity: str, floor: float | None = None) -> list[tuple[Row, float]]:
@@ -496,7 +398,7 @@ def _shown(study: Study) -> list[str]:
 def _finest(rows: Sequence[Row], name: str) -> Row | None:
     """The run of a method on its finest mesh, if it is solved there."""
     own = [row for row in rows if row["method"] == name]
-    last = min(own, key=lambda row: float(row["size_of_cells"]), default=None)
+    last = min(own, key=_coarseness, default=None)
     return last if last is not None and last["seconds"] and last["pressure"] is not None else None
 
 
@@ -526,7 +428,8 @@ def _on_time(rows: Sequence[Row]) -> str:
     said = []
     for name in dict.fromkeys(row["method"] for row in rows):
         row = _finest(rows, name)
-        if row is not None and name != base["method"] and row["gamma"] == "auto" and row["element"] == base["element"]:
+        alike = row is not None and row["gamma"] == "auto" and row["element"] == base["element"]
+        if row is not None and alike and name != base["method"]:
             said.append(f"{name} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
     own = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
     return f"There, in multiples of the time of {base['method']} ({own}): {', '.join(said)}." if said else ""
@@ -539,7 +442,8 @@ def _on_failures(rows: Sequence[Row]) -> str:
         return f"All {len(rows)} runs have a solution."
     said: dict[str, list[str]] = {}
     for row in failed:
-        said.setdefault(row["status"], []).append(f"{row['method']} (cells x {row['size_of_cells']:g})")
+        mesh = f"cells x {row['size_of_cells']:g}" if row["size_of_cells"] else f"asked for {row['asked']:g}"
+        said.setdefault(row["status"], []).append(f"{row['method']} ({mesh})")
     return (
         f"{len(failed)} of {len(rows)} runs have no solution: "
         + "; ".join(f"{', '.join(names)}: {status}" for status, names in said.items())
@@ -628,7 +532,7 @@ def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> Non
     """One line a method of the family."""
     names = dict.fromkeys(row["method"] for row, _ in points if family in row["families"].split("; "))
     for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
-        own = sorted(((r["seconds"], e, r["size_of_cells"]) for r, e in points if r["method"] == name), key=_coarsest)
+        own = sorted(((r["seconds"], e, _coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
         axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
     style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
     small = {"fontsize": 6.2, "ncols": 2 if len(names) > 6 else 1, "columnspacing": 0.8}

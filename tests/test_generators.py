@@ -14,7 +14,7 @@ from signorini_fx import meshes
 from signorini_fx.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import coarser_parameters, generate_mesh
+from signorini_fx.mesh import coarser_parameters, generate_mesh, triangle_parameters
 from signorini_fx.mesh_arrays import quality
 from signorini_fx.refinement import refine
 from signorini_fx.scene import Discretised, parse_scene
@@ -200,6 +200,18 @@ def test_coarser(name):
     assert set(coarse.boundaries) == set(fine.boundaries)
     ratio = fine.mesh.topology.index_map(2).size_global / coarse.mesh.topology.index_map(2).size_global
     assert 2.5 < ratio < 6
+
+
+@each
+def test_triangles_to_divide(name):
+    """Bodies with straight sides give triangles for adaptive refinement; those with arcs would lose them."""
+    parameters = triangle_parameters(name, SMALL[name][0])
+    assert (parameters is None) == (name in CURVED)
+    if parameters is not None:
+        coarse = generate_mesh(name, parameters, MPI.COMM_SELF)
+        fine = refine(coarse)
+        assert area(fine) == pytest.approx(area(coarse), rel=1e-12)
+        assert all(fine.facets(boundary).size == 2 * coarse.facets(boundary).size for boundary in coarse.boundaries)
 
 
 @each_cell
