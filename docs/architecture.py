@@ -51,6 +51,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
                 "report",
                 "parameter_sweep",
                 "work_precision",
+                "reference",
             ),
         ),
     ),
@@ -58,7 +59,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "solution"),
+            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
         ),
     ),
     (
