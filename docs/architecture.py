@@ -51,6 +51,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
                 "report",
                 "parameter_sweep",
                 "work_precision",
+                "reference",
             ),
         ),
     ),
@@ -58,7 +59,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "solution"),
+            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
         ),
     ),
     (
@@ -104,7 +105,22 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
             ("discretisation", "forms", "material", "loads", "supports", "boundary", "rigid", "assembly"),
         ),
     ),
-    (Layer("Scene and mesh", "what is to be solved, validated", ("scene", "expressions", "mesh", "refinement")),),
+    (
+        Layer(
+            "Scene and mesh",
+            "what is to be solved, validated",
+            (
+                "scene",
+                "expressions",
+                "mesh",
+                "mesh_arrays",
+                "mesh_formats",
+                "mesh_info",
+                "abaqus",
+                "refinement",
+            ),
+        ),
+    ),
     (
         Layer(
             "Ground",
@@ -114,7 +130,19 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
     ),
 )
 # Packages of others, as the picture names them.
-OUTSIDE = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "scipy", "matplotlib", "pyvista", "pydantic")
+OUTSIDE = (
+    "dolfinx",
+    "ufl",
+    "basix",
+    "petsc4py",
+    "mpi4py",
+    "gmsh",
+    "meshio",
+    "scipy",
+    "matplotlib",
+    "pyvista",
+    "pydantic",
+)
 
 
 def files() -> dict[str, Path]:

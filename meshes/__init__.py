@@ -2,18 +2,206 @@
 
 Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
 With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``triangles(parameters)``, for bodies
-with straight sides, its cells can be divided where the error is, as an accuracy asks for.
+with straight sides, its cells can be divided where the error is, as an accuracy asks for.  The functions here are what
+several generators share; they get the initialised module gmsh, so that nothing heavy is imported.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from signorini_fx.errors import SceneError
+
+# More facets than this along the zone of small cells, or along the body, are a slip of the pen.
+_MOST_FACETS = 5000
 
 
-def coarser_grid(generate: Callable[..., Any], parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters with the counts nx and ny divided by ``factor``, at least 1."""
+def coarser_grid(
+    generate: Callable[..., Any], parameters: dict[str, Any], factor: float, names: Sequence[str] = ("nx", "ny")
+) -> dict[str, Any]:
+    """The parameters with the counts ``names`` divided by ``factor``, at least 1."""
     defaults = inspect.signature(generate).parameters
-    counts = {name: parameters.get(name, defaults[name].default) for name in ("nx", "ny")}
+    counts = {name: parameters.get(name, defaults[name].default) for name in names}
     return parameters | {name: max(1, round(count / factor)) for name, count in counts.items()}
+
+
+def coarser_sizes(generate: Callable[..., Any], parameters: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters with ``size`` and ``contact_size`` multiplied by ``factor``."""
+    defaults = inspect.signature(generate).parameters
+    sizes = {name: factor * parameters.get(name, defaults[name].default) for name in ("size", "contact_size")}
+    return parameters | sizes
+
+
+def refuse(parameter: str, message: str) -> NoReturn:
+    """Say that a parameter does not go with the others.
+
+    Raises:
+        SceneError: always.
+    """
+    raise SceneError([(f"mesh.parameters.{parameter}", message)])
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of an outline.
+
+    Attributes:
+        x: position along x[0].
+        y: position along x[1].
+        side: name of the straight side from here to the next corner; "" leaves it without a name.
+        radius: of the arc that rounds the corner, 0: sharp.
+        arc: name of that arc.
+    """
+
+    x: float
+    y: float
+    side: str = ""
+    radius: float = 0.0
+    arc: str = ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A gmsh model in units of its own: the tolerances of gmsh are absolute, so it is to see the same in all units.
+
+    Attributes:
+        gmsh: the initialised module.
+        unit: length of the model's unit.
+    """
+
+    gmsh: Any
+    unit: float
+
+    def point(self, x: float, y: float) -> int:
+        """A point at a position in units of the scene."""
+        tag: int = self.gmsh.model.geo.addPoint(x / self.unit, y / self.unit, 0.0)
+        return tag
+
+
+def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str, list[int]]]:
+    """A surface with straight sides and rounded corners, anticlockwise; no side may be shorter than its arcs need.
+
+    Returns:
+        The surface, and name -> its curves.
+    """
+    geo = drawing.gmsh.model.geo
+    named: dict[str, list[int]] = {}
+    loop: list[int] = []
+    ends: list[tuple[int, int]] = []  # of each corner: where the side before it ends, where the side after it begins
+    arcs: list[int | None] = []
+    for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
+        if corner.radius == 0.0:
+            point = drawing.point(corner.x, corner.y)
+            ends.append((point, point))
+            arcs.append(None)
+            continue
+        first, last = (_direction(corner, other) for other in (before, after))
+        half = math.acos(max(-1.0, min(1.0, first[0] * last[0] + first[1] * last[1]))) / 2
+        along, away = corner.radius / math.tan(half), corner.radius / math.sin(half)
+        bisector = _unit(first[0] + last[0], first[1] + last[1])
+        centre = drawing.point(corner.x + away * bisector[0], corner.y + away * bisector[1])
+        begin, end = (drawing.point(corner.x + along * d[0], corner.y + along * d[1]) for d in (first, last))
+        ends.append((begin, end))
+        arcs.append(geo.addCircleArc(begin, centre, end))
+    for index, corner in enumerate(corners):
+        arc = arcs[index]
+        if arc is not None:
+            loop.append(arc)
+            named.setdefault(corner.arc, []).append(arc)
+        line = geo.addLine(ends[index][1], ends[(index + 1) % len(corners)][0])
+        loop.append(line)
+        named.setdefault(corner.side, []).append(line)
+    named.pop("", None)
+    return geo.addPlaneSurface([geo.addCurveLoop(loop)]), named
+
+
+def _unit(x: float, y: float) -> tuple[float, float]:
+    length = math.hypot(x, y)
+    return x / length, y / length
+
+
+def _direction(here: Corner, there: Corner) -> tuple[float, float]:
+    return _unit(there.x - here.x, there.y - here.y)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How long facets are: ``near`` up to the distance ``zone`` from the places, growing to ``far`` at ``reach``."""
+
+    near: float
+    far: float
+    zone: float
+    reach: float
+
+
+def mesh_surface(
+    drawing: Drawing,
+    bodies: Iterable[int],
+    boundaries: Mapping[str, Sequence[int]],
+    sizes: Sizes,
+    *,
+    points: Sequence[int] = (),
+    curves: Sequence[int] = (),
+    cell: str = "triangle",
+    order: int = 1,
+) -> None:
+    """Mesh surfaces, fine near some points and curves, and name their parts: the body is ``body``.
+
+    Args:
+        drawing: the model, not yet synchronised.
+        bodies: surfaces.
+        boundaries: name -> curves.
+        sizes: lengths of the facets.
+        points: where they are small.
+        curves: where they are small.
+        cell: ``triangle`` or ``quadrilateral``.
+        order: degree of the geometry; 2: facets and cells have nodes between, which are on the arcs.
+
+    Raises:
+        SceneError: the facets are so short that no machine could mesh the body.
+    """
+    fine = max(sizes.reach, sizes.zone) if curves else sizes.zone
+    for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
+        if long / short > _MOST_FACETS:
+            refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
+    gmsh, unit = drawing.gmsh, drawing.unit
+    geo, fields = gmsh.model.geo, gmsh.model.mesh.field
+    surfaces = list(bodies)
+    if cell == "quadrilateral":
+        for body in surfaces:
+            geo.mesh.setRecombine(2, body)
+    geo.synchronize()
+    # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
+    stretch = 2.0 if cell == "quadrilateral" else 1.0
+    distance, threshold = fields.add("Distance"), fields.add("Threshold")
+    if points:
+        fields.setNumbers(distance, "PointsList", list(points))
+    if curves:
+        fields.setNumbers(distance, "CurvesList", list(curves))
+        fields.setNumber(distance, "Sampling", 200)
+    settings = {
+        "InField": distance,
+        "SizeMin": stretch * min(sizes.near, sizes.far) / unit,
+        "SizeMax": stretch * sizes.far / unit,
+        "DistMin": sizes.zone / unit,
+        "DistMax": max(sizes.reach, sizes.zone) / unit,
+    }
+    for name, value in settings.items():
+        fields.setNumber(threshold, name, value)
+    fields.setAsBackgroundMesh(threshold)
+    for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
+        gmsh.option.setNumber(f"Mesh.{option}", 0)
+    if cell == "quadrilateral":
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
+        # Triangles stay until then where the quadrilateral would be flat, as in the round of a fillet.
+        gmsh.option.setNumber("Mesh.RecombineMinimumQuality", 0.3)
+    gmsh.model.addPhysicalGroup(2, surfaces, name="body")
+    for name, tags in boundaries.items():
+        gmsh.model.addPhysicalGroup(1, list(tags), name=name)
+    gmsh.model.mesh.generate(2)
+    if order > 1:
+        gmsh.model.mesh.setOrder(order)

@@ -15,13 +15,13 @@ r"""The lower half of a disk that stands on the origin, meshed by gmsh, with sma
 
 from __future__ import annotations
 
-import inspect
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -37,6 +37,7 @@ def generate(
     contact_zone: Length = 0.5,
     symmetric: bool = False,
     cell: Literal["triangle", "quadrilateral"] = "triangle",
+    order: Literal[1, 2] = 1,
 ) -> Any:
     """Half a disk whose cells are small near the origin and grow with the distance from there.
 
@@ -48,58 +49,34 @@ def generate(
         contact_zone: distance from the origin up to which cells are of that size.
         symmetric: only the right half of it.
         cell: shape of the cells.
+        order: degree of the geometry: 1: the facets of the arc are straight, only their ends are on the circle.
 
     Returns:
-        The mesh with the boundaries arc, top and, if it is symmetric, symmetry; the vertices of the arc are on the
-        circle, its facets are straight.
+        The mesh with the boundaries arc, top and, if it is symmetric, symmetry.
     """
+    unit = radius / 8.0  # what gmsh is given has the size of the default
 
     def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
-        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        lowest, centre, right = (drawing.point(x, y) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
         arcs = [geo.addCircleArc(lowest, centre, right)]
         if symmetric:
             top = [geo.addLine(right, centre)]
             rest = [geo.addLine(centre, lowest)]
         else:
-            left = geo.addPoint(-radius, radius, 0.0)
+            left = drawing.point(-radius, radius)
             top = [geo.addLine(right, left)]
             rest = [geo.addCircleArc(left, centre, lowest)]
             arcs += rest
         body = geo.addPlaneSurface([geo.addCurveLoop([arcs[0], *top, *rest])])
-        if cell == "quadrilateral":
-            geo.mesh.setRecombine(2, body)
-        geo.synchronize()
-        # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
-        stretch = 2.0 if cell == "quadrilateral" else 1.0
-        distance, sizes = gmsh.model.mesh.field.add("Distance"), gmsh.model.mesh.field.add("Threshold")
-        gmsh.model.mesh.field.setNumbers(distance, "PointsList", [lowest])
-        settings = {
-            "InField": distance,
-            "SizeMin": stretch * min(contact_size, size),
-            "SizeMax": stretch * size,
-            "DistMin": min(contact_zone, 0.99 * radius),
-            "DistMax": radius,
-        }
-        for name, value in settings.items():
-            gmsh.model.mesh.field.setNumber(sizes, name, value)
-        gmsh.model.mesh.field.setAsBackgroundMesh(sizes)
-        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
-            gmsh.option.setNumber(f"Mesh.{option}", 0)
-        if cell == "quadrilateral":
-            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
-        gmsh.model.addPhysicalGroup(2, [body], name="body")
-        gmsh.model.addPhysicalGroup(1, arcs, name="arc")
-        gmsh.model.addPhysicalGroup(1, top, name="top")
-        if symmetric:
-            gmsh.model.addPhysicalGroup(1, rest, name="symmetry")
-        gmsh.model.mesh.generate(2)
+        names = {"arc": arcs, "top": top} | ({"symmetry": rest} if symmetric else {})
+        sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
+        mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
-    return gmsh_mesh(comm, draw, name="half_disk")
+    return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
-    defaults = inspect.signature(generate).parameters
-    sizes = {name: factor * parameters.get(name, defaults[name].default) for name in ("size", "contact_size")}
-    return parameters | sizes
+    return coarser_sizes(generate, parameters, factor)

@@ -70,6 +70,12 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument("file", type=Path, nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)")
+    convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
+    convert.add_argument("source", type=Path, metavar="IN", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
+    info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
+    info.add_argument("file", type=Path, metavar="FILE", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return parser
@@ -111,6 +117,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _schema()
     if options.command == "report":
         return _report(options)
+    if options.command in ("convert", "mesh-info"):
+        return _mesh_file(options)
     from mpi4py import MPI
 
     try:
@@ -242,6 +250,30 @@ def _report(options: argparse.Namespace) -> int:
     except SignoriniError as error:
         print(f"signorini-fx: error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    return EXIT_OK
+
+
+def _mesh_file(options: argparse.Namespace) -> int:
+    """Rewrite or describe a mesh file; only one of several processes does."""
+    from signorini_fx.errors import SignoriniError
+    from signorini_fx.mesh_formats import read_file, write_file
+    from signorini_fx.mesh_info import mesh_info, render
+
+    if not _started_as_root():
+        return EXIT_OK
+    try:
+        if options.command == "convert":
+            mesh = read_file(options.source)
+            write_file(mesh, options.target)
+            print(render(mesh_info(mesh), str(options.target)))
+        else:
+            info = mesh_info(read_file(options.file))
+            print(json.dumps(info, indent=2) if options.json else render(info, str(options.file)))
+    except SignoriniError as error:
+        print(f"signorini-fx: error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     return EXIT_OK
 
 

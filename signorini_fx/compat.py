@@ -34,9 +34,21 @@ def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
     return np.asarray(points() if callable(points) else points)
 
 
+def geometry_degree(domain: mesh.Mesh) -> int:
+    """Polynomial degree of the geometry: 1 for straight cells; one list for each kind of cell since 0.11."""
+    geometry: Any = domain.geometry
+    return int((geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap).degree)
+
+
+def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
+    geometry: Any = domain.geometry
+    return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
+
+
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
     return bool(dolfinx.common.has_adios2)
 
 
-__all__ = ["VERSION", "gmsh_model_to_mesh", "has_vtx", "interpolation_points"]
+__all__ = ["VERSION", "geometry_cells", "geometry_degree", "gmsh_model_to_mesh", "has_vtx", "interpolation_points"]

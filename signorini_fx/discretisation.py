@@ -163,6 +163,15 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
             facets[effect.boundary] = found
             if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
                 problems.append((path, f"boundary {effect.boundary!r} has no exterior facets"))
+    for index, effect in enumerate(scene.contact):
+        for other in scene.contact[:index]:
+            if effect.boundary in facets and other.boundary in facets:
+                shared = np.intersect1d(facets[effect.boundary], facets[other.boundary]).size
+                total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
+                if total:
+                    message = f"boundary {effect.boundary!r} shares {total} facets with the contact boundary "
+                    message += f"{other.boundary!r}: a facet can touch one foundation only"
+                    problems.append((f"contact[{index}].boundary", message))
     for index, material in enumerate(scene.material):
         if material.region is not None and material.region not in tagged.regions:
             known = ", ".join(sorted(tagged.regions)) or "none"
@@ -181,17 +190,20 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
         return fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
     space = fem.functionspace(mesh, ("DG", 0))
     pair = fem.Function(space), fem.Function(space)
-    covered = np.zeros(pair[0].x.array.size, dtype=bool)
+    covered = np.zeros(pair[0].x.array.size, dtype=np.int32)
     for material in scene.material:
         assert material.region is not None
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
-        covered[dofs] = True
+        covered[dofs] += 1
         for function, value in zip(pair, lame_parameters(material), strict=True):
             function.x.array[dofs] = value
-    bare = int(np.count_nonzero(~covered[: space.dofmap.index_map.size_local]))
-    total = int(parallel.global_sum(mesh.comm, np.array(bare)))
-    if total:
-        raise SceneError([("material", f"{total} cells are in none of the regions that have a material")])
+    owned = covered[: space.dofmap.index_map.size_local]
+    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
+    bare, twice = (int(count) for count in counts)
+    if bare:
+        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
+    if twice:
+        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
     for function in pair:
         function.x.scatter_forward()
     return pair

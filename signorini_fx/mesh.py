@@ -16,11 +16,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from signorini_fx import compat, meshes, parallel
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx import compat, mesh_formats, meshes, parallel
+from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.mesh_arrays import Selection
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
-_GMSH_SUFFIXES = {".msh", ".geo"}
+# Boundaries and regions.
+_Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
+# Midside nodes farther off than this share of the body's size make a side curved.
+_STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -30,22 +34,22 @@ class TaggedMesh(TaggedMeshBase):
     Attributes:
         mesh: the distributed mesh.
         facet_tags: tags on facets.
-        boundaries: name of a boundary -> its tag.
+        boundaries: name of a boundary -> its tag, or all its tags where boundaries overlap.
         cell_tags: tags on cells, None where the body is one region.
-        regions: name of a part of the body -> its tag.
+        regions: name of a part of the body -> its tag, or all its tags.
     """
 
     mesh: dmesh.Mesh
     facet_tags: dmesh.MeshTags
-    boundaries: Mapping[str, int]
+    boundaries: Mapping[str, int | tuple[int, ...]]
     cell_tags: dmesh.MeshTags | None = None
-    regions: Mapping[str, int] = field(default_factory=dict)
+    regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
 
     def cells(self, region: str) -> npt.NDArray[np.int32]:
         """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
         if self.cell_tags is None or region not in self.regions:
             raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
-        return self.cell_tags.find(self.regions[region])
+        return _tagged(self.cell_tags, self.regions[region])
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
         """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
@@ -57,7 +61,7 @@ class TaggedMesh(TaggedMeshBase):
             known = ", ".join(sorted(self.boundaries)) or "none"
             raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {known}")
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
-        tagged = self.facet_tags.find(self.boundaries[name])
+        tagged = _tagged(self.facet_tags, self.boundaries[name])
         self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
         return np.intersect1d(tagged, dmesh.exterior_facet_indices(self.mesh.topology)).astype(np.int32)
 
@@ -69,21 +73,46 @@ class TaggedMesh(TaggedMeshBase):
         return float(np.linalg.norm(high - low))
 
 
+def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """Entities with any of the tags, sorted."""
+    own = (values,) if isinstance(values, int) else values
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, own)]))
+
+
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses.
+        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells.
         MeshError: the file is no mesh.
     """
     match scene.mesh:
-        case TaggedMesh() as tagged:
-            return tagged
-        case MeshFile(file=file):
-            return read_mesh(file, comm)
+        case TaggedMesh():
+            tagged = scene.mesh
+        case MeshFile(file=file, boundaries=boundaries, regions=regions, data=data):
+            tagged = read_mesh(file, comm, boundaries, regions, data)
         case MeshGenerator(generator=name, parameters=parameters):
-            return generate_mesh(name, parameters, comm)
-    raise TypeError(f"no mesh: {scene.mesh!r}")
+            tagged = generate_mesh(name, parameters, comm)
+        case _:
+            raise TypeError(f"no mesh: {scene.mesh!r}")
+    if scene.element.degree == 1 and _curvature(tagged) > _STRAIGHT * tagged.size:
+        # Such elements cannot even turn without strain: no refinement would help.
+        message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
+        raise SceneError([("element.degree", message)])
+    return tagged
+
+
+def _curvature(tagged: TaggedMesh) -> float:
+    """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
+    mesh = tagged.mesh
+    if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
+        return 0.0
+    triangles = mesh.topology.cell_name() == "triangle"
+    ends = [(1, 2), (0, 2), (0, 1)] if triangles else [(0, 1), (0, 2), (1, 3), (2, 3)]
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :2]
+    corners = 3 if triangles else 4
+    away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
+    return parallel.global_max(mesh.comm, parallel.local_max(np.linalg.norm(away, axis=2)))
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:
@@ -126,26 +155,38 @@ def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, A
     return None if triangles is None else triangles(dict(parameters))
 
 
-def read_mesh(file: Path, comm: MPI.Comm) -> TaggedMesh:
-    """A mesh from a gmsh file with physical groups for its boundaries and its body.
+def read_mesh(
+    file: Path,
+    comm: MPI.Comm,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+) -> TaggedMesh:
+    """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
+
+    Args:
+        file: the file.
+        comm: the ranks that share the mesh.
+        boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
+            positive where both ends of an exterior facet of the boundary are.
+        regions: the same for cells with all their corners.
+        data: the cell data that numbers refer to; None: the only one.
 
     Raises:
-        MeshError: there is no such file, or it is no mesh of that format.
+        MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
+        SceneError: a number or a rule takes nothing.
     """
-    if file.suffix.lower() not in _GMSH_SUFFIXES:
-        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_GMSH_SUFFIXES))}")
 
-    def draw(gmsh: Any) -> None:
-        if not file.is_file():
-            raise MeshError(f"{file}: no such file")
-        try:
-            gmsh.open(str(file))
-            if file.suffix.lower() == ".geo":
-                gmsh.model.mesh.generate(2)
-        except Exception as error:
-            raise MeshError(f"{file}: gmsh cannot read it: {error}") from None
+    def build() -> _Names:
+        arrays = mesh_formats.read_file(file, boundaries, regions, data)
+        if not any(rows.size for rows in arrays.boundaries.values()):
+            raise MeshError(
+                f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                "or in the file (in gmsh: physical groups of dimension 1)"
+            )
+        return mesh_formats.draw(mesh_formats.start_gmsh(), arrays, by_name=False)
 
-    return gmsh_mesh(comm, draw, name=str(file))
+    return _from_gmsh(comm, build)
 
 
 def _generator(name: str) -> Any:
@@ -156,25 +197,28 @@ def _generator(name: str) -> Any:
     return importlib.import_module(f"signorini_fx.meshes.{name}")
 
 
-def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedMesh:
+def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
     Args:
         comm: the ranks that share the mesh.
         draw: called on the first rank only; leaves a meshed two-dimensional model with physical groups.
         name: what to call the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
+            nor small, and have the same numbers in all units.
 
     Raises:
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
-    def build() -> tuple[dict[str, int], dict[str, int]]:
-        import gmsh
-
-        gmsh.initialize(interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        draw(gmsh)
+    def build() -> _Names:
+        gmsh = mesh_formats.start_gmsh()
+        try:
+            draw(gmsh)
+        except SignoriniError:
+            raise
+        except Exception as error:  # gmsh has no exceptions of its own
+            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
         groups = gmsh.model.getPhysicalGroups()
         if not any(dim == 2 for dim, _ in groups):
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 (the body)")
@@ -183,12 +227,23 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines, surfaces = (
-            {gmsh.model.getPhysicalName(d, tag) or f"{kind}_{tag}": tag for dim, tag in groups if dim == d}
-            for d, kind in ((1, "boundary"), (2, "region"))
-        )
+        lines: mesh_formats.Tags = {}
+        surfaces: mesh_formats.Tags = {}
+        for dim, tag in groups:
+            names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
+            if dim in (1, 2):
+                names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
+        if not lines:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
         return lines, surfaces
 
+    tagged = _from_gmsh(comm, build)
+    tagged.mesh.geometry.x[:] *= unit
+    return tagged
+
+
+def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
+    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
         boundaries, regions = parallel.on_root(comm, build)
         model = None
@@ -203,9 +258,12 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
 
             if gmsh.isInitialized():
                 gmsh.finalize()
-    if facet_tags is None or not boundaries:
-        raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
-    return TaggedMesh(mesh, facet_tags, boundaries, cell_tags, regions)
+    return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+
+def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:
+    """One tag stands for itself."""
+    return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
 
 
 def _cell_kinds(gmsh: Any, group: int) -> set[int]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import TaggedMesh
 
@@ -42,11 +42,13 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
         cells: those that must be divided, on this rank; None: all.
 
     Raises:
-        MeshError: the cells are no triangles.
+        MeshError: the cells are no triangles, or not straight.
     """
     mesh = tagged.mesh
     if mesh.topology.cell_name() != "triangle":
         raise MeshError("only triangles can be refined: use cell = 'triangle', or a generator and uniform refinement")
+    if compat.geometry_degree(mesh) > 1:
+        raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
     for pair in ((1, 0), (1, 2), (2, 1)):
         mesh.topology.create_connectivity(*pair)
     edges = None if cells is None else dmesh.compute_incident_entities(mesh.topology, cells, 2, 1)

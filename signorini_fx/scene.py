@@ -88,10 +88,33 @@ class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
+def _selection(given: Any) -> Any:
+    """A number in the cell data of a mesh file, or a rule; everything else is refused."""
+    if type(given) is int or isinstance(given, Expression) or callable(given):
+        return given
+    if isinstance(given, str):
+        return Expression(given)
+    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+
+
+Selection = Annotated[Any, BeforeValidator(_selection), WithJsonSchema({"type": ["integer", "string"]})]
+
+
 class MeshFile(_Model):
-    """A mesh from a file, with named boundaries (physical groups)."""
+    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
+
+    Attributes:
+        file: .msh or .geo of gmsh, .inp, .med, .vtu or .xdmf.
+        boundaries: names for boundaries: the number of its facets in the cell data of the file, or a rule, an
+            expression that is true or positive at both ends of its facets, which are exterior ones.
+        regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
+        data: the cell data that the numbers refer to; None: the only one.
+    """
 
     file: Path
+    boundaries: dict[str, Selection] = {}
+    regions: dict[str, Selection] = {}
+    data: str | None = None
 
 
 class MeshGenerator(_Model):
@@ -477,7 +500,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     except ValidationError as error:
         raise SceneError(_problems(error, data), source) from None
     if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
-        scene = scene.model_copy(update={"mesh": MeshFile(file=folder / scene.mesh.file)})
+        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
     return scene
 
 

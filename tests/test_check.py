@@ -574,6 +574,8 @@ def test_what_is_switched_off_can_be_switched_on(line):
     key = re.match(r"#([a-z_]+) =", line)[1]
     text = TEMPLATE.replace(line, line[1:], 1)
     before = TEMPLATE[: TEMPLATE.index(line)]
+    if key in ("boundaries", "regions", "data"):  # they go with a file
+        text, key = text.replace("#file =", "file =", 1), "file"
     instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"]}.get(key, [])
     table = before.rfind("\n[") + 1
     kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]

@@ -1,0 +1,83 @@
+r"""A rectangle for a sawtooth foundation: nodes at all tips and valleys, and if wanted teeth of its own that fit.
+
+::
+
+                   top                                 top
+        +----------------------+            +----------------------+
+   left |                      | right      |                      | right    height
+        |                      |            |  /\    /\    /\    |
+        +--+--+--+--+--+--+--+-+            +/    \/    \/    \-+
+          bottom                               bottom
+        /\  /\  /\  the gap has the teeth     depth > 0: the body has them, they rise from x[1] = 0
+
+Tips are at pitch / 2, 3 pitch / 2 and so on, with pitch = length / teeth.  For a flat body over teeth of the foundation
+give the gap from them, for pitch 1 and depth 0.1: ``0.2 * min(abs(x[0] - 0.5), abs(x[0] - 1.5), abs(x[0] - 2.5))``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from pydantic import ConfigDict, Field, validate_call
+
+from signorini_fx.meshes import coarser_grid, refuse
+from signorini_fx.meshes.rectangle import name_sides
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Depth = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(gt=0, le=5_000)]
+
+
+@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+def generate(
+    comm: MPI.Comm,
+    /,
+    *,
+    length: Length = 3.0,
+    height: Length = 1.0,
+    teeth: Count = 3,
+    depth: Depth = 0.0,
+    facets: Count = 10,
+    ny: Count = 20,
+    cell: Literal["quadrilateral", "triangle"] = "quadrilateral",
+) -> Any:
+    """A structured mesh whose columns fit the teeth.
+
+    Args:
+        comm: the ranks that share the mesh.
+        length: extent along x[0], from 0.
+        height: extent along x[1], from 0.
+        teeth: their number along the length.
+        depth: of the teeth of the body, less than the height; 0: its bottom is flat.
+        facets: along each flank of a tooth.
+        ny: cells along x[1].
+        cell: shape of the cells.
+
+    Returns:
+        The mesh with the boundaries left, right, bottom, top.
+    """
+    if depth >= height:
+        refuse("depth", f"depth must be less than height, got {depth:g} and {height:g}")
+    mesh = dmesh.create_rectangle(
+        comm, [np.zeros(2), np.array([length, height])], [2 * teeth * facets, ny], dmesh.CellType[cell]
+    )
+    tagged = name_sides(mesh, length, height)
+    if depth > 0.0:
+        x = mesh.geometry.x
+        half = length / teeth / 2
+        rise = depth * (1 - np.abs(x[:, 0] / half % 2 - 1))
+        x[:, 1] += rise * (1 - x[:, 1] / height)
+    return tagged
+
+
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    return coarser_grid(generate, parameters, factor, ("facets", "ny"))
+
+
+def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters for triangles; see ``generate``."""
+    return parameters | {"cell": "triangle"}

@@ -1,0 +1,123 @@
+"""Every demo runs as it is, on a coarse mesh, on any number of ranks, and finds what it says."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+DEMOS = Path(__file__).parent.parent / "demos"
+COMM = MPI.COMM_WORLD
+pytestmark = pytest.mark.mpi
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run a demo in a folder that the ranks share; what its variables are in the end."""
+    if COMM.size > 2:
+        pytest.skip("one and two ranks are enough")
+    folder = COMM.bcast(tmp_path)
+    monkeypatch.chdir(folder)
+
+    def demo(name, cells):
+        monkeypatch.setenv("CELLS", str(cells))
+        found = runpy.run_path(str(DEMOS / f"{name}.py"), run_name="__main__")
+        COMM.barrier()
+        return found
+
+    return demo
+
+
+def pictures(*names):
+    """They are there, below the results of the demos."""
+    for name in names:
+        assert (Path("results/demos") / f"{name}.png").stat().st_size > 10_000, name
+
+
+def test_all_are_here():
+    """No demo is without its test, and each explains itself before it computes."""
+    tested = {name.removeprefix("test_") for name in globals() if name.startswith("test_")}
+    scripts = {file.stem for file in DEMOS.glob("*.py")} - {"paper"}
+    assert scripts <= tested
+    assert len(scripts) >= 5
+    for name in scripts:
+        text = (DEMOS / f"{name}.py").read_text(encoding="utf-8")
+        assert text.startswith("# %% [markdown]\n# # ")
+        assert "$$" in text.partition("\n# %%\n")[0] or name == "own_effect" or name == "friction_sweep"
+
+
+def test_examples_of_the_paper(run):
+    """Energies and peaks of the 120 x 40 mesh, as far as half as many cells go."""
+    found = run("examples_of_the_paper", 60)
+    assert found["energy"]["example1_tresca"] == pytest.approx(0.0231870, rel=3e-3)
+    assert found["energy"]["example1_coulomb"] == pytest.approx(0.0234108, rel=3e-3)
+    assert found["peak"]["example1_tresca"] == pytest.approx(20.112, rel=5e-3)
+    assert found["peak"]["example1_coulomb"] == pytest.approx(20.181, rel=5e-3)
+    assert len(found["sliding"]["example1_coulomb"]) == 2
+    pictures("example1_tresca/deformed", "example2_tresca/profiles")
+
+
+def test_hertz(run):
+    """Half-width and peak of the formula without friction; friction narrows the contact and raises its peak."""
+    found = run("hertz", 20)
+    assert found["widths"][0.0] == pytest.approx(1.0, abs=3e-3)
+    assert found["peaks"][0.0] == pytest.approx(1.0, abs=3e-3)
+    assert found["widths"][0.1] == pytest.approx(0.983, abs=3e-3)
+    assert found["widths"][0.3] == pytest.approx(0.953, abs=3e-3)
+    assert found["peaks"][0.3] == pytest.approx(1.075, abs=5e-3)
+    pictures("hertz/pressure")
+
+
+def test_press_and_slide(run):
+    """The loop closes, and its area is the work of friction."""
+    found = run("press_and_slide", 24)
+    assert found["closing"] < 1e-6
+    assert found["area"] == pytest.approx(found["lost"], rel=0.02)
+    assert found["force"].max() == pytest.approx(16.3, rel=0.02)
+    pictures("press_and_slide/loop")
+
+
+def test_dovetail(run):
+    """Equilibrium in every step; friction holds on the way up, and turns round on the way down."""
+    found = run("dovetail", 24)
+    np.testing.assert_allclose(found["balance"], found["load"], rtol=1e-6)
+    normal, low, high = found["normal"], found["low"], found["high"]
+    np.testing.assert_allclose(normal[:5], low[:5], rtol=1e-5)
+    assert normal[5] > 1.08 * low[5]
+    np.testing.assert_allclose(normal[-2:], high[-2:], rtol=1e-5)
+    assert found["mean"] == pytest.approx(106, rel=0.01)
+    assert found["largest"] == pytest.approx(443, rel=0.05)
+    pictures("dovetail/hysteresis", "dovetail/full_speed/deformed")
+
+
+def test_accuracy_and_time(run):
+    """The estimate is right within a factor of two, and what was asked for is met."""
+    found = run("accuracy_and_time", 96)
+    ratios = np.array(found["estimated"]) / found["true"]
+    assert ((ratios > 0.5) & (ratios < 2)).all()
+    assert found["reached"] < found["TARGET"]
+    assert found["true"][-1] < 0.3 * found["true"][0]
+    pictures("accuracy_and_time/error_against_time")
+
+
+def test_own_effect(run):
+    """The heated block has the pressure of the formula; the fixed point with Coulomb's law is Coulomb friction."""
+    found = run("own_effect", 24)
+    assert found["deviation"] < 1e-9
+    (left, _), (right, _) = found["touching"]
+    assert 0.5 < left < 1.5 < right < 2.5
+    assert found["difference"] < 1e-6
+    assert found["iterations"] < 15
+    assert np.abs(found["shear"]).max() < 3.0
+
+
+def test_friction_sweep(run):
+    """More friction, more stick, more force, and a lower peak, close to those of the 120 x 40 mesh."""
+    found = run("friction_sweep", 48)
+    assert (np.diff(found["stick"]) >= 0).all()
+    assert (np.diff(found["drag"]) > 0).all()
+    assert (np.diff(found["peak"]) < 0).all()
+    assert found["drag"][-1] == pytest.approx(1.14, rel=0.03)
+    assert np.mean(found["solves"]) < 5
+    pictures("friction_sweep/sweep")

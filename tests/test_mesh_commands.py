@@ -1,0 +1,99 @@
+"""``mesh-info`` and ``convert``: what a mesh file holds, in any format, without dolfinx."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from signorini_fx import cli
+
+SQUARES = """*NODE
+1, 0, 0
+2, 1, 0
+3, 2, 0
+4, 0, 1
+5, 1, 1
+6, 2, 1
+10, 1, 0
+*ELEMENT, TYPE=CPE4, ELSET=body
+1, 1, 2, 5, 4
+2, 10, 3, 6, 5
+"""
+
+
+def run(capsys, *arguments):
+    """(exit code, output, errors) of a command."""
+    code = cli.main([str(argument) for argument in arguments])
+    return code, *capsys.readouterr()
+
+
+@pytest.fixture
+def squares(tmp_path):
+    """Two unit squares whose lower nodes in the middle are two, with names on the floor."""
+    file = tmp_path / "squares.inp"
+    file.write_text(SQUARES + "*NSET, NSET=floor\n1, 2, 3, 10\n*SURFACE, NAME=west\n1, S4\n")
+    return file
+
+
+def test_mesh_info(capsys, squares):
+    """Counts, size, quality, names, and what would hurt: nodes that coincide and facets without a name."""
+    code, out, err = run(capsys, "mesh-info", squares)
+    assert (code, err) == (0, "")
+    for text in (
+        "2 quadrilaterals, 7 points",
+        "x[0] 0 to 2, x[1] 0 to 1; area 2",
+        "min 1.000, mean 1.000",
+        "2 points are where another one is",
+        "floor            2 facets, length 2, x[0] 0 to 2, x[1] 0 to 0",
+        "west             1 facets, length 1, x[0] 0 to 0, x[1] 0 to 1",
+        "body             2 cells, area 2",
+        "exterior facets  5 facets, length 5",
+    ):
+        assert text in out, text
+    code, out, _ = run(capsys, "mesh-info", squares, "--json")
+    info = json.loads(out)
+    assert (info["pieces"], info["coincident"], info["quality"]["min"]) == (1, 2, 1.0)
+    assert info["unnamed"]["length"] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("suffix", ["msh", "med", "vtu", "xdmf", "inp"])
+def test_convert(capsys, squares, suffix):
+    """The names go along."""
+    target = squares.with_name(f"again.{suffix}")
+    assert run(capsys, "convert", squares, target)[0] == 0
+    first, again = (json.loads(run(capsys, "mesh-info", file, "--json")[1]) for file in (squares, target))
+    for info in (first, again):
+        info["boundaries"] = dict(sorted(info["boundaries"].items()))
+        del info["quality"]
+    assert again == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["mesh-info", "nowhere.msh"], "nowhere.msh: no such file"),
+        (["mesh-info", "scene.toml"], "unknown mesh format '.toml'"),
+        (["convert", "SQUARES", "body.stl"], "body.stl: cannot write '.stl'; can write .inp, .med, .msh, .vtu, .xdmf"),
+        (["convert", "SQUARES", "nowhere/body.inp"], "nowhere/body.inp: cannot be written: No such file or directory"),
+        (["convert", "SQUARES", "nowhere/body.med"], "nowhere/body.med: cannot be written"),
+        (["convert", "SQUARES", "nowhere/body.msh"], "nowhere/body.msh: cannot be written"),
+        (["convert", "SQUARES", "nowhere/body.vtu"], "nowhere/body.vtu: cannot be written"),
+        (["convert", "SQUARES", "nowhere/body.xdmf"], "nowhere/body.xdmf: cannot be written"),
+    ],
+)
+def test_mesh_formats_that_cannot_be(capsys, squares, monkeypatch, arguments, message):
+    """One sentence, exit code 2."""
+    monkeypatch.chdir(squares.parent)
+    code, out, err = run(capsys, *(squares.name if word == "SQUARES" else word for word in arguments))
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_mesh_info_is_light(squares):
+    """No dolfinx, no MPI."""
+    code = f"import sys; from signorini_fx.cli import main; main(['mesh-info', {str(squares)!r}]); "
+    code += "print([name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("[]\n")
