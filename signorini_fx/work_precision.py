@@ -535,7 +535,8 @@ def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> Non
         own = sorted(((r["seconds"], e, _coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
         axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
     style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
-    small = {"fontsize": 6.2, "ncols": 2 if len(names) > 6 else 1, "columnspacing": 0.8}
+    long = len(names) > 6 and max(map(len, names)) > 15
+    small = {"fontsize": 5.2 if long else 6.2, "ncols": 2 if len(names) > 6 else 1, "columnspacing": 0.8}
     axes.legend(loc="upper right", handlelength=1.3, labelspacing=0.2, handletextpad=0.5, **small, **style)
 
 
