@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine where it has dolfinx, else in the image of the Dockerfile.
 # DEBIAN=sid make TARGET takes that release's image.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint format paper bench clean
+.PHONY: help demo test test-long lint format paper bench stability clean
 DEMOS := example1_tresca example1_coulomb
 RUFF := build/ruff-0.17.5
 
@@ -32,6 +32,9 @@ paper:      ## recompute the paper's tables
 
 bench:      ## measure
 	./env python3 bench/run.py
+
+stability:  ## try to break the solver, and say how it fared (results/stability)
+	./env python3 -m stability
 
 clean:      ## remove what these targets made, but for the image
 	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
