@@ -216,10 +216,10 @@ def _solve_mesh(
     if state is not None:
         sets, start = carry_over(state, discretisation.boundary)
         task.first_sets, task.first_iteration, task.start = sets, 1, start
-    return _solve_contact(discretisation, task, timings), task
+    return solve_contact(discretisation, task, timings), task
 
 
-def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
+def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
     """All load steps, until one has no solution."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []

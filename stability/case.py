@@ -84,7 +84,7 @@ class Row:
 
 
 def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
-    """The verdict: a wrong answer is red whatever it calls itself, another outcome than wanted must have been allowed."""
+    """The verdict: a wrong answer is red whatever it calls itself; other outcomes must be wanted or allowed."""
     verdict, notes = GOOD, [found.note]
     wrong = case.target is not None and (found.error is None or not found.error <= case.target)
     if found.outcome == CONVERGED and found.certificate is not None and not found.certificate <= 1e-6:
