@@ -11,7 +11,7 @@ import numpy as np
 from signorini_fx.results import Status
 from signorini_fx.solution import Solution
 from stability.case import Case, Finding
-from stability.measure import difference, found, solved, worst
+from stability.measure import REGULARISED, difference, found, solved, worst
 from stability.scenes import LAWS, example1
 from stability.shapes import grid, turned
 
@@ -30,18 +30,21 @@ def cases(*, short: bool) -> Iterator[Case]:
         yield Case(f"pressed into a corner, {law}", partial(_corner, law), target=1e-9, reference=BALANCE)
         yield Case(f"in a groove, {law}", partial(_groove, law), target=1e-9, reference=BALANCE)
         yield Case(
-            f"contact meets support, {law}", partial(_touching, law), target=1e-4, reference="unregularised limit"
+            f"contact meets support, {law}",
+            partial(_touching, law),
+            target=REGULARISED,
+            reference="unregularised limit",
         )
         yield Case(f"lifted off, {law}", partial(_lifted, law), wanted=(Status.OPEN.value,))
         # Given friction acts whether there is contact or not (section 2): with it another reference.
         open_reference = "unregularised limit" if law == "Tresca" else _LINEAR
-        target = 1e-4 if law == "Tresca" else 1e-10
+        target = REGULARISED if law == "Tresca" else 1e-10
         yield Case(f"lifted off, but held, {law}", partial(_never, law, 20.0), target=target, reference=open_reference)
         yield Case(f"gap never closed, {law}", partial(_never, law, -20.0), target=target, reference=open_reference)
         yield Case(
             f"penetration at the start, {law}",
             partial(_penetrating, law),
-            target=1e-4,
+            target=REGULARISED,
             reference="unregularised limit" if law != "frictionless" else "prescribed displacement",
         )
         for load in (1e-14,) if short else (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
@@ -52,7 +55,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             yield Case(
                 f"sags onto the foundation, {share:g} too far, {law}",
                 partial(_sagging, law, share),
-                target=3.0 * share + (1e-4 if law == "Tresca" else 1e-10),
+                target=3.0 * share + (REGULARISED if law == "Tresca" else 1e-10),
                 reference=open_reference,
             )
         yield Case(f"no load, supported, {law}", partial(_nothing, law, held=True), target=0.0, reference="zero")

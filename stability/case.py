@@ -91,8 +91,7 @@ def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
         verdict = RED
         notes.append("calls itself converged without a certificate")
     elif found.outcome in case.wanted:
-        # An error that was measured counts whatever the outcome; one that is missing only where there is a solution.
-        if wrong and (found.outcome == CONVERGED or found.error is not None):
+        if wrong and found.outcome == CONVERGED:
             verdict = RED
     elif found.outcome in case.allowed:
         verdict = NAMED

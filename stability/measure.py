@@ -55,6 +55,10 @@ def solved_from(
     return solve_contact(discretisation, task, timings)
 
 
+# What gamma = auto may leave of the displacement.
+REGULARISED = 5e-4
+
+
 def found(solution: Solution, error: float | None = None, note: str = "") -> Finding:
     """The finding of a solve."""
     certificate = solution.certificate.worst
