@@ -24,6 +24,8 @@ from pydantic import ConfigDict, Field, validate_call
 from signorini_fx.mesh import gmsh_mesh
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+# gmsh is given the disk with this radius.
+_DRAWN_RADIUS = 8.0
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
@@ -53,16 +55,17 @@ def generate(
         The mesh with the boundaries arc, top and, if it is symmetric, symmetry; the vertices of the arc are on the
         circle, its facets are straight.
     """
+    r, unit = _DRAWN_RADIUS, radius / _DRAWN_RADIUS
 
     def draw(gmsh: Any) -> None:
         geo = gmsh.model.geo
-        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, r), (r, r)))
         arcs = [geo.addCircleArc(lowest, centre, right)]
         if symmetric:
             top = [geo.addLine(right, centre)]
             rest = [geo.addLine(centre, lowest)]
         else:
-            left = geo.addPoint(-radius, radius, 0.0)
+            left = geo.addPoint(-r, r, 0.0)
             top = [geo.addLine(right, left)]
             rest = [geo.addCircleArc(left, centre, lowest)]
             arcs += rest
@@ -76,10 +79,10 @@ def generate(
         gmsh.model.mesh.field.setNumbers(distance, "PointsList", [lowest])
         settings = {
             "InField": distance,
-            "SizeMin": stretch * min(contact_size, size),
-            "SizeMax": stretch * size,
-            "DistMin": min(contact_zone, 0.99 * radius),
-            "DistMax": radius,
+            "SizeMin": stretch * min(contact_size, size) / unit,
+            "SizeMax": stretch * size / unit,
+            "DistMin": min(contact_zone / unit, 0.99 * r),
+            "DistMax": r,
         }
         for name, value in settings.items():
             gmsh.model.mesh.field.setNumber(sizes, name, value)
@@ -95,7 +98,7 @@ def generate(
             gmsh.model.addPhysicalGroup(1, rest, name="symmetry")
         gmsh.model.mesh.generate(2)
 
-    return gmsh_mesh(comm, draw, name="half_disk")
+    return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
