@@ -73,6 +73,13 @@ class ContactProblem(Protocol):
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds that the current and the following sets stand for."""
 
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """Whether these sets resist every rigid motion; collective."""
+
+    @property
+    def softness(self) -> float:
+        """Stress per length of a layer about as stiff as the body; collective."""
+
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
 
@@ -125,6 +132,16 @@ class ProblemState:
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """See ``ContactProblem``."""
+        stick = (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
+        return self._motions.held_by(self._physical, sets.contact, stick)
+
+    @property
+    def softness(self) -> float:
+        """See ``ContactProblem``."""
+        return self._stiffness / float(parallel.global_sum(self.system.comm, self.boundary.weight.sum()))
 
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """See ``ContactProblem``."""
@@ -194,12 +211,25 @@ class RegularisedProblem(ProblemState):
         if not self._forced_first:
             self.following = classify(self.sets, *self.traces(x), self.data)
         self._hold(*self.multipliers(x, self.sets))
-        pressure, shear = self.multipliers(x, self.following)
+        self._imbalance(x, self.following, f)
+
+    def _imbalance(self, x: PETSc.Vec, sets: ActiveSets, f: PETSc.Vec) -> None:
+        """R(x) for given sets."""
         self.system.matrix.mult(x, f)
         self._measure(f, x)
         f.axpy(-1.0, self.system.load)
-        forces = self.boundary.nodal_forces(pressure, shear) * self.boundary.free
+        forces = self.boundary.nodal_forces(*self.multipliers(x, sets)) * self.boundary.free
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, data: RegularisedData, tolerance: float) -> bool:
+        """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
+        self.set_data(data)
+        force = x.duplicate()
+        self._imbalance(x, sets, force)
+        if not force.norm() <= tolerance * self.force_scale:
+            return False
+        self.sets = self.following = sets
+        return True
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""

@@ -20,6 +20,7 @@ from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
+from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
@@ -99,7 +100,15 @@ class Task:
 
     def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
         start = self.x if problem is self._regularised else problem.system.start.copy()
-        return SemismoothNewton(problem, start, self.settings.max_iterations, self.history, symmetric=symmetric)
+        return SemismoothNewton(
+            problem,
+            start,
+            self.settings.max_iterations,
+            self.history,
+            symmetric=symmetric,
+            climb=climb if self.settings.fallbacks else None,
+            limited="max_iterations" in self.settings.model_fields_set,
+        )
 
     @property
     def newton(self) -> SemismoothNewton:

@@ -75,5 +75,5 @@ def _change(newton: SemismoothNewton, data: RegularisedData, before: tuple[Nodal
         return None
     pressure, shear = project(*newton.multipliers(), data)
     norm = newton.problem.boundary.norm
-    size = norm(pressure) + norm(shear)
+    size = norm(pressure) + norm(shear) or norm(before[0]) + norm(before[1])
     return (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0

@@ -54,5 +54,5 @@ def _change(newton: SemismoothNewton, g: Nodal) -> float:
     """d_g of section 7: the new g is the pressure that the old one led to."""
     following, _ = newton.multipliers()
     norm = newton.problem.boundary.norm
-    size = norm(following)
+    size = norm(following) or norm(g)  # a pressure that is gone has changed by all that it was
     return norm(following - g) / size if size > 0 else 0.0

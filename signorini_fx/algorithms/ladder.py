@@ -1,0 +1,83 @@
+"""What to try, in which order, where a regularised problem is not solved by full steps.
+
+One rung after the other, each noted in the history, until one of them ends with a solution of the very problem that
+was asked for:
+
+1. *through stick*: with a finite sigma, the same iteration with an infinite one, which lets no node jump from one slip
+   set to the other;
+2. *smaller gamma*: a path of problems from a gamma at which hardly anything is constrained up to the given one, each
+   from the one before;
+3. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle.
+
+The problem must be that of given friction.  What comes after (augmentation, other outer iterations, coarser meshes) is
+not about one regularised problem and stands in ``strategy`` and ``solver``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from signorini_fx.algorithms.descent import energy_descent
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.complementarity import ActiveSets, RegularisedData
+from signorini_fx.results import Status
+
+# The path begins at this share of gamma and grows by this factor.
+_FIRST_SHARE, _GROWTH = 1e-4, 10.0
+
+Rung = tuple[str, Callable[[], Status]]
+
+
+def climb(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    failed: Status,
+    measure: Callable[[], float | None],
+) -> Status:
+    """Try the rungs in order; the status of the first that solves the problem, else the one that it failed with."""
+    start = newton.x.copy()
+    reason = failed
+    for name, rung in _rungs(newton, data, first_sets, measure):
+        newton.history.add(f"{reason.value}: {name}")
+        status = rung()
+        if status is Status.CONVERGED:
+            return status
+        reason = status
+    start.copy(newton.x)
+    return failed
+
+
+def _rungs(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    measure: Callable[[], float | None],
+) -> Iterator[Rung]:
+    if np.isinf(data.gamma_n):  # elimination has no penalty to soften, and no energy to descend on
+        return
+    if np.isfinite(data.sigma):
+        yield "through stick", lambda: newton.solve_once(replace(data, sigma=np.inf), first_sets, measure)
+    yield "smaller gamma", lambda: _path(newton, replace(data, sigma=np.inf), first_sets, measure)
+    yield "descent", lambda: energy_descent(newton, replace(data, sigma=np.inf), measure)
+
+
+def _path(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    measure: Callable[[], float | None],
+) -> Status:
+    """From a small gamma to the given one; a stage that fails leaves its iterate to the next rung."""
+    share = _FIRST_SHARE
+    while True:
+        share = min(share, 1.0)
+        stage = replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t)
+        status = newton.solve_once(stage, first_sets, measure)
+        if status is not Status.CONVERGED or share == 1.0:
+            return status
+        share *= _GROWTH
+        first_sets = newton.continued_sets(replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t))
