@@ -19,7 +19,7 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import slip_multiplier, slip_of
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.errors import ConvergenceError
+from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
@@ -62,7 +62,9 @@ def solve(
     if scene.accuracy is not None:
         solution = _solve_to_accuracy(scene, scene.accuracy, comm, history)
     elif not coarse:
-        solution, _ = _solve_mesh(scene, comm, history, None)
+        solution, task = _solve_mesh(scene, comm, history, None)
+        if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
+            solution = _from_coarser(scene, comm, history, solution)
     else:
         solution = _solve_nested([*coarse, scene], comm, history)
     if check and not solution.converged:
@@ -87,6 +89,23 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+
+
+# Coarser meshes that are tried where nothing else has helped.
+_HELPING_MESHES = 2
+
+
+def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
+    """The last resort: nested iteration, if the generator makes coarser meshes."""
+    try:
+        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES) if isinstance(scene.mesh, MeshGenerator) else []
+    except SceneError:
+        return failed
+    if not coarse:
+        return failed
+    history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+    solution = _solve_nested([*coarse, scene], comm, history)
+    return solution if solution.converged else failed
 
 
 def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Solution:

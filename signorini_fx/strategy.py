@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +42,10 @@ LARGEST_GAMMA = 1e9
 START_GAMMA = 100.0
 # Continuation begins where Table 4 does: at this share of the last gamma.
 CONTINUATION_SHARE = 1e-4
+# Fixed points that do not contract are damped, more and more.
+_DAMPING = (0.5, 0.2)
+# The augmented Lagrangian method takes over with a gamma that much smaller.
+_AUGMENTED_SHARE = 1e-3
 
 
 @dataclass
@@ -139,6 +144,15 @@ class Task:
         """All displacement dofs of the answer, counted from where the body rests."""
         return self.problem.system.displacement(self.answer.x)
 
+    def gave_up(self, status: Status) -> bool:
+        """Whether a method has failed that was not told when to end."""
+        given = self.settings.model_fields_set
+        return (
+            status is Status.CYCLING
+            or (status is Status.MAX_ITERATIONS and "max_iterations" not in given)
+            or (status is Status.OUTER_MAX_ITERATIONS and "max_outer_iterations" not in given)
+        )
+
     def restart(self, step: int, scale: float = 1.0) -> None:
         """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
         for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
@@ -165,9 +179,46 @@ def run(task: Task) -> Status:
         return _stay(task)
     coulomb = task.law if task.has_coulomb else None
     status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
-    if task.settings.algorithm == "exact" and status is Status.CONVERGED:
+    if task.settings.fallbacks and task.gave_up(status) and task.settings.algorithm != "alm":
+        status = _augmented(task, coulomb, status)
+    elif task.settings.algorithm == "exact" and status is Status.CONVERGED:
         status = _exact(task)
+        if task.settings.fallbacks and task.gave_up(status):
+            status = _augmented(task, coulomb, status)
     return status
+
+
+def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status) -> Status:
+    """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
+    for every gamma, and leaves no regularisation error.
+    """
+    s, newton = task.settings, task.newton
+    task.problem = newton.problem
+    data = replace(
+        task.data, gamma_n=_AUGMENTED_SHARE * task.data.gamma_n, gamma_t=_AUGMENTED_SHARE * task.data.gamma_t
+    )
+    task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
+    task.monolithic = False
+    everywhere = ActiveSets.all_in_contact(task.boundary.size)
+    if coulomb is None:
+        status = augmented_lagrangian(
+            newton, data, everywhere, first_iteration=1, tolerance=s.tolerance, max_outer=s.max_outer_iterations
+        )
+    else:
+        start = _coulomb_start(task)
+        status = newton.solve(replace(start, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
+        if status is Status.CONVERGED:
+            status = fixed_point(
+                newton,
+                data,
+                coulomb,
+                newton.multipliers(),
+                None,
+                tolerance=s.tolerance,
+                max_outer=s.max_outer_iterations,
+                shift=True,
+            )
+    return status if status is Status.CONVERGED else failed
 
 
 def _nothing_acts(task: Task) -> bool:
@@ -247,8 +298,9 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             contact = task.problem.following.contact
             first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
     data = replace(task.data, bound=law.given)
+    state, sets = newton.x.copy(), task.problem.sets
 
-    def fixed() -> Status:
+    def fixed(damping: float = 1.0) -> Status:
         return fixed_point(
             newton,
             data,
@@ -258,15 +310,43 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
             shift=s.algorithm == "alm",
+            damping=damping,
+        )
+
+    def monolithic() -> Status:
+        task.monolithic = True
+        if s.algorithm != "alm":
+            return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
+        return augmented_lagrangian(
+            task.unsymmetric_newton,
+            replace(data, bound=law.given, coupling=law.coefficient),
+            first_sets,
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
         )
 
     # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
     smooth = law.cap is None and task.data.bilateral is None and task.system.unsymmetric
-    wanted = s.coulomb == "newton" or (s.coulomb == "auto" and task.start is not None and task.step == 0)
-    if not wanted or s.algorithm == "alm" or not smooth:
-        return fixed()
-    task.monolithic = True
-    return coulomb_newton(task.unsymmetric_newton, data, law, first_sets, fixed)
+    started = s.coulomb == "auto" and task.start is not None and task.step == 0 and s.algorithm != "alm"
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", fixed)]
+    if smooth:
+        ways.insert(0 if s.coulomb == "newton" or started else 1, ("monolithic Newton", monolithic))
+    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
+    # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
+    needed = ways[0][1] is monolithic
+    for place, (name, way) in enumerate(ways):
+        if place > needed and not (s.fallbacks and task.gave_up(status)):
+            break
+        if place > 0:
+            task.history.add(f"{status.value}: {name} from the same start")
+            state.copy(newton.x)
+            task.problem.sets = sets
+            task.monolithic = False
+        status = way()
+        if status in (Status.CONVERGED, Status.SINGULAR):
+            break
+    return status
 
 
 def _coulomb_start(task: Task) -> RegularisedData:

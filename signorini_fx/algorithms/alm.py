@@ -1,4 +1,4 @@
-"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method for Tresca friction."""
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method; for Tresca and monolithic Coulomb friction."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def augmented_lagrangian(
             gamma_n=data.gamma_n * gamma_factor,
             gamma_t=data.gamma_t * gamma_factor,
         )
-        first_sets, first_iteration = cut_off or newton.continued_sets(data), 1
+        # At the old iterate the new shift counts every pressure twice, and a bound that follows it.
+        following = newton.problem.sets if data.coupling is not None else newton.continued_sets(data)
+        first_sets, first_iteration = cut_off or following, 1
     return Status.OUTER_MAX_ITERATIONS
 
 

@@ -20,6 +20,7 @@ def fixed_point(
     tolerance: float,
     max_outer: int,
     shift: bool = False,
+    damping: float = 1.0,
 ) -> Status:
     """Iterate g <- lambda until g changes by no more than ``tolerance``.
 
@@ -33,6 +34,7 @@ def fixed_point(
         max_outer: Tresca problems allowed.
         shift: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised
             solution.
+        damping: share of the way to the new bound that is gone, for bounds that go to and fro or away.
     """
     g, shear = start
     for _ in range(max_outer):
@@ -44,7 +46,8 @@ def fixed_point(
             return status
         first_sets = None
         change = newton.history.outer[-1].change
-        g, shear = newton.multipliers()
+        pressure, shear = newton.multipliers()
+        g = g + damping * (pressure - g)
         if change is not None and change <= tolerance:
             return Status.CONVERGED
     return Status.OUTER_MAX_ITERATIONS
