@@ -309,8 +309,8 @@ class SolverSettings(_Model):
         max_outer_iterations: outer iterations allowed.
         tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
             relatively by no more than this.
-        fallbacks: whether other methods may take over where this one fails; what they were is in the history.  A limit
-            on iterations that the scene sets is kept: it is an end, no failure.
+        fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
+            Limits on iterations that are lower than usual are kept: they are an end, no failure.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"

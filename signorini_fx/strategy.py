@@ -112,7 +112,7 @@ class Task:
             self.history,
             symmetric=symmetric,
             climb=climb if self.settings.fallbacks else None,
-            limited="max_iterations" in self.settings.model_fields_set,
+            limited=_limited(self.settings, "max_iterations"),
         )
 
     @property
@@ -146,12 +146,8 @@ class Task:
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed that was not told when to end."""
-        given = self.settings.model_fields_set
-        return (
-            status is Status.CYCLING
-            or (status is Status.MAX_ITERATIONS and "max_iterations" not in given)
-            or (status is Status.OUTER_MAX_ITERATIONS and "max_outer_iterations" not in given)
-        )
+        limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
+        return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
 
     def restart(self, step: int, scale: float = 1.0) -> None:
         """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
@@ -171,6 +167,11 @@ class Task:
         if self.law is not None:
             self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
         self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
+
+
+def _limited(settings: SolverSettings, name: str) -> bool:
+    """Whether a limit is lower than usual: then it is an end that was asked for, and no failure."""
+    return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)
 
 
 def run(task: Task) -> Status:
@@ -222,9 +223,11 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status) -> Statu
 
 
 def _nothing_acts(task: Task) -> bool:
-    """Whether the body may stay where it is: no load, nothing prescribed, no penetration; collective."""
+    """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
     data = task.data
-    if task.step > 0 or task.system.load.norm() > 0 or task.system.start.norm() > 0:
+    if task.step > 0 or task.motions.free.shape[1] > 0:
+        return False
+    if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
     pushed = data.gap < 0
     if data.bilateral is not None:
@@ -233,12 +236,12 @@ def _nothing_acts(task: Task) -> bool:
 
 
 def _stay(task: Task) -> Status:
-    """Zero is a solution, if perhaps not the only one of a body that nothing holds; nothing is solved for."""
+    """Zero is the solution; nothing is solved for."""
     nodes = task.boundary.size
     task.x.set(0.0)
     task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
     task.problem.sets = task.problem.following
-    task.history.add("nothing loads the body: it stays as it is")
+    task.history.add("nothing loads the body: it stays where it is")
     task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
     return Status.CONVERGED
 
