@@ -426,4 +426,7 @@ def contact_state(task: Task) -> ContactState:
         bilateral=np.zeros(task.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
         slip_length=slip_of(u_t, data),
         xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
+        lambda_hat=data.lambda_hat,
+        mu_hat=data.mu_hat,
+        compliance=(1 / data.gamma_n, 1 / data.gamma_t),
     )

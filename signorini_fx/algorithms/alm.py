@@ -1,4 +1,4 @@
-"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method; for Tresca and monolithic Coulomb friction."""
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law."""
 
 from __future__ import annotations
 
