@@ -42,6 +42,7 @@ class ContactProblem(Protocol):
         force_scale: size of the forces in the last residual.
         loose: how the body gets away from the sets of the last residual; None: they hold it.
         kept: whether these sets differ from those that the iterate asked for, in order to hold it.
+        wanted: those that it asked for.
         moved: contact nodes whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
@@ -54,6 +55,7 @@ class ContactProblem(Protocol):
     force_scale: float
     loose: Status | None
     kept: bool
+    wanted: ActiveSets
     moved: int | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -72,6 +74,9 @@ class ContactProblem(Protocol):
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds that the current and the following sets stand for."""
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
@@ -97,6 +102,8 @@ class ContactProblem(Protocol):
 
 
 ROUND_OFF = 1e-8
+# Share of the stiffness times the displacement of which a residual of 1e-8 is still above round-off.
+_ATTAINABLE = 1e-7
 
 
 class ProblemState:
@@ -112,12 +119,12 @@ class ProblemState:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.kept = False
+        self.wanted = self.sets
         self.moved: int | None = None
         self._physical = physical
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
-        # Forces below this share of E |x| are round-off of a stress-free motion.
         self._stiffness = parallel.global_max(
             system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
         )
@@ -132,6 +139,10 @@ class ProblemState:
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """See ``ContactProblem``: never, where sets are constraints."""
+        return False
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """See ``ContactProblem``."""
@@ -169,6 +180,7 @@ class ProblemState:
 
     def _hold(self, pressure: Nodal, shear: Nodal) -> None:
         """Replace the following sets by sets that hold the body, or note how it gets away."""
+        self.wanted = self.following
         self.following, self.loose, self.kept = hold(
             self.following,
             self.sets,
@@ -182,7 +194,8 @@ class ProblemState:
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take the size of the forces A x as the scale of the residual."""
-        self.force_scale = max(forces.norm(), self.system.load.norm(), ROUND_OFF * self._stiffness * x.norm())
+        round_off = _ATTAINABLE * self._stiffness * x.norm()
+        self.force_scale = max(forces.norm(), self.system.load.norm(), round_off)
 
 
 class RegularisedProblem(ProblemState):
@@ -221,9 +234,8 @@ class RegularisedProblem(ProblemState):
         forces = self.boundary.nodal_forces(*self.multipliers(x, sets)) * self.boundary.free
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
 
-    def accept(self, x: PETSc.Vec, sets: ActiveSets, data: RegularisedData, tolerance: float) -> bool:
-        """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
-        self.set_data(data)
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """See ``ContactProblem``."""
         force = x.duplicate()
         self._imbalance(x, sets, force)
         if not force.norm() <= tolerance * self.force_scale:

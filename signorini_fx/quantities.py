@@ -15,6 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
+from signorini_fx.material import lame_parameters
 from signorini_fx.problem import ROUND_OFF
 
 # A violation above this share of the solution's own scale refuses the certificate.
@@ -191,9 +192,10 @@ def certify(
     """Check the conditions of a load step independently of how the solution was found; collective."""
     comm = discretisation.tagged.mesh.comm
     reaction = forces.internal.copy()
-    # A stress-free motion has forces too: round-off of E |y|.
+    # A stress-free motion has forces too, and one without change of volume: round-off of the largest modulus.
     young = discretisation.scene.young
-    scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * young * displacement.x.petsc_vec.norm())
+    modulus = max(first + 2 * second for first, second in map(lame_parameters, discretisation.scene.material))
+    scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * modulus * displacement.x.petsc_vec.norm())
     reaction.axpy(-1.0, forces.external)
     length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     owned = reaction.getArray()
@@ -217,7 +219,7 @@ def certify(
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = np.sqrt(2 * young * forces.strain_energy) / discretisation.tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-boundary.weight, -np.inf))
-    stress = max(stress, _FAINT * inside, ROUND_OFF * young * length / finest)
+    stress = max(stress, _FAINT * inside, ROUND_OFF * modulus * length / finest)
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     far = length / discretisation.tagged.size
     length = max(length, _FAINT * stress / young * discretisation.tagged.size)

@@ -22,7 +22,6 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, slip_of, trial_pressure
-from signorini_fx.problem import RegularisedProblem
 from signorini_fx.results import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
@@ -40,12 +39,12 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
         measure: see ``SemismoothNewton.solve``.
     """
     problem = newton.problem
-    assert isinstance(problem, RegularisedProblem)  # the unregularised one has no such energy
     before = newton.history.linear_solves
     for _ in range(newton.max_iterations):
         u_n, u_t = problem.traces(newton.x)
         sets, held = natural_sets(u_n, u_t, data), data
-        if problem.accept(newton.x, sets, data, RESIDUAL_TOLERANCE):
+        problem.data = data
+        if problem.accept(newton.x, sets, RESIDUAL_TOLERANCE):
             status = Status.CONVERGED
             break
         if not problem.holds(sets, data):
@@ -64,6 +63,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
         newton.x.axpy(step, direction)
     else:
         status = Status.MAX_ITERATIONS
+    problem.data = data  # not that of a step with ties
     newton.close(data, status, before, measure)
     return status
 

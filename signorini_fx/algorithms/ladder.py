@@ -7,7 +7,8 @@ was asked for:
    set to the other;
 2. *smaller gamma*: a path of problems from a gamma at which hardly anything is constrained up to the given one, each
    from the one before;
-3. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle.
+3. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle;
+4. both: the path of 2., with the steps of 3. where a stage of it cycles.
 
 The problem must be that of given friction.  What comes after (augmentation, other outer iterations, coarser meshes) is
 not about one regularised problem and stands in ``strategy`` and ``solver``.
@@ -59,10 +60,12 @@ def _rungs(
 ) -> Iterator[Rung]:
     if np.isinf(data.gamma_n):  # elimination has no penalty to soften, and no energy to descend on
         return
+    through = replace(data, sigma=np.inf)
     if np.isfinite(data.sigma):
-        yield "through stick", lambda: newton.solve_once(replace(data, sigma=np.inf), first_sets, measure)
-    yield "smaller gamma", lambda: _path(newton, replace(data, sigma=np.inf), first_sets, measure)
-    yield "descent", lambda: energy_descent(newton, replace(data, sigma=np.inf), measure)
+        yield "through stick", lambda: newton.solve_once(through, first_sets, measure)
+    yield "smaller gamma", lambda: _path(newton, through, first_sets, measure, descend=False)
+    yield "descent", lambda: energy_descent(newton, through, measure)
+    yield "smaller gamma with descent", lambda: _path(newton, through, first_sets, measure, descend=True)
 
 
 def _path(
@@ -70,13 +73,17 @@ def _path(
     data: RegularisedData,
     first_sets: ActiveSets | None,
     measure: Callable[[], float | None],
+    *,
+    descend: bool,
 ) -> Status:
-    """From a small gamma to the given one; a stage that fails leaves its iterate to the next rung."""
+    """From a small gamma to the given one; a stage that fails leaves its iterate to the next rung, or descends."""
     share = _FIRST_SHARE
     while True:
         share = min(share, 1.0)
         stage = replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t)
         status = newton.solve_once(stage, first_sets, measure)
+        if status is Status.CYCLING and descend:
+            status = energy_descent(newton, stage, measure)
         if status is not Status.CONVERGED or share == 1.0:
             return status
         share *= _GROWTH

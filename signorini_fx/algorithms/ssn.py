@@ -158,7 +158,8 @@ class SemismoothNewton:
         given = max_iterations is None and data.coupling is None
         if self._climb is not None and given and (status is Status.CYCLING or self._ran_on(status)):
             status = self._climb(self, data, first_sets, status, measure)
-        return status
+        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
+        return Status.ROUND_OFF if failed and self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
 
     def solve_once(
         self, data: RegularisedData, first_sets: ActiveSets | None, measure: Callable[[], float | None]
@@ -203,8 +204,6 @@ class SemismoothNewton:
             if self.problem.system.comm.size > 1:
                 raise
             status = Status.SINGULAR
-        if status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None:
-            status = Status.ROUND_OFF if self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
         return status
 
     def _ran_on(self, status: Status) -> bool:
@@ -262,8 +261,9 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
-            if problem.kept:  # these sets were only kept because others would not hold the body
-                return self._stop(Status.CYCLING)
+            if problem.kept:  # others would not hold the body; yet they may leave it in balance
+                balanced = problem.accept(self.x, problem.wanted, snes.getTolerances()[0])
+                return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right, the linear solve was not exact: the next step with the same sets refines it.
