@@ -43,8 +43,8 @@ class RegularisedData:
 
     Attributes:
         gap: d, length.
-        gamma_n: gamma_1, stress per length; one number, but for single steps of ``algorithms.descent``.
-        gamma_t: gamma_2, stress per length; likewise.
+        gamma_n: gamma_1, stress per length.
+        gamma_t: gamma_2, stress per length.
         sigma: sigma of (3.3c), length per stress; infinite: a node passes through stick between the slip sets.
         lambda_hat: shift of the contact pressure, stress.
         mu_hat: shift of the shear, stress.

@@ -20,7 +20,7 @@ from signorini_fx.complementarity import (
     tangent_coefficients,
     trial_pressure,
 )
-from signorini_fx.holding import hold
+from signorini_fx.holding import fewest_ties, hold
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
@@ -81,9 +81,8 @@ class ContactProblem(Protocol):
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
 
-    @property
-    def softness(self) -> float:
-        """Stress per length of a layer about as stiff as the body; collective."""
+    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
+        """Nodes that would hold the body if they were tied, see ``holding.fewest_ties``; collective."""
 
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
@@ -149,10 +148,9 @@ class ProblemState:
         stick = (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
         return self._motions.held_by(self._physical, sets.contact, stick)
 
-    @property
-    def softness(self) -> float:
+    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
         """See ``ContactProblem``."""
-        return self._stiffness / float(parallel.global_sum(self.system.comm, self.boundary.weight.sum()))
+        return fewest_ties(sets, opening, slipping, self._physical, self._motions)
 
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """See ``ContactProblem``."""

@@ -6,15 +6,14 @@ falls; along it the derivative is piecewise linear and grows, so that the step i
 with every step, no sets come back, and once the sets are right the full step is the solution.
 
 These sets are those of the derivative itself (a node may jump from one slip set to the other), not those of Algorithm
-(SSN).  Where they do not hold the body, all other nodes are tied to where they are by springs as soft as the body, for
-this step only: the body moves on until some node holds it.
+(SSN).  Where they do not hold the body, a few other nodes are tied to where they are, for this step only; the step is
+as long as the energy falls, so that the body moves on until some node holds it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -48,7 +47,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
             status = Status.CONVERGED
             break
         if not problem.holds(sets, data):
-            sets, held = _tied(sets, u_n, u_t, data, problem.softness)
+            sets, held = _tied(newton, sets, u_n, u_t, data)
         start = newton.x.copy()
         status = newton.attempt(held, sets, max_iterations=1)
         if status not in (Status.CONVERGED, Status.MAX_ITERATIONS, Status.CYCLING):
@@ -83,26 +82,21 @@ def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
 
 
 def _tied(
-    sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData, spring: float
+    newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 ) -> tuple[ActiveSets, RegularisedData]:
-    """All nodes in contact and, where there is friction, in stick; the added springs pull back to where nodes are."""
-    tied = np.ones_like(sets.contact)
-    kept = sets.contact
-    held: dict[str, Any] = {
-        "gap": np.where(kept, data.gap, u_n),
-        "lambda_hat": np.where(kept, data.lambda_hat, 0.0),
-        "gamma_n": np.where(kept, data.gamma_n, spring),
-    }
-    if data.bound is None:
-        return ActiveSets(tied, sets.slip), replace(data, **held)
-    sliding = (data.bound > 0) & (sets.slip != 0)
-    origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
-    held |= {
-        "mu_hat": np.where(sliding, at_bound(sets, data.bound), data.mu_hat),
-        "slip_origin": np.where(sliding, u_t, origin),
-        "gamma_t": np.where(sliding, spring, data.gamma_t),
-    }
-    return ActiveSets(tied, np.where(sliding, 0, sets.slip).astype(np.int8)), replace(data, **held)
+    """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
+    bound = np.zeros_like(u_t) if data.bound is None else data.bound
+    excess = np.abs(data.mu_hat + data.gamma_t * slip_of(u_t, data)) - bound
+    along, across = newton.problem.ties(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
+    tied = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
+    if data.has_friction:
+        origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
+        tied = replace(
+            tied,
+            mu_hat=np.where(across, at_bound(sets, bound), data.mu_hat),
+            slip_origin=np.where(across, u_t, origin),
+        )
+    return ActiveSets(sets.contact | along, np.where(across, 0, sets.slip).astype(np.int8)), tied
 
 
 @dataclass(frozen=True)
