@@ -227,8 +227,8 @@ def certify(
     # What the regularisation allows for is a layer as compliant as 1 / gamma; where a component is prescribed, nothing.
     entered = overlap - contact.compliance[0] * (pressure - contact.lambda_hat)
     xi = contact.slip_length - contact.compliance[1] * (shear - contact.mu_hat)
-    entered = np.where(_prescribed(boundary.normal, boundary.free), 0.0, entered)
-    xi = np.where(_prescribed(boundary.tangent, boundary.free) | (not contact.has_friction), 0.0, xi)
+    entered = np.where(boundary.prescribed(boundary.normal), 0.0, entered)
+    xi = np.where(boundary.prescribed(boundary.tangent) | (not contact.has_friction), 0.0, xi)
     overlap, entered = (np.where(contact.bilateral, np.abs(values), values) for values in (overlap, entered))
     # A distance, or a bound, may be beyond all measure: it counts as much as what it is compared with.
     distance = np.where(contact.bilateral, 0.0, np.minimum(np.maximum(-entered, 0.0), length))
@@ -249,11 +249,6 @@ def certify(
         for name, (violation, unit) in figures.items()
     }
     return Certificate(equilibrium=_share(residual, scale), **values, displacement=far)
-
-
-def _prescribed(direction: npt.NDArray[np.float64], free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Nodes with a prescribed displacement along the direction."""
-    return (np.abs(direction) * ~free).max(axis=1, initial=0.0) > ROUND_OFF
 
 
 def _norm(comm: Any, values: npt.NDArray[np.float64]) -> float:

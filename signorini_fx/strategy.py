@@ -184,20 +184,18 @@ def run(task: Task) -> Status:
         status = _augmented(task, coulomb, status)
     elif task.settings.algorithm == "exact" and status is Status.CONVERGED:
         status = _exact(task)
-        if task.settings.fallbacks and task.gave_up(status):
-            status = _augmented(task, coulomb, status)
+        if task.settings.fallbacks and task.gave_up(status):  # but the problem with gamma was solved
+            status = _augmented(task, coulomb, status, share=1.0)
     return status
 
 
-def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status) -> Status:
+def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: float = _AUGMENTED_SHARE) -> Status:
     """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
     for every gamma, and leaves no regularisation error.
     """
     s, newton = task.settings, task.newton
     task.problem = newton.problem
-    data = replace(
-        task.data, gamma_n=_AUGMENTED_SHARE * task.data.gamma_n, gamma_t=_AUGMENTED_SHARE * task.data.gamma_t
-    )
+    data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
     task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
     task.monolithic = False
     everywhere = ActiveSets.all_in_contact(task.boundary.size)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, project
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
 from signorini_fx.results import Status
 
 
@@ -50,7 +50,7 @@ def augmented_lagrangian(
         inexact = inner_iterations is not None and status is Status.MAX_ITERATIONS
         if status is not Status.CONVERGED and not inexact:
             return status
-        pressure, shear = project(*newton.multipliers(), data)
+        pressure, shear = newton.shifts(data)
         if watch is not None and watch(pressure, shear):
             return Status.CONVERGED
         change = newton.history.outer[-1].change
@@ -75,7 +75,7 @@ def _change(newton: SemismoothNewton, data: RegularisedData, before: tuple[Nodal
     """How much lambda and mu differ from those before, relative to their own norms."""
     if before is None:
         return None
-    pressure, shear = project(*newton.multipliers(), data)
+    pressure, shear = newton.shifts(data)
     norm = newton.problem.boundary.norm
     size = norm(pressure) + norm(shear) or norm(before[0]) + norm(before[1])
     return (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0

@@ -36,18 +36,18 @@ def fixed_point(
             solution.
         damping: share of the way to the new bound that is gone, for bounds that go to and fro or away.
     """
-    g, shear = start
+    g, shifts = start[0], start
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         if shift:
-            data = replace(data, lambda_hat=g, mu_hat=shear)
+            data = replace(data, lambda_hat=shifts[0], mu_hat=shifts[1])
         status = newton.solve(data, first_sets, measure=partial(_change, newton, g))
         if status is not Status.CONVERGED:
             return status
         first_sets = None
         change = newton.history.outer[-1].change
-        pressure, shear = newton.multipliers()
-        g = g + damping * (pressure - g)
+        pressure, _ = newton.multipliers()
+        g, shifts = g + damping * (pressure - g), newton.shifts(data)
         if change is not None and change <= tolerance:
             return Status.CONVERGED
     return Status.OUTER_MAX_ITERATIONS

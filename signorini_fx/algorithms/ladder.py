@@ -5,10 +5,12 @@ was asked for:
 
 1. *through stick*: with a finite sigma, the same iteration with an infinite one, which lets no node jump from one slip
    set to the other;
-2. *smaller gamma*: a path of problems from a gamma at which hardly anything is constrained up to the given one, each
+2. *contact where the body rests*: for a body that only contact holds, the same from the nodes that touch when the load
+   has put the rigid body down (``resting``);
+3. *smaller gamma*: a path of problems from a gamma at which hardly anything is constrained up to the given one, each
    from the one before;
-3. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle;
-4. both: the path of 2., with the steps of 3. where a stage of it cycles.
+4. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle;
+5. both: the path of 3., with the steps of 4. where a stage of it cycles.
 
 The problem must be that of given friction.  What comes after (augmentation, other outer iterations, coarser meshes) is
 not about one regularised problem and stands in ``strategy`` and ``solver``.
@@ -21,6 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from signorini_fx import parallel
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, RegularisedData
@@ -28,6 +31,9 @@ from signorini_fx.results import Status
 
 # The path begins at this share of gamma and grows by this factor.
 _FIRST_SHARE, _GROWTH = 1e-4, 10.0
+
+# A gap below this share of the largest one is none.
+_CLOSED = 1e-6
 
 Rung = tuple[str, Callable[[], Status]]
 
@@ -63,9 +69,22 @@ def _rungs(
     through = replace(data, sigma=np.inf)
     if np.isfinite(data.sigma):
         yield "through stick", lambda: newton.solve_once(through, first_sets, measure)
+    touching = _touching(newton, data)
+    if touching is not None:
+        yield "contact where the body rests", lambda: newton.solve_once(through, touching, measure)
     yield "smaller gamma", lambda: _path(newton, through, first_sets, measure, descend=False)
     yield "descent", lambda: energy_descent(newton, through, measure)
     yield "smaller gamma with descent", lambda: _path(newton, through, first_sets, measure, descend=True)
+
+
+def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
+    """Contact and stick at the nodes without a gap, if these hold a body that supports do not; collective."""
+    comm, gap = newton.problem.system.comm, np.abs(data.gap)
+    closed = gap <= _CLOSED * parallel.global_max(comm, parallel.local_max(gap))
+    sets = ActiveSets(closed, np.zeros(closed.size, dtype=np.int8))
+    everything = ActiveSets(~closed & closed, np.ones(closed.size, dtype=np.int8))
+    loose = not newton.problem.holds(everything, data)
+    return sets if loose and newton.problem.holds(sets, data) else None
 
 
 def _path(

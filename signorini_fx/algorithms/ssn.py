@@ -10,7 +10,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import options, parallel
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier, transmitting
+from signorini_fx.complementarity import (
+    ActiveSets,
+    Nodal,
+    RegularisedData,
+    next_sets,
+    project,
+    slip_multiplier,
+    transmitting,
+)
 from signorini_fx.petsc_c import call
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
@@ -228,6 +236,18 @@ class SemismoothNewton:
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
+
+    def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
+
+        Where a support decides on the displacement they would grow without end, and without effect: there they stay.
+        """
+        boundary = self.problem.boundary
+        pressure, shear = project(*self.multipliers(), data)
+        return (
+            np.where(boundary.prescribed(boundary.normal), data.lambda_hat, pressure),
+            np.where(boundary.prescribed(boundary.tangent), data.mu_hat, shear),
+        )
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
