@@ -288,6 +288,10 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
     finds_gamma = task.step == 0 and s.algorithm in ("path-following", "continuation")
     if start is None or finds_gamma:
         data = _coulomb_start(task)
+        lost = _no_balance(task, law) if data.bound is not None else None
+        if lost is not None:
+            task.problem.set_data(task.data)
+            return lost
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
             status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
         else:
@@ -348,6 +352,22 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
         if status in (Status.CONVERGED, Status.SINGULAR):
             break
     return status
+
+
+def _no_balance(task: Task, law: FrictionLaw) -> Status | None:
+    """How a body that needs friction gets away, whatever friction the law may allow for; None: it does not."""
+    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
+    held = task.motions.held_by(task.boundary, everywhere, everywhere)
+    if task.data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
+        return None  # what is not held at all has a name of its own, given by the iteration
+
+    def balanced(data: RegularisedData) -> bool:
+        return balance_exists(data, task.boundary, task.motions, task.system.resultant)
+
+    if balanced(replace(task.data, bound=law.given, coupling=law.coefficient)):
+        return None
+    rough = replace(task.data, bound=np.full(task.boundary.size, np.inf))
+    return Status.SLIDES if balanced(rough) else Status.OPEN
 
 
 def _coulomb_start(task: Task) -> RegularisedData:

@@ -16,6 +16,7 @@ GROUPS = {
     "friction": "friction laws",
     "geometry": "foundations and meshes",
     "units": "units and scale",
+    "scatter": "random scenes",
 }
 # Groups whose cases run on several numbers of ranks name them here.
 _RANKS: dict[str, tuple[int, ...]] = {}
