@@ -74,6 +74,8 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
                 "algorithms.continuation",
                 "algorithms.path_following",
                 "algorithms.coulomb_newton",
+                "algorithms.ladder",
+                "algorithms.descent",
             ),
         ),
         Layer(
@@ -92,6 +94,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
                 "linalg",
                 "contact_data",
                 "holding",
+                "resting",
                 "quantities",
                 "contact_table",
                 "estimators",

@@ -25,6 +25,8 @@ from signorini_fx.meshes import coarser_grid
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
+# gmsh is given the block with this length.
+_DRAWN_LENGTH = 3.0
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
@@ -56,13 +58,15 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, bottom, top.
     """
+    unit = length / _DRAWN_LENGTH
+    up = height / unit
 
     def draw(gmsh: Any) -> None:
         geo = gmsh.model.geo
         if layout == "graded":
-            _draw_graded(gmsh, length, height, nx, ny, grading, cell)
+            _draw_graded(gmsh, _DRAWN_LENGTH, up, nx, ny, grading, cell)
             return
-        corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (length, 0), (length, height), (0, height))]
+        corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (_DRAWN_LENGTH, 0), (_DRAWN_LENGTH, up), (0, up))]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
         for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
@@ -83,7 +87,7 @@ def generate(
             gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
-    return gmsh_mesh(comm, draw, name="block")
+    return gmsh_mesh(comm, draw, name="block", unit=unit)
 
 
 def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grading: float, cell: str) -> None:

@@ -24,6 +24,8 @@ from signorini_fx.mesh import gmsh_mesh
 from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+# gmsh is given the disk with this radius.
+_DRAWN_RADIUS = 8.0
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))

@@ -70,11 +70,12 @@ def start_from_few_nodes(task: Task) -> None:
         history = History()
         coarse = replace(
             task,
-            settings=task.settings.model_copy(update={"algorithm": "ssn"}),
+            settings=task.settings.model_copy(update={"algorithm": "ssn", "fallbacks": False}),
             system=level.system,
             boundary=level.boundary,
             data=level.data,
             law=level.law,
+            rest=None,
             first_sets=level.first_sets,
             history=history,
         )

@@ -793,7 +793,6 @@ def _monolithic(scene: Scene) -> list[Finding]:
         return []
     capped = any(isinstance(c.friction, CoulombFriction) and c.friction.cap is not None for c in scene.contact)
     reasons = {
-        "algorithm = 'alm'": scene.solver.algorithm == "alm",
         "a cap": capped,
         "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
     }

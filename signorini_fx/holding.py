@@ -73,6 +73,40 @@ def hold(
     return sets, None, True
 
 
+def fewest_ties(
+    sets: ActiveSets,
+    opening: Nodal,
+    slipping: Nodal,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """A few nodes that, tied to where they are, hold a body that the sets do not hold; collective.
+
+    Args:
+        sets: the sets.
+        opening: by how much open nodes violate contact, stress; infinite where a node cannot be tied along its normal.
+        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be tied sideways.
+        boundary: the contact nodes.
+        motions: rigid motions of the body.
+
+    Returns:
+        Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
+    """
+    along = _ranked(boundary, np.isfinite(opening) & ~sets.contact, opening)
+    across = _ranked(boundary, np.isfinite(slipping) & (sets.slip != 0), slipping)
+    normal, count = sets.contact, 1
+    stick = (sets.slip == 0) & np.isfinite(slipping)
+    most = max(_count(boundary, along), _count(boundary, across))
+    while True:
+        tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
+        for pair in (~normal & normal, tied_across), (tied_along, ~normal & normal), (tied_along, tied_across):
+            if motions.held_by(boundary, normal | pair[0], stick | pair[1]):
+                return pair
+        if count >= most:
+            return tied_along, tied_across
+        count *= 2
+
+
 def balance_exists(
     data: RegularisedData,
     boundary: ContactBoundary,
@@ -83,15 +117,16 @@ def balance_exists(
 
     lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load: a
     linear programme with one to three equations.  Where it has no solution there is no static equilibrium, whatever the
-    body's shape and stiffness.
+    body's shape and stiffness.  Its unknowns are nodal forces over the size of the resultant, because the tolerances of
+    the programme are absolute.
     """
     if not resultant.any():  # nothing presses: every position off the foundation is as good as another
         return False
-    modes = boundary.weight[:, None, None] * boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
+    modes = boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
     tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
     zero = np.zeros(boundary.size)
-    given = zero if data.bound is None else data.bound
+    given = zero if data.bound is None else boundary.weight * data.bound
     coupling = zero if data.coupling is None else data.coupling
     bilateral = zero if data.bilateral is None else data.bilateral.astype(float)
     table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, given, coupling, bilateral)))

@@ -15,6 +15,8 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
 
 from signorini_fx import compat, mesh_formats, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
@@ -67,10 +69,20 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box, a length; the same on all ranks."""
-        x = self.mesh.geometry.x[:, : self.mesh.geometry.dim].astype(np.float64)
-        low, high = parallel.global_bounds(self.mesh.comm, x)
-        return float(np.linalg.norm(high - low))
+        """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
+
+        The diagonal of a rectangle, however it is turned: scales that follow from it, gamma = auto among them, do not
+        depend on the axes.
+        """
+        dim = self.mesh.topology.dim
+        self.mesh.topology.create_connectivity(dim - 1, dim)
+        self.mesh.topology.create_connectivity(dim, dim - 1)
+        facets = dmesh.exterior_facet_indices(self.mesh.topology)
+        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets))
+        x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
+        low, high = x.min(axis=0), x.max(axis=0)
+        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        return float(pdist(corners).max())
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -18,7 +19,7 @@ from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.errors import ConvergenceError
+from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
@@ -28,8 +29,9 @@ from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
+from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
-from signorini_fx.scene import Scene
+from signorini_fx.scene import MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
 from signorini_fx.strategy import Task, run
 
@@ -63,7 +65,9 @@ def solve(
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on)
     elif not coarse:
-        solution, _ = _solve_mesh(scene, comm, history, None)
+        solution, task = _solve_mesh(scene, comm, history, None)
+        if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
+            solution = _from_coarser(scene, comm, history, solution)
     else:
         solution = _solve_nested([*coarse, scene], comm, history)
     if check and not solution.converged:
@@ -97,6 +101,23 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     squares = StressRecovery(solution.discretisation).squares(task.displacement())
     level = _level_result(number, solution, task, history.iterations[before:], squares)
     return Solved(solution, task, level, squares)
+
+
+# Coarser meshes that are tried where nothing else has helped.
+_HELPING_MESHES = 2
+
+
+def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
+    """The last resort: nested iteration, if the generator makes coarser meshes."""
+    try:
+        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES) if isinstance(scene.mesh, MeshGenerator) else []
+    except SceneError:
+        return failed
+    if not coarse:
+        return failed
+    history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+    solution = _solve_nested([*coarse, scene], comm, history)
+    return solution if solution.converged else failed
 
 
 def _level_result(
@@ -140,7 +161,7 @@ def _level_result(
         energy=recovered / size if size > 0 else 0.0,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
-        iteration=max(own[-1].residual, change or 0.0),
+        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
         force=np.concatenate(contact.forces),
     )
@@ -163,10 +184,10 @@ def _solve_mesh(
     elif boundary_levels.worthwhile(task):
         with timings.phase("iterate"):
             boundary_levels.start_from_few_nodes(task)
-    return _solve_contact(discretisation, task, timings), task
+    return solve_contact(discretisation, task, timings), task
 
 
-def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
+def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
     """All load steps, until one has no solution."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
@@ -177,7 +198,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
                 task.next_step()
             status = run(task)
         with timings.phase("certify"):
-            displacement = discretisation.function(task.displacement())
+            displacement = total_displacement(discretisation, task)
             contact = task.contact()
             forces = Forces.of(discretisation, displacement, step)
             certificate = certify(discretisation, displacement, forces, contact)
@@ -189,7 +210,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
             break
     values = None
     if not task.has_coulomb:
-        values = functionals(forces, contact, task.problem.data)
+        values = functionals(forces, contact, replace(task.problem.data, gap=contact.gap))
     return Solution(
         scene=scene,
         status=status,
@@ -261,13 +282,16 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
         check_rotation(boundary)
     sets, first_iteration = first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra)
+    data = regularised_data(scene, discretisation, boundary, law)
+    rest = resting_place(data, boundary, discretisation.motions, system.resultant)
     return Task(
         settings=scene.solver,
         system=system,
         linear_algebra=reason,
         boundary=boundary,
         motions=discretisation.motions,
-        data=regularised_data(scene, discretisation, boundary, law),
+        data=data if rest is None else rest.data_from(data),
+        rest=rest,
         law=law,
         has_coulomb=scene.has_coulomb,
         first_sets=sets,
@@ -316,3 +340,17 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
 
     return share
+
+
+def total_displacement(discretisation: Discretisation, task: Task) -> fem.Function:
+    """The displacement of the answer of a task, from where the body was at first."""
+    return from_rest(discretisation, task.rest, task.displacement())
+
+
+def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
+    """A displacement that is counted from a resting place, as one from where the body was at first."""
+    function = discretisation.function(displacement)
+    if rest is not None:
+        x = discretisation.space.tabulate_dof_coordinates()[:, :2]
+        function.x.array[:] += (discretisation.motions.at(x) @ rest.motion).ravel()
+    return function

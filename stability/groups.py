@@ -1,0 +1,43 @@
+"""The groups of cases, in the order of the table."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable
+
+from stability.case import Case
+
+# Name -> what it tries; each is a module of this package.
+GROUPS = {
+    "regularisation": "gamma from too small to beyond round-off",
+    "incompressible": "Poisson's ratio close to 1/2",
+    "starts": "first sets, first multipliers, first iterates",
+    "bodies": "how the body is held",
+    "friction": "friction laws",
+    "geometry": "foundations and meshes",
+    "units": "units and scale",
+    "scatter": "random scenes",
+}
+# Groups whose cases run on several numbers of ranks name them here.
+_RANKS: dict[str, tuple[int, ...]] = {}
+
+
+def ranks_of(group: str) -> tuple[int, ...]:
+    """The numbers of ranks that cases of the group run on."""
+    return _RANKS.get(group, (1,))
+
+
+def cases_of(group: str, *, short: bool) -> list[Case]:
+    """The cases of a group; imports what it needs, dolfinx included.
+
+    Raises:
+        ValueError: two cases have one name, or a number of ranks that the group does not have.
+    """
+    found: Iterable[Case] = importlib.import_module(f"stability.{group}").cases(short=short)
+    cases = list(found)
+    names = [case.name for case in cases]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ValueError(f"group {group!r} has two cases named {', '.join(sorted(twice))}")
+    if lost := {case.ranks for case in cases} - set(ranks_of(group)):
+        raise ValueError(f"group {group!r} has cases on {lost} ranks, which nothing runs")
+    return cases

@@ -1,0 +1,105 @@
+"""What the cases have in common: solving, comparing, and saying what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.complementarity import ActiveSets, Nodal
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Timings
+from signorini_fx.scene import Scene, parse_scene
+from signorini_fx.solution import Solution
+from signorini_fx.solver import contact_task, solve, solve_contact
+from stability.case import Finding
+
+
+def solved(scene: Scene | dict) -> Solution:
+    """The scene solved on this rank, whatever the outcome."""
+    return solve(parse_scene(scene) if isinstance(scene, dict) else scene, MPI.COMM_SELF, check=False)
+
+
+def solved_from(
+    scene: Scene | dict,
+    sets: Callable[[ContactBoundary], ActiveSets] | None = None,
+    start: Callable[[ContactBoundary], tuple[Nodal, Nodal]] | None = None,
+    motion: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None,
+) -> Solution:
+    """The scene solved from a start of one's own, whatever the outcome.
+
+    Args:
+        scene: the scene.
+        sets: first sets; None: those of the scene.
+        start: (lambda, mu) to start from; None: those that the algorithm begins with.
+        motion: first displacement, from points of shape (n, 2) to the same shape; then sets follow from it.
+    """
+    scene = parse_scene(scene) if isinstance(scene, dict) else scene
+    timings = Timings()
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
+    assert discretisation.boundary is not None
+    task = contact_task(discretisation, discretisation.boundary, History())
+    if sets is not None:
+        task.first_sets, task.first_iteration = sets(discretisation.boundary), 1
+    if start is not None:
+        task.start = start(discretisation.boundary)
+    if motion is not None:
+        x = discretisation.space.tabulate_dof_coordinates()[: task.x.getLocalSize() // 2, :2]
+        task.x.getArray()[:] = np.where(discretisation.fixed, task.x.getArray(readonly=True), motion(x).ravel())
+        task.first_sets = None
+    return solve_contact(discretisation, task, timings)
+
+
+# What gamma = auto may leave of the displacement.
+REGULARISED = 5e-4
+
+
+def found(solution: Solution, error: float | None = None, note: str = "") -> Finding:
+    """The finding of a solve."""
+    certificate = solution.certificate.worst
+    # A fall-back of the solver is worth a word.
+    events = dict.fromkeys(event for event in solution.history.events if not event.startswith("level "))
+    solves = solution.history.linear_solves or sum(step.linear_solves for step in solution.steps)
+    return Finding(solution.status.value, solves, certificate, error, "; ".join([*([note] if note else []), *events]))
+
+
+def difference(ours: npt.ArrayLike, theirs: npt.ArrayLike) -> float:
+    """Largest difference, relative to the largest value of the second; infinite where the shapes differ."""
+    a, b = np.asarray(ours, dtype=float), np.asarray(theirs, dtype=float)
+    if a.shape != b.shape:
+        return np.inf
+    largest = np.abs(b).max(initial=0.0)
+    change = np.abs(a - b).max(initial=0.0)
+    return float(change / largest if largest > 0 else change)
+
+
+def apart(one: Solution, other: Solution, length: float = 1.0, stress: float = 1.0) -> float:
+    """Largest relative difference of displacement, pressure and shear, ``one`` in other units."""
+    assert one.contact is not None
+    assert other.contact is not None
+    pressure = np.stack([one.contact.pressure, one.contact.shear]) / stress
+    return max(
+        difference(one.displacement.x.array / length, other.displacement.x.array),
+        difference(pressure, np.stack([other.contact.pressure, other.contact.shear])),
+    )
+
+
+def counts(solution: Solution) -> list[tuple[int, ...]]:
+    """The sets of every linear solve."""
+    return [(r.outer, r.active_contact, r.slip_plus, r.slip_minus, r.changed) for r in solution.history.iterations]
+
+
+def column(solution: Solution, name: str) -> npt.NDArray[np.float64]:
+    """A column of the contact table."""
+    values: npt.NDArray[np.float64] = solution.table.columns[name]
+    return values
+
+
+def worst(errors: Sequence[float]) -> float:
+    """The largest, where NaN is larger than anything."""
+    return float(np.max(np.nan_to_num(np.asarray(errors, dtype=float), nan=np.inf)))
