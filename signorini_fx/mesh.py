@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,11 +17,9 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from signorini_fx import compat, meshes, parallel
+from signorini_fx import compat, mesh_files, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
-
-_GMSH_SUFFIXES = {".msh", ".geo"}
 
 
 @dataclass(frozen=True)
@@ -122,18 +121,10 @@ def read_mesh(file: Path, comm: MPI.Comm) -> TaggedMesh:
     Raises:
         MeshError: there is no such file, or it is no mesh of that format.
     """
-    if file.suffix.lower() not in _GMSH_SUFFIXES:
-        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_GMSH_SUFFIXES))}")
 
     def draw(gmsh: Any) -> None:
-        if not file.is_file():
-            raise MeshError(f"{file}: no such file")
-        try:
-            gmsh.open(str(file))
-            if file.suffix.lower() == ".geo":
-                gmsh.model.mesh.generate(2)
-        except Exception as error:
-            raise MeshError(f"{file}: gmsh cannot read it: {error}") from None
+        with tempfile.TemporaryDirectory() as folder:
+            gmsh.merge(str(mesh_files.clean_copy(file, Path(folder))))
 
     return gmsh_mesh(comm, draw, name=str(file))
 

@@ -1,0 +1,114 @@
+"""Files of gmsh, read in a process of their own.
+
+A file may come from anywhere.  gmsh takes what has no header of a mesh for a script, whatever the file is called, and
+a script may run commands and write files; on some broken meshes it ends the whole process, and it reserves whatever
+memory a file asks for.  So a file is looked at first, then read in a process with limits, which leaves a mesh behind
+that the program can read itself: two-dimensional, in the plane, numbered without holes, every group with its cells.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from signorini_fx import _gmsh_process
+from signorini_fx.errors import MeshError
+
+SUFFIXES = (".msh", ".geo")
+# CPU seconds: for reading a file, so many and so many for each megabyte; for a script, which may mesh a large geometry.
+_READ_SECONDS, _SECONDS_PER_MEGABYTE, _SCRIPT_SECONDS = 60, 5, 1200
+# Address space: gmsh's own libraries, and what a mesh takes for each byte of its file.
+_BASE_BYTES, _BYTES_PER_BYTE = 3 << 30, 200
+_LARGEST_SCRIPT = 1 << 20
+_HEADERS = (b"$MeshFormat", b"$Comments")
+# Text in quotes and comments are no commands.
+_NO_COMMAND = re.compile(r'"[^"]*"|\'[^\']*\'|//[^\n]*|/\*.*?\*/', re.DOTALL)
+_COMMAND = re.compile(
+    r"\b(System\w*|NonBlockingSystemCall|OnelabRun|ExternalProcess|Include|Merge\w*|CreateDir|Save|Print|Plugin|Sleep)\b"
+    r"|\b(?:Printf|Warning|Error)\s*\([^;]*\)\s*(>)"
+)
+_CAD = re.compile(r'\bMerge\s*"[^"]+\.(?:step|stp|brep|iges|igs)"\s*;', re.IGNORECASE)
+
+
+def clean_copy(file: Path, folder: Path) -> Path:
+    """A mesh that is safe to read, made from a mesh or a script of gmsh.
+
+    Args:
+        file: ends in ``.msh`` or ``.geo``.
+        folder: where to put it.
+
+    Raises:
+        MeshError: there is no such file, it is not what its ending says, a script does more than draw, or gmsh cannot
+            make a mesh of it.
+    """
+    if file.suffix.lower() not in SUFFIXES:
+        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(SUFFIXES))}")
+    if not file.is_file():
+        raise MeshError(f"{file}: no such file")
+    script = file.suffix.lower() == ".geo"
+    try:
+        size = file.stat().st_size
+        _check_script(file, size) if script else _check_header(file)
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    if script:
+        seconds, memory = _SCRIPT_SECONDS, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    else:
+        seconds = _READ_SECONDS + _SECONDS_PER_MEGABYTE * (size >> 20)
+        memory = _BASE_BYTES + _BYTES_PER_BYTE * size
+    clean, complaint = folder / "clean.msh", folder / "complaint.txt"
+    # The launcher's variables would make a gmsh with MPI believe that it is one of our ranks.
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "PRTE_"))}
+    command = [sys.executable, "-P", _gmsh_process.__file__, str(file.absolute()), str(clean), str(complaint)]
+    try:
+        process = subprocess.run(
+            [*command, str(seconds), str(memory)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            timeout=4 * seconds,
+            check=False,
+        )
+        code = process.returncode
+    except subprocess.TimeoutExpired:
+        code = -_gmsh_process.OUT_OF_TIME
+    if code == 0:
+        return clean
+    if code == _gmsh_process.REFUSED:
+        raise MeshError(f"{file}: {complaint.read_text(encoding='utf-8', errors='replace')[:1000]}")
+    if -code in (_gmsh_process.OUT_OF_TIME, _gmsh_process.KILLED):
+        hint = "; mesh it with gmsh, and give the .msh" if script else ""
+        raise MeshError(f"{file}: gmsh cannot read it: it took more than {seconds} s{hint}")
+    memory_hint = f" or needs more than {memory / 1e9:.1f} GB"
+    raise MeshError(f"{file}: gmsh cannot read it: it breaks down on it{memory_hint} (exit code {code})")
+
+
+def _check_header(file: Path) -> None:
+    with file.open("rb") as stream:
+        start = stream.read(64)
+    if not start.startswith(_HEADERS):
+        raise MeshError(f"{file}: is no mesh of gmsh: it does not begin with $MeshFormat")
+
+
+def _check_script(file: Path, size: int) -> None:
+    """Refuse a script that does more than draw."""
+    if size > _LARGEST_SCRIPT:
+        raise MeshError(f"{file}: a script of {size / 1e6:.0f} MB; mesh it with gmsh, and give the .msh")
+    text = file.read_text(encoding="utf-8", errors="replace")
+    if text.startswith("$"):
+        raise MeshError(f"{file}: is no script of gmsh: it begins with $; a mesh must end in .msh")
+
+    def blank(match: re.Match[str]) -> str:
+        return re.sub(r"[^\n]", " ", match[0])
+
+    commands = _NO_COMMAND.sub(blank, _CAD.sub(blank, text))
+    if found := _COMMAND.search(commands):
+        line = commands.count("\n", 0, found.start()) + 1
+        raise MeshError(
+            f"{file}: line {line}: {found[1] or 'writing a file'} is not allowed in a script: it may only draw; mesh "
+            "it with gmsh, and give the .msh"
+        )
