@@ -18,7 +18,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from signorini_fx import compat, mesh_files, meshes, parallel
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
 
@@ -155,7 +155,12 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        draw(gmsh)
+        try:
+            draw(gmsh)
+        except SignoriniError:
+            raise
+        except Exception as error:  # gmsh has no exceptions of its own
+            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
         groups = gmsh.model.getPhysicalGroups()
         if not any(dim == 2 for dim, _ in groups):
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 (the body)")

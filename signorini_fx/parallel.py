@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -83,6 +86,17 @@ def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
     first = next((e for e in comm.allgather(error) if e is not None), None)
     if first is not None:
         raise first
+
+
+def machine_memory(comm: MPI.Comm) -> float:
+    """Memory of all machines that the ranks run on, or what a control group leaves of it, bytes; collective."""
+    own = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
+        own = min(own, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    first = machine.rank == 0
+    machine.Free()
+    return float(global_sum(comm, np.array(own if first else 0.0)))
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
