@@ -24,6 +24,8 @@ from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_
 
 Count = Annotated[int, Field(gt=0, le=5_000)]
 Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
+# gmsh is given the block with this length.
+_DRAWN_LENGTH = 3.0
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
@@ -55,13 +57,15 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, bottom, top.
     """
+    unit = length / _DRAWN_LENGTH
+    up = height / unit
 
     def draw(gmsh: Any) -> None:
         geo = gmsh.model.geo
         if layout == "graded":
-            _draw_graded(gmsh, length, height, nx, ny, grading, cell)
+            _draw_graded(gmsh, _DRAWN_LENGTH, up, nx, ny, grading, cell)
             return
-        corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (length, 0), (length, height), (0, height))]
+        corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (_DRAWN_LENGTH, 0), (_DRAWN_LENGTH, up), (0, up))]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
         for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
@@ -83,7 +87,7 @@ def generate(
         gmsh.model.mesh.generate(2)
 
     refuse_too_large(comm, cells_of_grid(nx, ny, cell))
-    return gmsh_mesh(comm, draw, name="block")
+    return gmsh_mesh(comm, draw, name="block", unit=unit)
 
 
 def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grading: float, cell: str) -> None:

@@ -25,6 +25,9 @@ from pydantic import ConfigDict, validate_call
 from signorini_fx.mesh import gmsh_mesh
 from signorini_fx.meshes import Length, refuse_too_large
 
+# gmsh is given the disk with this radius.
+_DRAWN_RADIUS = 8.0
+
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
 def generate(
@@ -53,16 +56,17 @@ def generate(
         The mesh with the boundaries arc, top and, if it is symmetric, symmetry; the vertices of the arc are on the
         circle, its facets are straight.
     """
+    r, unit = _DRAWN_RADIUS, radius / _DRAWN_RADIUS
 
     def draw(gmsh: Any) -> None:
         geo = gmsh.model.geo
-        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        lowest, centre, right = (geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, r), (r, r)))
         arcs = [geo.addCircleArc(lowest, centre, right)]
         if symmetric:
             top = [geo.addLine(right, centre)]
             rest = [geo.addLine(centre, lowest)]
         else:
-            left = geo.addPoint(-radius, radius, 0.0)
+            left = geo.addPoint(-r, r, 0.0)
             top = [geo.addLine(right, left)]
             rest = [geo.addCircleArc(left, centre, lowest)]
             arcs += rest
@@ -76,10 +80,10 @@ def generate(
         gmsh.model.mesh.field.setNumbers(distance, "PointsList", [lowest])
         settings = {
             "InField": distance,
-            "SizeMin": stretch * min(contact_size, size),
-            "SizeMax": stretch * size,
-            "DistMin": min(contact_zone, 0.99 * radius),
-            "DistMax": radius,
+            "SizeMin": stretch * min(contact_size, size) / unit,
+            "SizeMax": stretch * size / unit,
+            "DistMin": min(contact_zone / unit, 0.99 * r),
+            "DistMax": r,
         }
         for name, value in settings.items():
             gmsh.model.mesh.field.setNumber(sizes, name, value)
@@ -97,7 +101,7 @@ def generate(
 
     share = (0.5 if symmetric else 1.0) * (0.5 if cell == "quadrilateral" else 1.0)
     refuse_too_large(comm, share * _cells(radius, size, contact_size, contact_zone))
-    return gmsh_mesh(comm, draw, name="half_disk")
+    return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
 
 
 def _cells(radius: float, size: float, contact_size: float, contact_zone: float) -> float:

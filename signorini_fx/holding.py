@@ -83,15 +83,16 @@ def balance_exists(
 
     lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load: a
     linear programme with one to three equations.  Where it has no solution there is no static equilibrium, whatever the
-    body's shape and stiffness.
+    body's shape and stiffness.  Its unknowns are nodal forces over the size of the resultant, because the tolerances of
+    the programme are absolute.
     """
     if not resultant.any():  # nothing presses: every position off the foundation is as good as another
         return False
-    modes = boundary.weight[:, None, None] * boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
+    modes = boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
     tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
     zero = np.zeros(boundary.size)
-    given = zero if data.bound is None else data.bound
+    given = zero if data.bound is None else boundary.weight * data.bound
     coupling = zero if data.coupling is None else data.coupling
     bilateral = zero if data.bilateral is None else data.bilateral.astype(float)
     table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, given, coupling, bilateral)))

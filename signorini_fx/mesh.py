@@ -16,6 +16,8 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ValidationError
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
 
 from signorini_fx import compat, mesh_files, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
@@ -62,10 +64,20 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box, a length; the same on all ranks."""
-        x = self.mesh.geometry.x[:, : self.mesh.geometry.dim].astype(np.float64)
-        low, high = parallel.global_bounds(self.mesh.comm, x)
-        return float(np.linalg.norm(high - low))
+        """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
+
+        The diagonal of a rectangle, however it is turned: scales that follow from it, gamma = auto among them, do not
+        depend on the axes.
+        """
+        dim = self.mesh.topology.dim
+        self.mesh.topology.create_connectivity(dim - 1, dim)
+        self.mesh.topology.create_connectivity(dim, dim - 1)
+        facets = dmesh.exterior_facet_indices(self.mesh.topology)
+        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets))
+        x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
+        low, high = x.min(axis=0), x.max(axis=0)
+        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        return float(pdist(corners).max())
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
@@ -137,13 +149,15 @@ def _generator(name: str) -> Any:
     return importlib.import_module(f"signorini_fx.meshes.{name}")
 
 
-def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedMesh:
+def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
     Args:
         comm: the ranks that share the mesh.
         draw: called on the first rank only; leaves a meshed two-dimensional model with physical groups.
         name: what to call the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
+            nor small, and have the same numbers in all units.
 
     Raises:
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
@@ -191,6 +205,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str) -> TaggedM
                 gmsh.finalize()
     if facet_tags is None or not boundaries:
         raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
+    mesh.geometry.x[:] *= unit
     return TaggedMesh(mesh, facet_tags, boundaries, cell_tags, regions)
 
 

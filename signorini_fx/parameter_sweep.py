@@ -16,9 +16,10 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh import load_mesh
 from signorini_fx.problem import ContactProblem
 from signorini_fx.quantities import Certificate, ContactState, Forces, certify
+from signorini_fx.resting import Rest
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
-from signorini_fx.solver import contact_state, contact_task
+from signorini_fx.solver import contact_state, contact_task, from_rest
 from signorini_fx.strategy import run
 
 
@@ -43,12 +44,13 @@ class SweepPoint:
     _problem: ContactProblem
     _x: PETSc.Vec
     _load: float
+    _rest: Rest | None
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
         system = self._problem.system
         system.set_step(0, self._load)
-        return self._discretisation.function(system.displacement(self._x))
+        return from_rest(self._discretisation, self._rest, system.displacement(self._x))
 
     def certificate(self) -> Certificate:
         """The conditions of the problem, checked anew on the whole body; collective."""
@@ -98,9 +100,8 @@ def sweep(
         status = run(task)
         contact = contact_state(task)
         x = task.answer.x.copy()
-        points.append(
-            SweepPoint(value, status, contact, history.linear_solves - before, discretisation, task.problem, x, load)
-        )
+        solves, problem = history.linear_solves - before, task.problem
+        points.append(SweepPoint(value, status, contact, solves, discretisation, problem, x, load, task.rest))
         if status is Status.CONVERGED:
             task.first_sets, task.first_iteration = task.problem.sets, 1
             task.start = task.answer.multipliers()

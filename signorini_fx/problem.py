@@ -73,6 +73,9 @@ class ContactProblem(Protocol):
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds that the current and the following sets stand for."""
 
+    def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
+
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """A matrix with the pattern of the Jacobian."""
 
@@ -122,6 +125,18 @@ class ProblemState:
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+
+    def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """See ``ContactProblem``."""
+        data = self.data
+        if not np.isfinite(data.gamma_n):
+            return False
+        u_n, u_t = self.traces(x)
+        stretch = data.gamma_n * np.maximum(np.abs(u_n), np.abs(data.gap))
+        if data.has_friction:
+            stretch = np.maximum(stretch, data.gamma_t * np.abs(u_t))
+        largest = parallel.global_max(self.system.comm, parallel.local_max(self.boundary.weight * stretch))
+        return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """See ``ContactProblem``: a copy of A."""

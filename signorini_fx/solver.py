@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -29,6 +30,7 @@ from signorini_fx.nested import carry_over, coarser_scenes, scene_on
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, Forces, certify, functionals
 from signorini_fx.refinement import mark, refine
+from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
@@ -195,7 +197,7 @@ def _level_result(level: int, solution: Solution, task: Task, own: list[Iteratio
         energy=recovered / size if size > 0 else 0.0,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
-        iteration=max(own[-1].residual, change or 0.0),
+        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
         force=np.concatenate(contact.forces),
     )
@@ -216,10 +218,10 @@ def _solve_mesh(
     if state is not None:
         sets, start = carry_over(state, discretisation.boundary)
         task.first_sets, task.first_iteration, task.start = sets, 1, start
-    return _solve_contact(discretisation, task, timings), task
+    return solve_contact(discretisation, task, timings), task
 
 
-def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
+def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
     """All load steps, until one has no solution."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
@@ -230,7 +232,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
                 task.next_step()
             status = run(task)
         with timings.phase("certify"):
-            displacement = discretisation.function(task.displacement())
+            displacement = total_displacement(discretisation, task)
             contact = contact_state(task)
             forces = Forces.of(discretisation, displacement, step)
             certificate = certify(discretisation, displacement, forces, contact)
@@ -242,7 +244,7 @@ def _solve_contact(discretisation: Discretisation, task: Task, timings: Timings)
             break
     values = None
     if not task.has_coulomb:
-        values = functionals(forces, contact, task.problem.data)
+        values = functionals(forces, contact, replace(task.problem.data, gap=contact.gap))
     return Solution(
         scene=scene,
         status=status,
@@ -314,13 +316,16 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
         check_rotation(boundary)
     sets, first_iteration = first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra)
+    data = regularised_data(scene, discretisation, boundary, law)
+    rest = resting_place(data, boundary, discretisation.motions, system.resultant)
     return Task(
         settings=scene.solver,
         system=system,
         linear_algebra=reason,
         boundary=boundary,
         motions=discretisation.motions,
-        data=regularised_data(scene, discretisation, boundary, law),
+        data=data if rest is None else rest.data_from(data),
+        rest=rest,
         law=law,
         has_coulomb=scene.has_coulomb,
         first_sets=sets,
@@ -366,17 +371,32 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
     return share
 
 
+def total_displacement(discretisation: Discretisation, task: Task) -> fem.Function:
+    """The displacement of the answer of a task, from where the body was at first."""
+    return from_rest(discretisation, task.rest, task.displacement())
+
+
+def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
+    """A displacement that is counted from a resting place, as one from where the body was at first."""
+    function = discretisation.function(displacement)
+    if rest is not None:
+        x = discretisation.space.tabulate_dof_coordinates()[:, :2]
+        function.x.array[:] += (discretisation.motions.at(x) @ rest.motion).ravel()
+    return function
+
+
 def contact_state(task: Task) -> ContactState:
     """The contact nodes of this rank as the answer of a task has them."""
     problem, newton = task.problem, task.answer
     sets, data = problem.sets, problem.data
     u_n, u_t = problem.traces(newton.x)
+    rest_n, rest_t = (0.0, 0.0) if task.rest is None else (task.rest.u_n, task.rest.u_t)
     pressure, shear = newton.multipliers()
     return ContactState(
         boundary=task.boundary,
-        gap=data.gap,
-        u_n=u_n,
-        u_t=u_t,
+        gap=data.gap + rest_n,
+        u_n=u_n + rest_n,
+        u_t=u_t + rest_t,
         pressure=pressure,
         shear=shear,
         # Of the law itself: the iteration may have stopped with the bound of the pressure before.

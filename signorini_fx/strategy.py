@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
@@ -28,7 +29,8 @@ from signorini_fx.holding import balance_exists
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem import ContactProblem, RegularisedProblem
-from signorini_fx.results import Status
+from signorini_fx.resting import Rest
+from signorini_fx.results import OuterRecord, Status
 from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import SolverSettings
 
@@ -55,6 +57,7 @@ class Task:
         first_sets: sets of the first linear solve; None: from the iterate.
         first_iteration: its number.
         start: (lambda, mu) to start from, where there are any.
+        rest: where displacements are counted from; None: from where the body was at first.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
         linear_algebra: which kind of elastic system it is, and why.
@@ -80,6 +83,7 @@ class Task:
     linear_algebra: str
     goal: Callable[[PETSc.Vec], float]
     start: tuple[Nodal, Nodal] | None = None
+    rest: Rest | None = None
     step: int = 0
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
@@ -123,7 +127,7 @@ class Task:
         return self._symmetric if self.problem is self._regularised else self.exact_newton
 
     def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the answer."""
+        """All displacement dofs of the answer, counted from where the body rests."""
         return self.problem.system.displacement(self.answer.x)
 
     def restart(self, step: int, scale: float = 1.0) -> None:
@@ -148,11 +152,35 @@ class Task:
 
 def run(task: Task) -> Status:
     """Solve the current load step; the iterate, the sets and the data stay in the task."""
+    if _nothing_acts(task):
+        return _stay(task)
     coulomb = task.law if task.has_coulomb else None
     status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
     if task.settings.algorithm == "exact" and status is Status.CONVERGED:
         status = _exact(task)
     return status
+
+
+def _nothing_acts(task: Task) -> bool:
+    """Whether the body may stay where it is: no load, nothing prescribed, no penetration; collective."""
+    data = task.data
+    if task.step > 0 or task.system.load.norm() > 0 or task.system.start.norm() > 0:
+        return False
+    pushed = data.gap < 0
+    if data.bilateral is not None:
+        pushed = pushed | (data.bilateral & (data.gap != 0))
+    return not parallel.any_rank(task.system.comm, bool(pushed.any()))
+
+
+def _stay(task: Task) -> Status:
+    """Zero is a solution, if perhaps not the only one of a body that nothing holds; nothing is solved for."""
+    nodes = task.boundary.size
+    task.x.set(0.0)
+    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
+    task.problem.sets = task.problem.following
+    task.history.add("nothing loads the body: it stays as it is")
+    task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
+    return Status.CONVERGED
 
 
 def _given_friction(task: Task, data: RegularisedData) -> Status:

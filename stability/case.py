@@ -84,15 +84,14 @@ class Row:
 
 
 def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
-    """The verdict: a wrong answer is red whatever it calls itself, another outcome than wanted must have been allowed."""
+    """The verdict: a wrong answer is red whatever it calls itself; other outcomes must be wanted or allowed."""
     verdict, notes = GOOD, [found.note]
     wrong = case.target is not None and (found.error is None or not found.error <= case.target)
     if found.outcome == CONVERGED and found.certificate is not None and not found.certificate <= 1e-6:
         verdict = RED
         notes.append("calls itself converged without a certificate")
     elif found.outcome in case.wanted:
-        # An error that was measured counts whatever the outcome; one that is missing only where there is a solution.
-        if wrong and (found.outcome == CONVERGED or found.error is not None):
+        if wrong and found.outcome == CONVERGED:
             verdict = RED
     elif found.outcome in case.allowed:
         verdict = NAMED

@@ -9,6 +9,12 @@ from stability.case import Case
 
 # Name -> what it tries; each is a module of this package.
 GROUPS = {
+    "regularisation": "gamma from too small to beyond round-off",
+    "incompressible": "Poisson's ratio close to 1/2",
+    "starts": "first sets, first multipliers, first iterates",
+    "bodies": "how the body is held",
+    "friction": "friction laws",
+    "geometry": "foundations and meshes",
     "units": "units and scale",
 }
 # Groups whose cases run on several numbers of ranks name them here.

@@ -2,21 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.complementarity import ActiveSets, Nodal
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Timings
 from signorini_fx.scene import Scene, parse_scene
 from signorini_fx.solution import Solution
-from signorini_fx.solver import solve
+from signorini_fx.solver import contact_task, solve, solve_contact
 from stability.case import Finding
 
 
 def solved(scene: Scene | dict) -> Solution:
     """The scene solved on this rank, whatever the outcome."""
     return solve(parse_scene(scene) if isinstance(scene, dict) else scene, MPI.COMM_SELF, check=False)
+
+
+def solved_from(
+    scene: Scene | dict,
+    sets: Callable[[ContactBoundary], ActiveSets] | None = None,
+    start: Callable[[ContactBoundary], tuple[Nodal, Nodal]] | None = None,
+    motion: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None,
+) -> Solution:
+    """The scene solved from a start of one's own, whatever the outcome.
+
+    Args:
+        scene: the scene.
+        sets: first sets; None: those of the scene.
+        start: (lambda, mu) to start from; None: those that the algorithm begins with.
+        motion: first displacement, from points of shape (n, 2) to the same shape; then sets follow from it.
+    """
+    scene = parse_scene(scene) if isinstance(scene, dict) else scene
+    timings = Timings()
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
+    assert discretisation.boundary is not None
+    task = contact_task(discretisation, discretisation.boundary, History())
+    if sets is not None:
+        task.first_sets, task.first_iteration = sets(discretisation.boundary), 1
+    if start is not None:
+        task.start = start(discretisation.boundary)
+    if motion is not None:
+        x = discretisation.space.tabulate_dof_coordinates()[: task.x.getLocalSize() // 2, :2]
+        task.x.getArray()[:] = np.where(discretisation.fixed, task.x.getArray(readonly=True), motion(x).ravel())
+        task.first_sets = None
+    return solve_contact(discretisation, task, timings)
+
+
+# What gamma = auto may leave of the displacement.
+REGULARISED = 5e-4
 
 
 def found(solution: Solution, error: float | None = None, note: str = "") -> Finding:

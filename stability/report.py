@@ -89,7 +89,7 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
             axes.grid(axis="y", color="#e9e9e9", linewidth=0.4)
             axes.tick_params(length=2)
         panels[-1, 0].set_xlabel(
-            "relative error against the reference (dot), what is allowed (bar); a word: no solution, as the outcome says"
+            "relative error against the reference (dot), what is allowed (bar); a word: the outcome"
         )
         path = folder / "stability.png"
         figure.savefig(path, dpi=150)

@@ -26,7 +26,7 @@ def example1(
 ) -> dict[str, Any]:
     """Example 1 of section 7.1 in units of which the paper's are ``length`` and ``stress``, gamma chosen by itself."""
     friction = dict(LAWS[law] if isinstance(law, str) else law)
-    if "bound" in friction:
+    if isinstance(friction.get("bound"), float):
         friction["bound"] *= stress
     mesh = mesh or {"generator": "rectangle"}
     return {

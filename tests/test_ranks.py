@@ -122,5 +122,5 @@ def test_no_solution_is_no_solution_everywhere():
 
 
 def test_size_of_the_mesh():
-    """The diagonal of the bounding box is that of the whole mesh."""
+    """The diameter is that of the whole mesh."""
     assert same_on_all_ranks(rectangle(WORLD, nx=3, ny=3).size) == pytest.approx(np.hypot(3.0, 1.0), rel=1e-14)

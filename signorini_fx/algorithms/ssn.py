@@ -155,6 +155,8 @@ class SemismoothNewton:
             if self.problem.system.comm.size > 1:
                 raise
             status = Status.SINGULAR
+        if status in (Status.CYCLING, Status.MAX_ITERATIONS) and self.problem.drowned(self.x, RESIDUAL_TOLERANCE):
+            status = Status.ROUND_OFF
         solves = self.history.linear_solves - self._before
         self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
         return status
@@ -220,6 +222,9 @@ class SemismoothNewton:
                 return self._stop(Status.ROUND_OFF)
             self._last_residual = residual
         elif fingerprint in self._seen:
+            # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
+            if k > 0 and not problem.kept and problem.loose is None and residual <= snes.getTolerances()[0]:
+                return int(_SNES.CONVERGED_FNORM_RELATIVE)
             return self._stop(Status.CYCLING)
         self._seen.add(fingerprint)
         if problem.loose is not None:

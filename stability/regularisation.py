@@ -1,0 +1,66 @@
+"""Gamma from far too small to far beyond round-off, and the methods whose limit does not depend on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache, partial
+
+from signorini_fx.results import Status
+from signorini_fx.solution import Solution
+from stability.case import CONVERGED, Case, Finding
+from stability.measure import apart, found, solved
+from stability.scenes import LAWS, example1
+
+# E over the diagonal of the body, the natural scale of gamma.
+NATURAL = 5000.0 / math.hypot(3.0, 1.0)
+# From this exponent on, eps gamma is more than the 1e-8 of the forces that a residual may have.
+_ROUND_OFF = 9
+
+
+def cases(*, short: bool) -> Iterator[Case]:
+    """The sweep over gamma for every law; then the methods that go on to the limit."""
+    for law in ("Tresca",) if short else LAWS:
+        for exponent in (0, 4, 8, 12, 18) if short else range(-2, 19):
+            large = exponent > _ROUND_OFF
+            yield Case(
+                f"{law}, gamma = 1e{exponent:+d} E/L",
+                partial(_gamma, law, exponent),
+                wanted=(CONVERGED, Status.ROUND_OFF.value) if large else (CONVERGED,),
+                # What the regularisation leaves falls like 1 / gamma; round-off grows like gamma.
+                target=20.0 * 10.0**-exponent + 1e-15 * 10.0**exponent,
+                reference="unregularised limit",
+                seconds=60,
+            )
+    for law in ("Tresca", "Coulomb") if short else LAWS:
+        for name, settings in {
+            "ALM, gamma = 1e3 E/L": {"algorithm": "alm", "gamma_n": 1e3 * NATURAL, "gamma_t": 1e3 * NATURAL},
+            "ALM, gamma = auto": {"algorithm": "alm"},
+            "ALM, gamma = 1e7 E/L": {"algorithm": "alm", "gamma_n": 1e7 * NATURAL, "gamma_t": 1e7 * NATURAL},
+            "exact, after gamma = auto": {"algorithm": "exact"},
+            "exact, after gamma = 1e7 E/L": {"algorithm": "exact", "gamma_n": 1e7 * NATURAL, "gamma_t": 1e7 * NATURAL},
+        }.items():
+            yield Case(
+                f"{law}, {name}",
+                partial(_limit, law, settings),
+                # The penalty has a round-off of its own, and it grows with gamma.
+                target=1e-10 if "1e7" in name and "ALM" in name else 3e-12 if "ALM, gamma = auto" in name else 1e-12,
+                reference="exact on the full system",
+            )
+
+
+def _gamma(law: str, exponent: int) -> Finding:
+    gamma = 10.0**exponent * NATURAL
+    solution = solved(example1(law, gamma_n=gamma, gamma_t=gamma, tolerance=1e-9))
+    return found(solution, apart(solution, _limit_of(law)))
+
+
+@cache
+def _limit_of(law: str) -> Solution:
+    """The reference takes another way to the same limit: full system, tight tolerance."""
+    return solved(example1(law, algorithm="exact", linear_algebra="full", tolerance=1e-14))
+
+
+def _limit(law: str, settings: dict) -> Finding:
+    solution = solved(example1(law, tolerance=1e-13, **settings))
+    return found(solution, apart(solution, _limit_of(law)))
