@@ -478,20 +478,27 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     return scene
 
 
+_LARGEST_FILE = 5_000_000
+
+
 def read_scene_text(path: Path) -> str:
     """The text of a scene file.
 
     Raises:
-        SceneError: the file cannot be read as text.
+        SceneError: the file cannot be read as text, or has no end.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
     except UnicodeDecodeError:
         raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
     except ValueError as error:  # a null byte in the path
         raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
+    if len(text) > _LARGEST_FILE:
+        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
+    return text
 
 
 def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:

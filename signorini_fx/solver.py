@@ -43,6 +43,7 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
+    keep: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve a scene.
 
@@ -51,6 +52,7 @@ def solve(
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
+        keep: called with the solution on each mesh but the last, when the next one is about to be solved; collective.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -60,17 +62,19 @@ def solve(
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
-        solution = _solve_to_accuracy(scene, scene.accuracy, comm, history)
+        solution = _solve_to_accuracy(scene, scene.accuracy, comm, history, keep)
     elif not coarse:
         solution, _ = _solve_mesh(scene, comm, history, None)
     else:
-        solution = _solve_nested([*coarse, scene], comm, history)
+        solution = _solve_nested([*coarse, scene], comm, history, keep)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
 
 
-def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> Solution:
+def _solve_nested(
+    scenes: Sequence[Scene], comm: MPI.Comm, history: History, keep: Callable[[Solution], object]
+) -> Solution:
     """Solve on one mesh after the other, each from the contact state of the one before."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
@@ -84,12 +88,16 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
             continue
         state = solution.contact
         levels.append(_level_result(level, solution, task, history.iterations[before:]))
+        if level + 1 < len(scenes):
+            keep(solution)
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
-def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Solution:
+def _solve_to_accuracy(
+    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, keep: Callable[[Solution], object]
+) -> Solution:
     """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
 
     Begins on meshes coarser than the scene's where a generator makes them.  A refinement that the budget would not
@@ -111,6 +119,7 @@ def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: Hi
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], level]
         if len(levels) < _FEWEST_MESHES:
+            keep(solution)
             tagged = meshes.send((solution, task))
             continue
         rows = price_list(levels, base_memory)
@@ -127,6 +136,7 @@ def _solve_to_accuracy(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: Hi
             large = goal.memory is not None and rows[-1].memory > 1024 * goal.memory
             if late or large or len(levels) >= _MOST_MESHES:
                 return replace(solution, status=Status.BUDGET)
+            keep(solution)
             tagged = meshes.send((solution, task))
         elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)
