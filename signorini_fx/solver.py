@@ -23,7 +23,7 @@ from signorini_fx.errors import ConvergenceError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
-from signorini_fx.linalg.full import FullSystem
+from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes, scene_on
@@ -276,7 +276,9 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     """A scene without contact: one factorisation, one solve a load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        krylov = discretisation.scene.solver.linear_algebra == "krylov"
+        krylov = discretisation.scene.solver.linear_algebra == "krylov" or not can_factorise(
+            discretisation.tagged.mesh.comm
+        )
         system = FullSystem.of(discretisation, krylov=krylov)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
