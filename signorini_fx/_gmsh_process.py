@@ -46,7 +46,7 @@ def _read(file: str, clean: str) -> None:
     ):
         gmsh.option.setNumber(name, value)
     try:
-        gmsh.merge(file)  # open would also run what lies beside it as FILE.opt
+        gmsh.merge(file)
         if file.lower().endswith(".geo"):
             gmsh.model.mesh.generate(2)
     except Exception as error:

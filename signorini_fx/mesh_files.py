@@ -27,7 +27,7 @@ _HEADERS = (b"$MeshFormat", b"$Comments")
 # Text in quotes and comments are no commands.
 _NO_COMMAND = re.compile(r'"[^"]*"|\'[^\']*\'|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _COMMAND = re.compile(
-    r"\b(System\w*|NonBlockingSystemCall|OnelabRun|ExternalProcess|Include|Merge\w*|CreateDir|Save|Print|Plugin|Sleep)\b"
+    r"\b(System\w*|NonBlockingSystemCall|OnelabRun|ExternalProcess|Include|Merge\w*|CreateDir|Save|Print|Plugin|Sleep)\b(?!\s*\.)"
     r"|\b(?:Printf|Warning|Error)\s*\([^;]*\)\s*(>)"
 )
 _CAD = re.compile(r'\bMerge\s*"[^"]+\.(?:step|stp|brep|iges|igs)"\s*;', re.IGNORECASE)
@@ -51,7 +51,13 @@ def clean_copy(file: Path, folder: Path) -> Path:
     script = file.suffix.lower() == ".geo"
     try:
         size = file.stat().st_size
-        _check_script(file, size) if script else _check_header(file)
+        if script:
+            _check_script(file)
+        else:
+            _check_header(file)
+        options = file.with_name(f"{file.name}.opt")
+        if options.exists():  # gmsh runs it along with the file
+            _check_script(options)
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
     if script:
@@ -81,7 +87,7 @@ def clean_copy(file: Path, folder: Path) -> Path:
     if code == _gmsh_process.REFUSED:
         raise MeshError(f"{file}: {complaint.read_text(encoding='utf-8', errors='replace')[:1000]}")
     if -code in (_gmsh_process.OUT_OF_TIME, _gmsh_process.KILLED):
-        hint = "; mesh it with gmsh, and give the .msh" if script else ""
+        hint = "; give the .msh that gmsh makes of it" if script else ""
         raise MeshError(f"{file}: gmsh cannot read it: it took more than {seconds} s{hint}")
     memory_hint = f" or needs more than {memory / 1e9:.1f} GB"
     raise MeshError(f"{file}: gmsh cannot read it: it breaks down on it{memory_hint} (exit code {code})")
@@ -94,11 +100,14 @@ def _check_header(file: Path) -> None:
         raise MeshError(f"{file}: is no mesh of gmsh: it does not begin with $MeshFormat")
 
 
-def _check_script(file: Path, size: int) -> None:
+def _check_script(file: Path) -> None:
     """Refuse a script that does more than draw."""
-    if size > _LARGEST_SCRIPT:
-        raise MeshError(f"{file}: a script of {size / 1e6:.0f} MB; mesh it with gmsh, and give the .msh")
-    text = file.read_text(encoding="utf-8", errors="replace")
+    with file.open(encoding="utf-8", errors="replace") as stream:
+        text = stream.read(_LARGEST_SCRIPT + 1)
+    if len(text) > _LARGEST_SCRIPT:
+        raise MeshError(
+            f"{file}: a script of more than {_LARGEST_SCRIPT >> 20} MB; give the .msh that gmsh makes of it"
+        )
     if text.startswith("$"):
         raise MeshError(f"{file}: is no script of gmsh: it begins with $; a mesh must end in .msh")
 
@@ -109,6 +118,6 @@ def _check_script(file: Path, size: int) -> None:
     if found := _COMMAND.search(commands):
         line = commands.count("\n", 0, found.start()) + 1
         raise MeshError(
-            f"{file}: line {line}: {found[1] or 'writing a file'} is not allowed in a script: it may only draw; mesh "
-            "it with gmsh, and give the .msh"
+            f"{file}: line {line}: {found[1] or 'writing a file'} is not allowed in a script: it may only draw; give "
+            "the .msh that gmsh makes of it"
         )
