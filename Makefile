@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine where it has dolfinx, else in the image of the Dockerfile.
 # DEBIAN=sid make TARGET takes that release's image.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint format paper bench stability clean
+.PHONY: help demo test test-long lint format paper bench stability mutants clean
 DEMOS := example1_tresca example1_coulomb
 RUFF := build/ruff-0.17.5
 
@@ -35,6 +35,9 @@ bench:      ## measure
 
 stability:  ## try to break the solver, and say how it fared (results/stability)
 	./env python3 -m stability
+
+mutants:    ## put small mistakes into a copy of the package, and say which the tests do not notice (an hour)
+	./env python3 -m stability.mutants
 
 clean:      ## remove what these targets made, but for the image
 	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
