@@ -22,6 +22,10 @@ from signorini_fx.assembly import assemble, facet_entities, measure
 Nodal = npt.NDArray[np.float64]
 
 
+# A direction has a component along an axis if it is larger than this.
+_ALONG = 1e-8
+
+
 @dataclass(frozen=True)
 class ContactBoundary:
     """The contact nodes of this rank, n of them.
@@ -58,6 +62,13 @@ class ContactBoundary:
     def tangent(self) -> Nodal:
         """Unit tangent t_i = (-n_2, n_1), shape (n, 2): for a body above its foundation it points along x[0]."""
         return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
+
+    def prescribed(self, direction: Nodal) -> npt.NDArray[np.bool_]:
+        """Nodes with a prescribed displacement along their direction (``normal`` or ``tangent``), shape (n,).
+
+        What the contact does to them, the support takes.
+        """
+        return (np.abs(direction) * ~self.free).max(axis=1, initial=0.0) > _ALONG
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y) from nodal displacements of shape (n, 2)."""

@@ -73,6 +73,40 @@ def hold(
     return sets, None, True
 
 
+def fewest_ties(
+    sets: ActiveSets,
+    opening: Nodal,
+    slipping: Nodal,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """A few nodes that, tied to where they are, hold a body that the sets do not hold; collective.
+
+    Args:
+        sets: the sets.
+        opening: by how much open nodes violate contact, stress; infinite where a node cannot be tied along its normal.
+        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be tied sideways.
+        boundary: the contact nodes.
+        motions: rigid motions of the body.
+
+    Returns:
+        Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
+    """
+    along = _ranked(boundary, np.isfinite(opening) & ~sets.contact, opening)
+    across = _ranked(boundary, np.isfinite(slipping) & (sets.slip != 0), slipping)
+    normal, count = sets.contact, 1
+    stick = (sets.slip == 0) & np.isfinite(slipping)
+    most = max(_count(boundary, along), _count(boundary, across))
+    while True:
+        tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
+        for pair in (~normal & normal, tied_across), (tied_along, ~normal & normal), (tied_along, tied_across):
+            if motions.held_by(boundary, normal | pair[0], stick | pair[1]):
+                return pair
+        if count >= most:
+            return tied_along, tied_across
+        count *= 2
+
+
 def balance_exists(
     data: RegularisedData,
     boundary: ContactBoundary,

@@ -20,7 +20,7 @@ from signorini_fx.complementarity import (
     tangent_coefficients,
     trial_pressure,
 )
-from signorini_fx.holding import hold
+from signorini_fx.holding import fewest_ties, hold
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
@@ -42,6 +42,7 @@ class ContactProblem(Protocol):
         force_scale: size of the forces in the last residual.
         loose: how the body gets away from the sets of the last residual; None: they hold it.
         kept: whether these sets differ from those that the iterate asked for, in order to hold it.
+        wanted: those that it asked for.
         moved: contact nodes whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
@@ -54,6 +55,7 @@ class ContactProblem(Protocol):
     force_scale: float
     loose: Status | None
     kept: bool
+    wanted: ActiveSets
     moved: int | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -73,6 +75,15 @@ class ContactProblem(Protocol):
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds that the current and the following sets stand for."""
 
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
+
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """Whether these sets resist every rigid motion; collective."""
+
+    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
+        """Nodes that would hold the body if they were tied, see ``holding.fewest_ties``; collective."""
+
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
 
@@ -90,6 +101,8 @@ class ContactProblem(Protocol):
 
 
 ROUND_OFF = 1e-8
+# Share of the stiffness times the displacement of which a residual of 1e-8 is still above round-off.
+_ATTAINABLE = 1e-7
 
 
 class ProblemState:
@@ -105,12 +118,12 @@ class ProblemState:
         self.force_scale = 0.0
         self.loose: Status | None = None
         self.kept = False
+        self.wanted = self.sets
         self.moved: int | None = None
         self._physical = physical
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
-        # Forces below this share of E |x| are round-off of a stress-free motion.
         self._stiffness = parallel.global_max(
             system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
         )
@@ -125,6 +138,19 @@ class ProblemState:
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
         return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """See ``ContactProblem``: never, where sets are constraints."""
+        return False
+
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """See ``ContactProblem``."""
+        stick = (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
+        return self._motions.held_by(self._physical, sets.contact, stick)
+
+    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
+        """See ``ContactProblem``."""
+        return fewest_ties(sets, opening, slipping, self._physical, self._motions)
 
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """See ``ContactProblem``."""
@@ -152,6 +178,7 @@ class ProblemState:
 
     def _hold(self, pressure: Nodal, shear: Nodal) -> None:
         """Replace the following sets by sets that hold the body, or note how it gets away."""
+        self.wanted = self.following
         self.following, self.loose, self.kept = hold(
             self.following,
             self.sets,
@@ -165,7 +192,8 @@ class ProblemState:
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take the size of the forces A x as the scale of the residual."""
-        self.force_scale = max(forces.norm(), self.system.load.norm(), ROUND_OFF * self._stiffness * x.norm())
+        round_off = _ATTAINABLE * self._stiffness * x.norm()
+        self.force_scale = max(forces.norm(), self.system.load.norm(), round_off)
 
 
 class RegularisedProblem(ProblemState):
@@ -194,12 +222,24 @@ class RegularisedProblem(ProblemState):
         if not self._forced_first:
             self.following = classify(self.sets, *self.traces(x), self.data)
         self._hold(*self.multipliers(x, self.sets))
-        pressure, shear = self.multipliers(x, self.following)
+        self._imbalance(x, self.following, f)
+
+    def _imbalance(self, x: PETSc.Vec, sets: ActiveSets, f: PETSc.Vec) -> None:
+        """R(x) for given sets."""
         self.system.matrix.mult(x, f)
         self._measure(f, x)
         f.axpy(-1.0, self.system.load)
-        forces = self.boundary.nodal_forces(pressure, shear) * self.boundary.free
+        forces = self.boundary.nodal_forces(*self.multipliers(x, sets)) * self.boundary.free
         np.add.at(f.getArray(), self.system.contact_dofs, forces)
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """See ``ContactProblem``."""
+        force = x.duplicate()
+        self._imbalance(x, sets, force)
+        if not force.norm() <= tolerance * self.force_scale:
+            return False
+        self.sets = self.following = sets
+        return True
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -15,10 +15,21 @@ from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
 from signorini_fx.discretisation import Discretisation
+from signorini_fx.material import lame_parameters
 from signorini_fx.problem import ROUND_OFF
 
 # A violation above this share of the solution's own scale refuses the certificate.
 CERTIFICATE_TOLERANCE = 1e-6
+# The figures that decide; the others say what the regularisation leaves.
+_JUDGED = (
+    "equilibrium",
+    "negative_pressure",
+    "friction_cone",
+    "wrong_way_slip",
+    "entered",
+    "pressure_at_distance",
+    "slip_below_bound",
+)
 # A body that moves by so many times its size is no small deformation, and its figures are round-off.
 FAR_AWAY = 1e3
 # Contact stresses below this share of the mean stress in the body are not told from zero.
@@ -43,6 +54,9 @@ class ContactState:
         bilateral: nodes whose contact cannot open.
         slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
         xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes.
+        lambda_hat: shift of the pressure that the regularisation starts from, stress.
+        mu_hat: shift of the shear, likewise.
+        compliance: 1 / gamma_1 and 1 / gamma_2, length per stress; zero without regularisation.
     """
 
     boundary: ContactBoundary
@@ -58,6 +72,9 @@ class ContactState:
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
     xi: Nodal
+    lambda_hat: Nodal
+    mu_hat: Nodal
+    compliance: tuple[float, float]
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -105,6 +122,9 @@ class Certificate:
         complementarity: largest |lambda (tau_N y - d)|.
         friction_cone: largest |mu| - F g.
         wrong_way_slip: largest -mu xi: slip against mu, which (2.3e') excludes.
+        entered: largest tau_N y - d beyond the lambda / gamma_1 of the regularisation.
+        pressure_at_distance: lambda where there is a distance, after the same allowance; the complementarity (3.3b).
+        slip_below_bound: slip xi where |mu| < F g; the complementarity (3.3c).
         stick_slip: largest |tau_T y| at stick nodes; |mu| / gamma by the regularisation.
         displacement: largest displacement, relative to the size of the body.
     """
@@ -115,13 +135,16 @@ class Certificate:
     complementarity: float
     friction_cone: float
     wrong_way_slip: float
+    entered: float
+    pressure_at_distance: float
+    slip_below_bound: float
     stick_slip: float
     displacement: float
 
     @property
     def worst(self) -> float:
         """The largest of the figures that are judged; what the regularisation leaves is not among them."""
-        return float(np.max((self.equilibrium, self.negative_pressure, self.friction_cone, self.wrong_way_slip)))
+        return float(np.max([getattr(self, name) for name in _JUDGED]))
 
     @property
     def holds(self) -> bool:
@@ -169,18 +192,18 @@ def certify(
     """Check the conditions of a load step independently of how the solution was found; collective."""
     comm = discretisation.tagged.mesh.comm
     reaction = forces.internal.copy()
-    # A stress-free motion has forces too: round-off of E |y|.
+    # A stress-free motion has forces too, and one without change of volume: round-off of the largest modulus.
     young = discretisation.scene.young
-    scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * young * displacement.x.petsc_vec.norm())
+    modulus = max(first + 2 * second for first, second in map(lame_parameters, discretisation.scene.material))
+    scale = max(reaction.norm(), forces.external.norm(), ROUND_OFF * modulus * displacement.x.petsc_vec.norm())
     reaction.axpy(-1.0, forces.external)
     length = float(displacement.x.petsc_vec.norm(PETSc.NormType.NORM_INFINITY))
     owned = reaction.getArray()
     if contact is None:
         residual = _norm(comm, owned[~discretisation.fixed])
-        nothing = dict.fromkeys(("penetration", "negative_pressure", "complementarity"), 0.0)
-        no_slip = dict.fromkeys(("friction_cone", "wrong_way_slip", "stick_slip"), 0.0)
-        far = length / discretisation.tagged.size
-        return Certificate(equilibrium=_share(residual, scale), **nothing, **no_slip, displacement=far)
+        nothing = {field.name: 0.0 for field in fields(Certificate)}
+        found = {"equilibrium": _share(residual, scale), "displacement": length / discretisation.tagged.size}
+        return Certificate(**nothing | found)
     boundary = contact.boundary
     nodal = owned.reshape(-1, 2)
     # The reactions become pressures only where no support takes a part of them and no second boundary shares the node.
@@ -196,22 +219,36 @@ def certify(
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = np.sqrt(2 * young * forces.strain_energy) / discretisation.tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-boundary.weight, -np.inf))
-    stress = max(stress, _FAINT * inside, ROUND_OFF * young * length / finest)
+    stress = max(stress, _FAINT * inside, ROUND_OFF * modulus * length / finest)
+    # Where everything sticks, nothing moves but for round-off of what the stresses could move.
+    far = length / discretisation.tagged.size
+    length = max(length, _FAINT * stress / young * discretisation.tagged.size)
     overlap = contact.u_n - contact.gap
-    overlap = np.where(contact.bilateral, np.abs(overlap), overlap)
+    # What the regularisation allows for is a layer as compliant as 1 / gamma; where a component is prescribed, nothing.
+    entered = overlap - contact.compliance[0] * (pressure - contact.lambda_hat)
+    xi = contact.slip_length - contact.compliance[1] * (shear - contact.mu_hat)
+    entered = np.where(boundary.prescribed(boundary.normal), 0.0, entered)
+    xi = np.where(boundary.prescribed(boundary.tangent) | (not contact.has_friction), 0.0, xi)
+    overlap, entered = (np.where(contact.bilateral, np.abs(values), values) for values in (overlap, entered))
+    # A distance, or a bound, may be beyond all measure: it counts as much as what it is compared with.
+    distance = np.where(contact.bilateral, 0.0, np.minimum(np.maximum(-entered, 0.0), length))
+    below = np.clip(contact.bound - np.abs(shear), 0.0, stress)
     figures = {
         "penetration": (overlap, length),
         "negative_pressure": (-pressure[~contact.bilateral], stress),
         "complementarity": (np.abs(pressure * overlap), stress * length),
         "friction_cone": (np.abs(shear) - contact.bound, stress),
-        "wrong_way_slip": (-shear * contact.xi, stress * length),
+        "wrong_way_slip": (-shear * xi, stress * length),
+        "entered": (entered, length),
+        "pressure_at_distance": (np.maximum(pressure, 0.0) * distance, stress * length),
+        "slip_below_bound": (below * np.abs(xi), stress * length),
         "stick_slip": (np.abs(contact.slip_length)[(contact.slip == 0) & contact.has_friction], length),
     }
     values = {
         name: _share(parallel.global_max(comm, max(0.0, parallel.local_max(violation))), unit)
         for name, (violation, unit) in figures.items()
     }
-    return Certificate(equilibrium=_share(residual, scale), **values, displacement=length / discretisation.tagged.size)
+    return Certificate(equilibrium=_share(residual, scale), **values, displacement=far)
 
 
 def _norm(comm: Any, values: npt.NDArray[np.float64]) -> float:

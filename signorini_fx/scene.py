@@ -320,6 +320,8 @@ class SolverSettings(_Model):
         max_outer_iterations: outer iterations allowed.
         tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
             relatively by no more than this.
+        fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
+            Limits on iterations that are lower than usual are kept: they are an end, no failure.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
@@ -337,6 +339,7 @@ class SolverSettings(_Model):
     max_iterations: Count = 100
     max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7
+    fallbacks: bool = True
 
     @field_validator("initial_contact", mode="before")
     @classmethod

@@ -19,7 +19,7 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import slip_multiplier, slip_of
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.errors import ConvergenceError
+from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
@@ -64,7 +64,9 @@ def solve(
     if scene.accuracy is not None:
         solution = _solve_to_accuracy(scene, scene.accuracy, comm, history, keep)
     elif not coarse:
-        solution, _ = _solve_mesh(scene, comm, history, None)
+        solution, task = _solve_mesh(scene, comm, history, None)
+        if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
+            solution = _from_coarser(scene, comm, history, solution)
     else:
         solution = _solve_nested([*coarse, scene], comm, history, keep)
     if check and not solution.converged:
@@ -73,7 +75,10 @@ def solve(
 
 
 def _solve_nested(
-    scenes: Sequence[Scene], comm: MPI.Comm, history: History, keep: Callable[[Solution], object]
+    scenes: Sequence[Scene],
+    comm: MPI.Comm,
+    history: History,
+    keep: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve on one mesh after the other, each from the contact state of the one before."""
     base_memory = peak_memory(comm)
@@ -93,6 +98,23 @@ def _solve_nested(
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+
+
+# Coarser meshes that are tried where nothing else has helped.
+_HELPING_MESHES = 2
+
+
+def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
+    """The last resort: nested iteration, if the generator makes coarser meshes."""
+    try:
+        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES) if isinstance(scene.mesh, MeshGenerator) else []
+    except SceneError:
+        return failed
+    if not coarse:
+        return failed
+    history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+    solution = _solve_nested([*coarse, scene], comm, history)
+    return solution if solution.converged else failed
 
 
 def _solve_to_accuracy(
@@ -419,4 +441,7 @@ def contact_state(task: Task) -> ContactState:
         bilateral=np.zeros(task.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
         slip_length=slip_of(u_t, data),
         xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
+        lambda_hat=data.lambda_hat,
+        mu_hat=data.mu_hat,
+        compliance=(1 / data.gamma_n, 1 / data.gamma_t),
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
+from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
@@ -40,6 +42,10 @@ LARGEST_GAMMA = 1e9
 START_GAMMA = 100.0
 # Continuation begins where Table 4 does: at this share of the last gamma.
 CONTINUATION_SHARE = 1e-4
+# Fixed points that do not contract are damped, more and more.
+_DAMPING = (0.5, 0.2)
+# The augmented Lagrangian method takes over with a gamma that much smaller.
+_AUGMENTED_SHARE = 1e-3
 
 
 @dataclass
@@ -99,7 +105,15 @@ class Task:
 
     def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
         start = self.x if problem is self._regularised else problem.system.start.copy()
-        return SemismoothNewton(problem, start, self.settings.max_iterations, self.history, symmetric=symmetric)
+        return SemismoothNewton(
+            problem,
+            start,
+            self.settings.max_iterations,
+            self.history,
+            symmetric=symmetric,
+            climb=climb if self.settings.fallbacks else None,
+            limited=_limited(self.settings, "max_iterations"),
+        )
 
     @property
     def newton(self) -> SemismoothNewton:
@@ -130,6 +144,11 @@ class Task:
         """All displacement dofs of the answer, counted from where the body rests."""
         return self.problem.system.displacement(self.answer.x)
 
+    def gave_up(self, status: Status) -> bool:
+        """Whether a method has failed that was not told when to end."""
+        limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
+        return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
+
     def restart(self, step: int, scale: float = 1.0) -> None:
         """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
         for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
@@ -150,21 +169,63 @@ class Task:
         self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
 
 
+def _limited(settings: SolverSettings, name: str) -> bool:
+    """Whether a limit is lower than usual: then it is an end that was asked for, and no failure."""
+    return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)
+
+
 def run(task: Task) -> Status:
     """Solve the current load step; the iterate, the sets and the data stay in the task."""
     if _nothing_acts(task):
         return _stay(task)
     coulomb = task.law if task.has_coulomb else None
     status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
-    if task.settings.algorithm == "exact" and status is Status.CONVERGED:
+    if task.settings.fallbacks and task.gave_up(status) and task.settings.algorithm != "alm":
+        status = _augmented(task, coulomb, status)
+    elif task.settings.algorithm == "exact" and status is Status.CONVERGED:
         status = _exact(task)
+        if task.settings.fallbacks and task.gave_up(status):  # but the problem with gamma was solved
+            status = _augmented(task, coulomb, status, share=1.0)
     return status
 
 
+def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: float = _AUGMENTED_SHARE) -> Status:
+    """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
+    for every gamma, and leaves no regularisation error.
+    """
+    s, newton = task.settings, task.newton
+    task.problem = newton.problem
+    data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
+    task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
+    task.monolithic = False
+    everywhere = ActiveSets.all_in_contact(task.boundary.size)
+    if coulomb is None:
+        status = augmented_lagrangian(
+            newton, data, everywhere, first_iteration=1, tolerance=s.tolerance, max_outer=s.max_outer_iterations
+        )
+    else:
+        start = _coulomb_start(task)
+        status = newton.solve(replace(start, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
+        if status is Status.CONVERGED:
+            status = fixed_point(
+                newton,
+                data,
+                coulomb,
+                newton.multipliers(),
+                None,
+                tolerance=s.tolerance,
+                max_outer=s.max_outer_iterations,
+                shift=True,
+            )
+    return status if status is Status.CONVERGED else failed
+
+
 def _nothing_acts(task: Task) -> bool:
-    """Whether the body may stay where it is: no load, nothing prescribed, no penetration; collective."""
+    """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
     data = task.data
-    if task.step > 0 or task.system.load.norm() > 0 or task.system.start.norm() > 0:
+    if task.step > 0 or task.motions.free.shape[1] > 0:
+        return False
+    if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
     pushed = data.gap < 0
     if data.bilateral is not None:
@@ -173,12 +234,12 @@ def _nothing_acts(task: Task) -> bool:
 
 
 def _stay(task: Task) -> Status:
-    """Zero is a solution, if perhaps not the only one of a body that nothing holds; nothing is solved for."""
+    """Zero is the solution; nothing is solved for."""
     nodes = task.boundary.size
     task.x.set(0.0)
     task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
     task.problem.sets = task.problem.following
-    task.history.add("nothing loads the body: it stays as it is")
+    task.history.add("nothing loads the body: it stays where it is")
     task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
     return Status.CONVERGED
 
@@ -227,6 +288,10 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
     finds_gamma = task.step == 0 and s.algorithm in ("path-following", "continuation")
     if start is None or finds_gamma:
         data = _coulomb_start(task)
+        lost = _no_balance(task, law) if data.bound is not None else None
+        if lost is not None:
+            task.problem.set_data(task.data)
+            return lost
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
             status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
         else:
@@ -238,8 +303,9 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             contact = task.problem.following.contact
             first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
     data = replace(task.data, bound=law.given)
+    state, sets = newton.x.copy(), task.problem.sets
 
-    def fixed() -> Status:
+    def fixed(damping: float = 1.0) -> Status:
         return fixed_point(
             newton,
             data,
@@ -249,15 +315,59 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
             shift=s.algorithm == "alm",
+            damping=damping,
+        )
+
+    def monolithic() -> Status:
+        task.monolithic = True
+        if s.algorithm != "alm":
+            return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
+        return augmented_lagrangian(
+            task.unsymmetric_newton,
+            replace(data, bound=law.given, coupling=law.coefficient),
+            first_sets,
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
         )
 
     # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
     smooth = law.cap is None and task.data.bilateral is None and task.system.unsymmetric
-    wanted = s.coulomb == "newton" or (s.coulomb == "auto" and task.start is not None and task.step == 0)
-    if not wanted or s.algorithm == "alm" or not smooth:
-        return fixed()
-    task.monolithic = True
-    return coulomb_newton(task.unsymmetric_newton, data, law, first_sets, fixed)
+    started = s.coulomb == "auto" and task.start is not None and task.step == 0 and s.algorithm != "alm"
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", fixed)]
+    if smooth:
+        ways.insert(0 if s.coulomb == "newton" or started else 1, ("monolithic Newton", monolithic))
+    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
+    # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
+    needed = ways[0][1] is monolithic
+    for place, (name, way) in enumerate(ways):
+        if place > needed and not (s.fallbacks and task.gave_up(status)):
+            break
+        if place > 0:
+            task.history.add(f"{status.value}: {name} from the same start")
+            state.copy(newton.x)
+            task.problem.sets = sets
+            task.monolithic = False
+        status = way()
+        if status in (Status.CONVERGED, Status.SINGULAR):
+            break
+    return status
+
+
+def _no_balance(task: Task, law: FrictionLaw) -> Status | None:
+    """How a body that needs friction gets away, whatever friction the law may allow for; None: it does not."""
+    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
+    held = task.motions.held_by(task.boundary, everywhere, everywhere)
+    if task.data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
+        return None  # what is not held at all has a name of its own, given by the iteration
+
+    def balanced(data: RegularisedData) -> bool:
+        return balance_exists(data, task.boundary, task.motions, task.system.resultant)
+
+    if balanced(replace(task.data, bound=law.given, coupling=law.coefficient)):
+        return None
+    rough = replace(task.data, bound=np.full(task.boundary.size, np.inf))
+    return Status.SLIDES if balanced(rough) else Status.OPEN
 
 
 def _coulomb_start(task: Task) -> RegularisedData:

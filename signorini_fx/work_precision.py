@@ -146,7 +146,8 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
         update={
             "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
             "element": scene.element.model_copy(update={"degree": int(element[1])}),
-            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings),
+            # A method stands for itself here, not for what would take over from it.
+            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings, fallbacks=False),
             "accuracy": None,
         }
     )

@@ -63,7 +63,7 @@ def found(solution: Solution, error: float | None = None, note: str = "") -> Fin
     """The finding of a solve."""
     certificate = solution.certificate.worst
     # A fall-back of the solver is worth a word.
-    events = [event for event in solution.history.events if not event.startswith("level ")]
+    events = dict.fromkeys(event for event in solution.history.events if not event.startswith("level "))
     solves = solution.history.linear_solves or sum(step.linear_solves for step in solution.steps)
     return Finding(solution.status.value, solves, certificate, error, "; ".join([*([note] if note else []), *events]))
 

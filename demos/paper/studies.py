@@ -234,7 +234,10 @@ def sigma() -> list[Table]:
     found: dict[str, list[Any]] = {}
     for name, value in values.items():
         progress(f"sigma = {name}")
-        runs = [lab.solved(example1(tresca(1.5), gamma=gamma, sigma=value(gamma)), check=False) for gamma in DIAGONAL]
+        runs = [
+            lab.solved(example1(tresca(1.5), gamma=gamma, sigma=value(gamma), fallbacks=False), check=False)
+            for gamma in DIAGONAL
+        ]
         found[name] = [
             run.history.linear_solves
             if run.converged

@@ -1,4 +1,4 @@
-"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method for Tresca friction."""
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, project
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
 from signorini_fx.results import Status
 
 
@@ -50,7 +50,7 @@ def augmented_lagrangian(
         inexact = inner_iterations is not None and status is Status.MAX_ITERATIONS
         if status is not Status.CONVERGED and not inexact:
             return status
-        pressure, shear = project(*newton.multipliers(), data)
+        pressure, shear = newton.shifts(data)
         if watch is not None and watch(pressure, shear):
             return Status.CONVERGED
         change = newton.history.outer[-1].change
@@ -65,7 +65,9 @@ def augmented_lagrangian(
             gamma_n=data.gamma_n * gamma_factor,
             gamma_t=data.gamma_t * gamma_factor,
         )
-        first_sets, first_iteration = cut_off or newton.continued_sets(data), 1
+        # At the old iterate the new shift counts every pressure twice, and a bound that follows it.
+        following = newton.problem.sets if data.coupling is not None else newton.continued_sets(data)
+        first_sets, first_iteration = cut_off or following, 1
     return Status.OUTER_MAX_ITERATIONS
 
 
@@ -73,7 +75,7 @@ def _change(newton: SemismoothNewton, data: RegularisedData, before: tuple[Nodal
     """How much lambda and mu differ from those before, relative to their own norms."""
     if before is None:
         return None
-    pressure, shear = project(*newton.multipliers(), data)
+    pressure, shear = newton.shifts(data)
     norm = newton.problem.boundary.norm
-    size = norm(pressure) + norm(shear)
+    size = norm(pressure) + norm(shear) or norm(before[0]) + norm(before[1])
     return (norm(pressure - before[0]) + norm(shear - before[1])) / size if size > 0 else 0.0

@@ -7,7 +7,6 @@ unsymmetric.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
@@ -20,26 +19,16 @@ def coulomb_newton(
     data: RegularisedData,
     law: FrictionLaw,
     first_sets: ActiveSets | None,
-    fall_back: Callable[[], Status],
 ) -> Status:
     """Solve the Coulomb problem in one semi-smooth Newton iteration.
 
-    Newton's method is local: from a poor start its sets may cycle.  Then the start is restored and the fixed point,
-    whose inner problems have one solution each, takes over.
+    Newton's method is local: from a poor start its sets may cycle.  Then the fixed point, whose inner problems have one
+    solution each, has to take over.
 
     Args:
         newton: the inner method with an unsymmetric solver; its iterate is the start (the pure contact problem).
         data: gamma and the shifts.
         law: the friction law.
         first_sets: sets of the first linear solve; None: from the iterate.
-        fall_back: the fixed point iteration from the same start.
     """
-    problem = newton.problem
-    start, start_sets = newton.x.copy(), problem.sets
-    status = newton.solve(replace(data, bound=law.given, coupling=law.coefficient), first_sets)
-    if status in (Status.CONVERGED, Status.SINGULAR):
-        return status
-    newton.history.add(f"monolithic Newton ended with '{status.value}': fixed point from the same start")
-    start.copy(newton.x)
-    problem.sets = start_sets
-    return fall_back()
+    return newton.solve(replace(data, bound=law.given, coupling=law.coefficient), first_sets)

@@ -20,6 +20,7 @@ def fixed_point(
     tolerance: float,
     max_outer: int,
     shift: bool = False,
+    damping: float = 1.0,
 ) -> Status:
     """Iterate g <- lambda until g changes by no more than ``tolerance``.
 
@@ -33,18 +34,20 @@ def fixed_point(
         max_outer: Tresca problems allowed.
         shift: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised
             solution.
+        damping: share of the way to the new bound that is gone, for bounds that go to and fro or away.
     """
-    g, shear = start
+    g, shifts = start[0], start
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         if shift:
-            data = replace(data, lambda_hat=g, mu_hat=shear)
+            data = replace(data, lambda_hat=shifts[0], mu_hat=shifts[1])
         status = newton.solve(data, first_sets, measure=partial(_change, newton, g))
         if status is not Status.CONVERGED:
             return status
         first_sets = None
         change = newton.history.outer[-1].change
-        g, shear = newton.multipliers()
+        pressure, _ = newton.multipliers()
+        g, shifts = g + damping * (pressure - g), newton.shifts(data)
         if change is not None and change <= tolerance:
             return Status.CONVERGED
     return Status.OUTER_MAX_ITERATIONS
@@ -54,5 +57,5 @@ def _change(newton: SemismoothNewton, g: Nodal) -> float:
     """d_g of section 7: the new g is the pressure that the old one led to."""
     following, _ = newton.multipliers()
     norm = newton.problem.boundary.norm
-    size = norm(following)
+    size = norm(following) or norm(g)  # a pressure that is gone has changed by all that it was
     return norm(following - g) / size if size > 0 else 0.0

@@ -10,7 +10,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import options, parallel
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, next_sets, slip_multiplier, transmitting
+from signorini_fx.complementarity import (
+    ActiveSets,
+    Nodal,
+    RegularisedData,
+    next_sets,
+    project,
+    slip_multiplier,
+    transmitting,
+)
 from signorini_fx.petsc_c import call
 from signorini_fx.problem import ContactProblem
 from signorini_fx.results import IterationRecord, OuterRecord, Status
@@ -22,6 +30,11 @@ _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 Observer = Callable[[IterationRecord | OuterRecord | str], None]
+# (newton, data, first sets, how it failed, measure) -> how it ended then.
+Climb = Callable[
+    ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
+    Status,
+]
 
 
 @dataclass
@@ -71,6 +84,11 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not where the friction bound follows the pressure.
+        climb: what solves problems that this iteration does not, see ``algorithms.ladder``; None: nothing.
+        limited: whether the user has set the number of linear solves, so that it is an end and no failure.
+
+    Attributes:
+        max_iterations: linear solves allowed for one problem.
     """
 
     def __init__(
@@ -81,13 +99,17 @@ class SemismoothNewton:
         history: History,
         *,
         symmetric: bool = True,
+        climb: Climb | None = None,
+        limited: bool = False,
     ) -> None:
         self.problem = problem
         self.history = history
         self.x = x
         self._residual = x.duplicate()
         self._start_time = time.perf_counter()
-        self._max_iterations = max_iterations
+        self.max_iterations = max_iterations
+        self._climb = climb
+        self._limited = limited
         generator = np.random.default_rng(problem.system.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
         self.snes = self._create(symmetric)
@@ -99,13 +121,13 @@ class SemismoothNewton:
         snes.setFunction(self.problem.residual, self._residual)
         jacobian = self.problem.create_jacobian(symmetric=symmetric)
         snes.setJacobian(self._assemble_jacobian, jacobian)
-        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self._max_iterations)
+        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self.max_iterations)
         snes.setConvergenceTest(self._test)
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
-        self._max_iterations = snes.getTolerances()[3]
+        self.max_iterations = snes.getTolerances()[3]
         return snes
 
     def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
@@ -137,6 +159,41 @@ class SemismoothNewton:
             max_iterations: linear solves allowed for this problem, where fewer than usual.
             measure: gives the figure that the outer algorithm stops on, once this problem is solved.
         """
+        before = self.history.linear_solves
+        status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
+        self.close(data, status, before, measure)
+        # A friction bound that follows the pressure has no energy, and a fall-back of its own.
+        given = max_iterations is None and data.coupling is None
+        if self._climb is not None and given and (status is Status.CYCLING or self._ran_on(status)):
+            status = self._climb(self, data, first_sets, status, measure)
+        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
+        return Status.ROUND_OFF if failed and self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
+
+    def solve_once(
+        self, data: RegularisedData, first_sets: ActiveSets | None, measure: Callable[[], float | None]
+    ) -> Status:
+        """``solve`` without fall-backs."""
+        before = self.history.linear_solves
+        status = self.attempt(data, first_sets)
+        self.close(data, status, before, measure)
+        return status
+
+    def close(
+        self, data: RegularisedData, status: Status, before: int, measure: Callable[[], float | None] = lambda: None
+    ) -> None:
+        """Record the end of a problem that began after ``before`` linear solves."""
+        solves = self.history.linear_solves - before
+        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
+
+    def attempt(
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None = None,
+        *,
+        first_iteration: int = 1,
+        max_iterations: int | None = None,
+    ) -> Status:
+        """The iteration itself, without fall-backs and without an outer record."""
         self.problem.set_data(data, first_sets)
         self._first_iteration = first_iteration
         self._before = self.history.linear_solves
@@ -144,7 +201,7 @@ class SemismoothNewton:
         self._stalls = 0
         self._last_residual = np.inf
         self._status: Status | None = None
-        limit = min(self._max_iterations, max_iterations or self._max_iterations)
+        limit = min(self.max_iterations, max_iterations or self.max_iterations)
         self.snes.setTolerances(max_it=limit)
         self._may_keep = True
         try:
@@ -155,11 +212,11 @@ class SemismoothNewton:
             if self.problem.system.comm.size > 1:
                 raise
             status = Status.SINGULAR
-        if status in (Status.CYCLING, Status.MAX_ITERATIONS) and self.problem.drowned(self.x, RESIDUAL_TOLERANCE):
-            status = Status.ROUND_OFF
-        solves = self.history.linear_solves - self._before
-        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
         return status
+
+    def _ran_on(self, status: Status) -> bool:
+        """Whether the iteration found no end although it was not told when to end."""
+        return status is Status.MAX_ITERATIONS and not self._limited
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
         """Let SNES iterate; once more with factors of its own where an old one did not serve."""
@@ -179,6 +236,18 @@ class SemismoothNewton:
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
+
+    def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
+
+        Where a support decides on the displacement they would grow without end, and without effect: there they stay.
+        """
+        boundary = self.problem.boundary
+        pressure, shear = project(*self.multipliers(), data)
+        return (
+            np.where(boundary.prescribed(boundary.normal), data.lambda_hat, pressure),
+            np.where(boundary.prescribed(boundary.tangent), data.mu_hat, shear),
+        )
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
@@ -212,8 +281,9 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
-            if problem.kept:  # these sets were only kept because others would not hold the body
-                return self._stop(Status.CYCLING)
+            if problem.kept:  # others would not hold the body; yet they may leave it in balance
+                balanced = problem.accept(self.x, problem.wanted, snes.getTolerances()[0])
+                return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right, the linear solve was not exact: the next step with the same sets refines it.

@@ -1,0 +1,177 @@
+"""Semi-smooth Newton with exact line search on the energy: slower than full steps, and it cannot cycle.
+
+With given friction the regularised problem is the minimisation of the convex function J_gamma of section 3, piecewise
+quadratic and once differentiable.  A linear solve with the sets of the iterate gives a direction in which J_gamma
+falls; along it the derivative is piecewise linear and grows, so that the step is found as its zero.  The energy falls
+with every step, no sets come back, and once the sets are right the full step is the solution.
+
+These sets are those of the derivative itself (a node may jump from one slip set to the other), not those of Algorithm
+(SSN).  Where they do not hold the body, a few other nodes are tied to where they are, for this step only; the step is
+as long as the energy falls, so that the body moves on until some node holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, slip_of, trial_pressure
+from signorini_fx.results import Status
+
+# The derivative at the end of a step is zero if it is this share of that at its beginning.
+_FLAT = 1e-10
+# The line search ends after so many evaluations: a step 2^60 times the direction has no end.
+_EVALUATIONS = 60
+
+
+def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
+    """Solve one problem from the iterate that ``newton`` holds; collective.
+
+    Args:
+        newton: the inner method, with a symmetric tangent.
+        data: the problem, its friction bound given.
+        measure: see ``SemismoothNewton.solve``.
+    """
+    problem = newton.problem
+    before = newton.history.linear_solves
+    for _ in range(newton.max_iterations):
+        u_n, u_t = problem.traces(newton.x)
+        sets, held = natural_sets(u_n, u_t, data), data
+        problem.data = data
+        if problem.accept(newton.x, sets, RESIDUAL_TOLERANCE):
+            status = Status.CONVERGED
+            break
+        if not problem.holds(sets, data):
+            sets, held = _tied(newton, sets, u_n, u_t, data)
+        start = newton.x.copy()
+        status = newton.attempt(held, sets, max_iterations=1)
+        if status not in (Status.CONVERGED, Status.MAX_ITERATIONS, Status.CYCLING):
+            break
+        direction = newton.x.copy()
+        direction.axpy(-1.0, start)
+        step = _Line.of(newton, data, start, direction).lowest()
+        if step is None:
+            status = Status.CYCLING
+            break
+        start.copy(newton.x)
+        newton.x.axpy(step, direction)
+    else:
+        status = Status.MAX_ITERATIONS
+    problem.data = data  # not that of a step with ties
+    newton.close(data, status, before, measure)
+    return status
+
+
+def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The sets of the derivative of J_gamma at an iterate: of (3.3b) and (3.4) with the multipliers at hand."""
+    contact = trial_pressure(u_n, data) > 0
+    if data.bilateral is not None:
+        contact = contact | data.bilateral
+    if data.bound is None:
+        return ActiveSets(contact, np.zeros(contact.shape, dtype=np.int8))
+    slip = slip_of(u_t, data)
+    trial = data.mu_hat + data.gamma_t * slip
+    sliding = np.where(np.abs(trial) > data.bound, np.sign(trial), 0)
+    # Nothing is transmitted where the bound is zero; the sign is a matter of form.
+    return ActiveSets(contact, np.where(data.bound == 0, np.where(slip < 0, -1, 1), sliding).astype(np.int8))
+
+
+def _tied(
+    newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
+) -> tuple[ActiveSets, RegularisedData]:
+    """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
+    bound = np.zeros_like(u_t) if data.bound is None else data.bound
+    excess = np.abs(data.mu_hat + data.gamma_t * slip_of(u_t, data)) - bound
+    along, across = newton.problem.ties(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
+    tied = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
+    if data.has_friction:
+        origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
+        tied = replace(
+            tied,
+            mu_hat=np.where(across, at_bound(sets, bound), data.mu_hat),
+            slip_origin=np.where(across, u_t, origin),
+        )
+    return ActiveSets(sets.contact | along, np.where(across, 0, sets.slip).astype(np.int8)), tied
+
+
+@dataclass(frozen=True)
+class _Line:
+    """J_gamma along x + t p: its derivative is force + t stiffness plus what the contact nodes add.
+
+    Attributes:
+        data: the problem.
+        weight: nodal weights.
+        force: (A x - b) . p.
+        stiffness: p . A p.
+        at_start: (tau_N x, tau_T x).
+        along: (tau_N p, tau_T p), zero in prescribed components.
+        comm: the ranks.
+    """
+
+    data: RegularisedData
+    weight: Nodal
+    force: float
+    stiffness: float
+    at_start: tuple[Nodal, Nodal]
+    along: tuple[Nodal, Nodal]
+    comm: PETSc.Comm
+
+    @classmethod
+    def of(cls, newton: SemismoothNewton, data: RegularisedData, x: PETSc.Vec, p: PETSc.Vec) -> _Line:
+        """The line through an iterate; collective."""
+        problem = newton.problem
+        matrix, work = problem.system.matrix, x.duplicate()
+        matrix.mult(x, work)
+        work.axpy(-1.0, problem.system.load)
+        force = float(work.dot(p))
+        matrix.mult(p, work)
+        traces = problem.traces(x), problem.traces(p)
+        return cls(data, problem.boundary.weight, force, float(work.dot(p)), *traces, problem.system.comm)
+
+    def slope(self, t: float) -> float:
+        """dJ/dt; collective."""
+        data = self.data
+        (u_n, u_t), (p_n, p_t) = self.at_start, self.along
+        trial = trial_pressure(u_n + t * p_n, data)
+        pressure = np.maximum(trial, 0.0)
+        if data.bilateral is not None:
+            pressure = np.where(data.bilateral, trial, pressure)
+        work = np.dot(self.weight, pressure * p_n)
+        if data.bound is not None:
+            shear = np.clip(data.mu_hat + data.gamma_t * slip_of(u_t + t * p_t, data), -data.bound, data.bound)
+            work += np.dot(self.weight, shear * p_t)
+        return self.force + t * self.stiffness + float(parallel.global_sum(self.comm, work))
+
+    def lowest(self) -> float | None:
+        """The t > 0 with the lowest energy; None where it does not fall, or without end; the same on all ranks."""
+        at_zero = self.slope(0.0)
+        if not at_zero < 0:
+            return None
+        low, slope_low, high = 0.0, at_zero, 1.0
+        slope_high = self.slope(high)
+        if abs(slope_high) <= -_FLAT * at_zero:
+            return high
+        for _ in range(_EVALUATIONS):
+            if slope_high >= 0:
+                break
+            low, slope_low, high = high, slope_high, 2 * high
+            slope_high = self.slope(high)
+        else:
+            return None
+        for count in range(_EVALUATIONS):
+            # The secant is exact once no kink is between; halving, now and then, that it cannot creep.
+            secant = low - slope_low * (high - low) / (slope_high - slope_low)
+            middle = secant if count % 3 < 2 else (low + high) / 2
+            slope = self.slope(middle)
+            if abs(slope) <= -_FLAT * at_zero:
+                return middle
+            if slope < 0:
+                low, slope_low = middle, slope
+            else:
+                high, slope_high = middle, slope
+        return high if abs(slope_high) < abs(slope_low) or low == 0 else low
