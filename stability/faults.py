@@ -1,4 +1,4 @@
-"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS (``tests/test_faults.py``)."""
+"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS; see tests/test_faults.py."""
 
 from __future__ import annotations
 
