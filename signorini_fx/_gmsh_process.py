@@ -64,10 +64,14 @@ def _read(file: str, clean: str) -> None:
     for dim, kind in ((2, "region"), (1, "boundary")):
         for tag in [tag for _, tag in gmsh.model.getPhysicalGroups(dim)]:
             _check_group(gmsh, dim, tag, f"{kind} {gmsh.model.getPhysicalName(dim, tag) or tag!r}")
+    for dim, kind in ((2, "region"), (1, "boundary")):
+        _check_shared(gmsh, dim, kind)
     _check_geometry(gmsh)
     gmsh.model.mesh.renumberNodes()
     gmsh.model.mesh.renumberElements()
     gmsh.write(clean)
+    gmsh.clear()
+    gmsh.merge(clean)  # what breaks gmsh must break it here
 
 
 def _check_group(gmsh: Any, dim: int, tag: int, name: str) -> None:
@@ -89,6 +93,17 @@ def _check_group(gmsh: Any, dim: int, tag: int, name: str) -> None:
         gmsh.model.addPhysicalGroup(dim, full, tag, name=label)
 
 
+def _check_shared(gmsh: Any, dim: int, kind: str) -> None:
+    """A piece has one name: dolfinx would give its cells one tag, and the other name would silently lose them."""
+    owners: dict[int, int] = {}
+    for _, tag in gmsh.model.getPhysicalGroups(dim):
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
+            other = owners.setdefault(int(entity), tag)
+            if other != tag:
+                one, two = (gmsh.model.getPhysicalName(dim, t) or str(t) for t in (other, tag))
+                raise ValueError(f"{kind} {one!r} and {kind} {two!r} share cells: give every piece one physical group")
+
+
 def _check_geometry(gmsh: Any) -> None:
     """Finite positions in the plane, and no cell without area."""
     import numpy as np
@@ -105,6 +120,7 @@ def _check_geometry(gmsh: Any) -> None:
     if np.abs(x[:, 2]).max() > _FLAT * size:
         raise ValueError("the mesh does not lie in the plane z = 0")
     order = np.argsort(tags)
+    edges = []
     for _, group in gmsh.model.getPhysicalGroups(2):
         for entity in gmsh.model.getEntitiesForPhysicalGroup(2, group):
             for kind, cells, nodes in zip(*gmsh.model.mesh.getElements(2, int(entity)), strict=True):
@@ -119,6 +135,12 @@ def _check_geometry(gmsh: Any) -> None:
                 bad = (turns.min(axis=1) <= 0) & (turns.max(axis=1) >= 0)
                 if bad.any():
                     raise ValueError(f"cell {cells[int(np.argmax(bad))]} has no area, or is not convex")
+                edges.append(np.sort(np.stack([rows, np.roll(rows, -1, axis=1)], axis=2).reshape(-1, 2), axis=1))
+    if edges:
+        found, counts = np.unique(np.concatenate(edges), axis=0, return_counts=True)
+        if counts.max() > 2:
+            a, b = found[np.argmax(counts)]
+            raise ValueError(f"the edge from node {a} to node {b} belongs to {counts.max()} cells")
 
 
 def _turns(p: Any) -> Any:

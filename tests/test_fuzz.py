@@ -77,6 +77,8 @@ def test_numbers_with_holes(tmp_path):
         (NODES.replace("9 1 1 0", "9 0.2 0.2 0"), ELEMENTS, "no area, or is not convex"),
         (NODES, ELEMENTS.replace("1 7 9 20", "1 7 9 21"), "body.msh"),
         (NODES, ELEMENTS.replace("2 3 2 2 1", "2 16 2 2 1"), "body.msh"),
+        (NODES, "4\n1 1 2 1 1 1 7" + "".join(f"\n{k} 3 2 2 1 1 7 9 20" for k in (2, 3, 4)), "belongs to 3 cells"),
+        (NODES, ELEMENTS.replace("2\n", "3\n", 1) + "\n3 3 2 5 1 1 7 9 20", "share cells"),
         (NODES, "1\n2 3 2 2 1 1 7 9 20", "no named boundary"),
         (NODES, "1\n1 1 2 1 1 1 7", "dimension 2"),
         (NODES.replace("4\n", "1000000000\n"), ELEMENTS, "body.msh"),
