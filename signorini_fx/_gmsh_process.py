@@ -67,8 +67,7 @@ def _read(file: str, clean: str) -> None:
     for dim, kind in ((2, "region"), (1, "boundary")):
         _check_shared(gmsh, dim, kind)
     _check_geometry(gmsh)
-    gmsh.model.mesh.renumberNodes()
-    gmsh.model.mesh.renumberElements()
+    _rebuild(gmsh)
     gmsh.write(clean)
     gmsh.clear()
     gmsh.merge(clean)  # what breaks gmsh must break it here
@@ -141,6 +140,38 @@ def _check_geometry(gmsh: Any) -> None:
         if counts.max() > 2:
             a, b = found[np.argmax(counts)]
             raise ValueError(f"the edge from node {a} to node {b} belongs to {counts.max()} cells")
+
+
+def _rebuild(gmsh: Any) -> None:
+    """A model with nothing but the groups: nodes that no cell has, and facets of such nodes, are left behind."""
+    import numpy as np
+
+    tags, x, _ = gmsh.model.mesh.getNodes()
+    pieces = []
+    for dim in (2, 1):
+        for _, group in gmsh.model.getPhysicalGroups(dim):
+            name = gmsh.model.getPhysicalName(dim, group)
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, group):
+                (kind,), (cells,), (nodes,) = gmsh.model.mesh.getElements(dim, int(entity))
+                pieces.append((dim, int(group), name, int(kind), np.asarray(nodes).reshape(len(cells), -1)))
+    bodies = [rows.ravel() for dim, _, _, _, rows in pieces if dim == 2]
+    used = np.unique(np.concatenate(bodies)) if bodies else np.empty(0, dtype=np.uint64)
+    order = np.argsort(tags)
+    places = order[np.searchsorted(tags, used, sorter=order)]
+    gmsh.model.add("clean")
+    groups: dict[tuple[int, int, str], list[int]] = {}
+    for number, (dim, group, name, kind, rows) in enumerate(pieces, start=1):
+        kept = rows[np.isin(rows, used).all(axis=1)]
+        if not len(kept):
+            continue
+        gmsh.model.addDiscreteEntity(dim, number)
+        if number == 1:
+            positions = np.asarray(x).reshape(-1, 3)[places]
+            gmsh.model.mesh.addNodes(dim, number, np.arange(1, len(used) + 1), positions.ravel())
+        gmsh.model.mesh.addElementsByType(number, kind, [], np.searchsorted(used, kept).ravel() + 1)
+        groups.setdefault((dim, group, name), []).append(number)
+    for (dim, group, name), entities in groups.items():
+        gmsh.model.addPhysicalGroup(dim, entities, group, name=name)
 
 
 def _turns(p: Any) -> Any:

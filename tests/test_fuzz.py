@@ -68,6 +68,17 @@ def test_numbers_with_holes(tmp_path):
     assert tagged.facets("bottom").size == 1
 
 
+def test_nodes_outside_the_body(tmp_path):
+    """Nodes that no cell has, and facets of them, are left behind: dolfinx does not survive them."""
+    file = tmp_path / "body.msh"
+    elements = ELEMENTS.replace("2\n", "3\n", 1) + "\n3 1 2 1 1 20 30"
+    nodes = NODES.replace("4\n", "5\n") + "\n30 0 9 0"
+    file.write_text(MESH.replace("\nNODES", "\n" + nodes).replace("ELEMENTS", elements))
+    tagged = read_mesh(file, MPI.COMM_SELF)
+    assert tagged.mesh.geometry.x.shape == (4, 3)
+    assert tagged.facets("bottom").size == 1
+
+
 @pytest.mark.parametrize(
     ("nodes", "elements", "message"),
     [
