@@ -20,9 +20,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import coarser_grid
+from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
 # gmsh is given the block with this length.
@@ -87,6 +86,7 @@ def generate(
             gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
+    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
     return gmsh_mesh(comm, draw, name="block", unit=unit)
 
 

@@ -28,9 +28,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Corner, Drawing, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
+from signorini_fx.meshes import Corner, Drawing, Length, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=10, le=80, allow_inf_nan=False)]
 
 

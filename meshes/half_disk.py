@@ -15,15 +15,15 @@ r"""The lower half of a disk that stands on the origin, meshed by gmsh, with sma
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
+import numpy as np
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface
+from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse_too_large
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 # gmsh is given the disk with this radius.
 _DRAWN_RADIUS = 8.0
 
@@ -76,7 +76,19 @@ def generate(
         sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
         mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
+    share = (0.5 if symmetric else 1.0) * (0.5 if cell == "quadrilateral" else 1.0)
+    refuse_too_large(comm, share * _cells(radius, size, contact_size, contact_zone))
     return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
+
+
+def _cells(radius: float, size: float, contact_size: float, contact_zone: float) -> float:
+    """About how many triangles: the area around the origin over their own, h^2 sqrt(3) / 4, ring by ring."""
+    near, zone = min(contact_size, size), min(contact_zone, 0.99 * radius)
+    r = np.concatenate([[0.0, zone], zone + np.geomspace(1e-9, 1.0, 400) * (radius - zone)])
+    h = np.interp(r, [zone, radius], [near, size])
+    between = 0.5 * (h[1:] + h[:-1])
+    with np.errstate(over="ignore", divide="ignore"):
+        return float((np.pi / 2 * np.diff(r**2) / (np.sqrt(3) / 4 * between**2)).sum())
 
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:

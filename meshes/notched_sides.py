@@ -23,9 +23,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import tag_boundaries
-from signorini_fx.meshes import coarser_grid
+from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
 
@@ -57,6 +56,7 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, bottom, top; the lower parts of the sides have no name.
     """
+    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
     mesh = dmesh.create_rectangle(
         comm,
         [np.zeros(2), np.array([length, height])],

@@ -19,15 +19,13 @@ The boundary foot is the flat part and both roundings.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Corner, Drawing, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
-
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+from signorini_fx.meshes import Corner, Drawing, Length, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))

@@ -22,9 +22,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import TaggedMesh, tag_boundaries
-from signorini_fx.meshes import coarser_grid
+from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
 
@@ -54,6 +53,7 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, bottom, top.
     """
+    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
     mesh = dmesh.create_rectangle(
         comm,
         [np.zeros(2), np.array([length, height])],

@@ -23,9 +23,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Drawing, Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(gt=0, le=170, allow_inf_nan=False)]
 
 

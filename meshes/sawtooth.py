@@ -23,10 +23,9 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.meshes import coarser_grid, refuse
+from signorini_fx.meshes import Length, coarser_grid, refuse
 from signorini_fx.meshes.rectangle import name_sides
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Depth = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 

@@ -20,9 +20,8 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import gmsh_mesh
-from signorini_fx.meshes import Drawing, coarser_grid
+from signorini_fx.meshes import Drawing, Length, coarser_grid
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 

@@ -68,6 +68,7 @@ def solve_to_accuracy(
     goal: Accuracy,
     comm: MPI.Comm,
     solve_on: Callable[[Scene, ContactState | None, int], Solved],
+    keep: Callable[[Solution], object],
 ) -> Solution:
     """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
 
@@ -78,6 +79,7 @@ def solve_to_accuracy(
         goal: what is asked for.
         comm: the ranks that share the work.
         solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
+        keep: called with the solution on each mesh but the last; collective.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
     meshes = Meshes(scene, goal, comm)
@@ -114,6 +116,7 @@ def solve_to_accuracy(
                     jump = max(jump / 2, _SMALLEST_JUMP)
                 if len(levels) >= _MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
                     return replace(solution, status=Status.BUDGET)
+            keep(solution)
             meshes.refine(solved, excess, jump)
         elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)

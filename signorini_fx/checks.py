@@ -11,7 +11,6 @@ thumb, and says so.
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, Literal, cast
@@ -160,7 +159,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         _validated(coarse, comm)
     d, law, data = _validated(scene, comm)
     cost = _cost(d)
-    findings = [*_locking(d), *_memory(cost), *_equilibrium(d, law)]
+    findings = [*_locking(d), *_memory(cost, comm), *_equilibrium(d, law)]
     if d.boundary is not None and data is not None:
         findings += [
             *_gaps(d, data),
@@ -490,8 +489,8 @@ def _cost(d: _Body) -> Cost:
 # --- what will hurt --------------------------------------------------------------------------------------------------
 
 
-def _memory(cost: Cost) -> list[Finding]:
-    there = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+def _memory(cost: Cost, comm: MPI.Comm) -> list[Finding]:
+    there = parallel.machine_memory(comm)
     if cost.memory_bytes < 0.8 * there:
         return []
     message = (

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import textwrap
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -16,8 +18,10 @@ from signorini_fx import __version__
 
 if TYPE_CHECKING:
     from signorini_fx.checks import Check, Cost
+    from signorini_fx.result_folder import ResultFolder
+    from signorini_fx.solution import Solution
 
-EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH = 0, 1, 2, 3
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 _RANK_VARIABLES = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
@@ -42,7 +46,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="signorini-fx",
         description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
         epilog="What follows -- goes to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
-        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error.",
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
@@ -121,20 +125,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _mesh_file(options)
     from mpi4py import MPI
 
+    # mpirun and batch systems ask with SIGTERM, and kill soon after.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         match options.command:
             case "info":
-                return _info()
+                code = _info()
             case "check":
-                return _check(options, petsc_options)
+                code = _check(options, petsc_options)
             case "work-precision":
-                return _work_precision(options, petsc_options)
-        return _solve(options, petsc_options)
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:  # the reader of our output has gone, as in "| head"
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
-        return EXIT_OK
+                code = _work_precision(options, petsc_options)
+            case _:
+                code = _solve(options, petsc_options)
+        from signorini_fx import parallel
+
+        return code or (EXIT_BAD_INPUT if parallel.output_lost() else EXIT_OK)
+    except KeyboardInterrupt as interruption:
+        if MPI.COMM_WORLD.rank == 0:
+            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode())
+        if MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(EXIT_INTERRUPTED)
+        return EXIT_INTERRUPTED
     except Exception:
         # An error that only one rank meets would leave the others waiting for ever.
         traceback.print_exc()
@@ -151,8 +162,9 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from signorini_fx.scene import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
-    folder = options.out or Path("results") / options.scene.stem
-    prepared = False
+    path = options.out or Path("results") / options.scene.stem
+    folder: ResultFolder | None = None
+    progress = _Progress()
     try:
         text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
         scene = parse_scene_text(text, options.scene, _overrides(options))
@@ -161,29 +173,60 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
         petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
         from signorini_fx import io
+        from signorini_fx.result_folder import ResultFolder
         from signorini_fx.solver import solve
         from signorini_fx.summary import render, table_row
 
-        io.prepare_folder(comm, folder)
-        prepared = True
-        observers = []
+        def keep(solution: Solution) -> None:
+            io.write_results(solution, path / io.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+            progress.kept = path / io.LAST_LEVEL
+
+        folder = ResultFolder(comm, path)
+        observers: list[Callable[[Any], None]] = [progress]
         if not options.quiet:
             observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
-        solution = solve(scene, comm, check=False, observers=observers)
+        solution = solve(scene, comm, check=False, observers=observers, keep=keep)
+        progress.solved = True
         summary = io.write_results(solution, folder, fields=not options.no_fields, pictures=not options.no_pictures)
     except SignoriniError as error:
-        if prepared:
-            io.discard_folder(comm, folder)
+        if folder is not None:
+            folder.discard()
         if isinstance(error, SceneError):
             error = SceneError(error.problems, str(options.scene))
         parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
         return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        if comm.size == 1 and folder is not None:
+            folder.discard()
+        raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
-        parallel.log_on_root(comm, f"{render(summary)}\n  results          {folder}/")
+        parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
         parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
+
+
+class _Progress:
+    """How far a solve has come: an observer of its history, and what an interruption says."""
+
+    def __init__(self) -> None:
+        self.solves = self.meshes = 0
+        self.solved = False
+        self.kept: Path | None = None
+
+    def __call__(self, record: Any) -> None:
+        if isinstance(record, str):
+            self.meshes += record.startswith("level ")
+        elif hasattr(record, "solve"):
+            self.solves += 1
+
+    def __str__(self) -> str:
+        if self.solved:
+            return " while the results were written: they are not kept"
+        mesh = f" on mesh {self.meshes}" if self.meshes else ""
+        kept = f": the mesh before is in {self.kept}/" if self.kept else ": nothing is complete yet"
+        return f" after {self.solves} linear solves,{mesh}{kept}".replace(",:", ":")
 
 
 def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> int:
@@ -195,6 +238,7 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
 
     comm = MPI.COMM_WORLD
     folder = options.out or Path("results") / f"work_precision_{options.scene.stem}"
+    claimed: ResultFolder | None = None
     try:
         if comm.size > 1:
             raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
@@ -203,18 +247,24 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
         import petsc4py
 
         petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
-        from signorini_fx import io, work_precision
+        from signorini_fx import work_precision
+        from signorini_fx.result_folder import ResultFolder, cannot_be_written
 
-        io.prepare_folder(comm, folder)  # find out early that it cannot be written
-        io.discard_folder(comm, folder)
-        study = work_precision.run_study(scene, quick=options.quick, report=lambda text: print(text, flush=True))
-        work_precision.write_study(study, folder)
+        claimed = ResultFolder(comm, folder)  # find out early that it cannot be written
+        study = work_precision.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+        try:
+            work_precision.write_study(study, claimed.part)
+        except OSError as error:
+            raise cannot_be_written(folder, error) from None
+        claimed.commit(())
     except SignoriniError as error:
+        if claimed is not None:
+            claimed.discard()
         if isinstance(error, SceneError):
             error = SceneError(error.problems, str(options.scene))
         parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
         return EXIT_BAD_INPUT
-    print(f"\n{textwrap.fill(work_precision.advice(study), width=110)}\n\nresults: {folder}/")
+    parallel.log_on_root(comm, f"\n{textwrap.fill(work_precision.advice(study), width=110)}\n\nresults: {folder}/")
     return EXIT_OK
 
 

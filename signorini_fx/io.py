@@ -1,81 +1,55 @@
-"""Result folders: written whole or not at all.
-
-Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
-a folder holds a whole result if and only if it holds summary.json.
-"""
+"""What a result folder holds: summary, tables, fields, pictures."""
 
 from __future__ import annotations
 
 import csv
 import json
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, io
+from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
 from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
+from signorini_fx.result_folder import SUMMARY, ResultFolder, cannot_be_written
 from signorini_fx.results import as_rows
 from signorini_fx.solution import Solution
 from signorini_fx.summary import summarise
 
-_PART = ".part"
-_SUMMARY = "summary.json"
-_SOMETIMES = (
-    *("steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv", "price_list.png", "price_list.pdf"),
-    *(f"{picture}.{ending}" for picture in ("deformed", "profiles", "history") for ending in ("png", "pdf")),
+T = TypeVar("T")
+# What the files of fields take on each rank besides their data.
+_BYTES_PER_RANK = 100_000
+# The result of the last complete mesh, while the next one is being solved.
+LAST_LEVEL = "last_level"
+# All that a run may write; some of it only some runs do.  The report is about an older result then.
+_FILES = (
+    *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
+    *("displacement.bp", "stress.bp", "density.bp", "fields.xdmf", "fields.h5"),
+    *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("field_displacement.png", "field_density.png", "report.html"),
+    LAST_LEVEL,
 )
 # What changes along the contact boundary from load step to load step.
 _STEP_COLUMNS = ("x", "y", "s", "boundary", "u_n", "u_t", "pressure", "shear", "bound", "state", "friction")
 
 
-def prepare_folder(comm: Any, folder: Path) -> None:
-    """Make the result folder and find out early that it cannot be written; collective.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
-
-    def prepare() -> None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            shutil.rmtree(folder / _PART, ignore_errors=True)
-            (folder / _PART).mkdir()
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from None
-
-    parallel.on_root(comm, prepare)
-
-
-def discard_folder(comm: Any, folder: Path) -> None:
-    """Take back what ``prepare_folder`` made; older results stay."""
-
-    def discard() -> None:
-        shutil.rmtree(folder / _PART, ignore_errors=True)
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
-
-    parallel.on_root(comm, discard)
-
-
 def write_results(
-    solution: Solution, folder: str | Path, *, fields: bool = True, pictures: bool = True
+    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool = True
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
     Args:
         solution: what to write, converged or not.
-        folder: made if it is not there.
+        folder: made if it is not there, or claimed before.
         fields: write the fields for ParaView.
         pictures: draw the deformed mesh, the boundary profiles and the iteration history.
 
@@ -83,17 +57,30 @@ def write_results(
         The summary.
 
     Raises:
-        OutputError: something could not be written; the folder then holds no summary.json.
+        OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
-    comm, folder = solution.comm, Path(folder)
-    part = folder / _PART
-    prepare_folder(comm, folder)
+    comm = solution.comm
+    if not isinstance(folder, ResultFolder):
+        folder = ResultFolder(comm, folder)
+    try:
+        summary = _write(solution, folder, fields=fields, pictures=pictures)
+    except OutputError:
+        folder.discard()
+        raise
+    folder.commit(_FILES)
+    return summary
+
+
+def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool) -> dict[str, Any]:
+    """Write everything into the hidden part of a claimed folder; collective."""
+    comm, part = solution.comm, folder.part
     table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
     summary["scene"] = describe(solution.scene)
     steps = summary.get("steps", [])
     if fields:
-        summary["fields"] = write_fields(solution, part)
+        folder.reserve(_size_of_fields(solution))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     gathered = gather_cells(solution) if pictures else None
 
@@ -112,25 +99,23 @@ def write_results(
             if gathered is not None:
                 _draw(solution, gathered, table, part)
             text = json.dumps(summary, indent=2, allow_nan=False)
-            (part / _SUMMARY).write_text(text + "\n", encoding="utf-8")
-            _move_into_place(part, folder)
+            (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except OSError as error:
-            raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+            raise cannot_be_written(folder.path, error) from None
 
     parallel.on_root(comm, write)
     return summary
 
 
-def _move_into_place(part: Path, folder: Path) -> None:
-    (folder / _SUMMARY).unlink(missing_ok=True)
-    for old in _SOMETIMES:  # of an earlier run with other effects, or with pictures
-        (folder / old).unlink(missing_ok=True)
-    for source in sorted(part.iterdir(), key=lambda path: path.name == _SUMMARY):
-        target = folder / source.name
-        if target.is_dir():
-            shutil.rmtree(target)
-        source.replace(target)
-    part.rmdir()
+def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
+    """What all ranks write together; a rank that cannot is heard by all."""
+    result, error = None, None
+    try:
+        result = write()
+    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 have the second
+        error = cannot_be_written(folder.path, reason)
+    parallel.raise_together(comm, error)
+    return cast(T, result)
 
 
 def _rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -197,6 +182,17 @@ def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
         points = compat.interpolation_points(function.function_space.element)
         function.interpolate(fem.Expression(expression, points, dtype=default_scalar_type))
     return vector, scalar
+
+
+def _size_of_fields(solution: Solution) -> float:
+    """About how many bytes the fields take, rather too many: points, cells and values of three files."""
+    d = solution.discretisation
+    topology = d.tagged.mesh.topology
+    cells = topology.index_map(topology.dim).size_global
+    corners = int(d.space.dofmap.list.shape[1])
+    point, cell = 3 * 8 + 3 * 8 + 9, 8 * (corners + 1)
+    continuous, broken = d.dofs // 2 * point + cells * cell, cells * (corners * point + cell)
+    return continuous + 2 * broken + _BYTES_PER_RANK * solution.comm.size
 
 
 def write_fields(solution: Solution, folder: Path) -> list[str]:

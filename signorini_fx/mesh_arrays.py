@@ -111,6 +111,7 @@ def in_the_plane(
     points, cells, renumber = _plane_points(raw, body, name)
     corners = cells[:, : CORNERS[kind]]
     _check_shape(points, corners, name)
+    _check_twice(corners, name)
     facets = _exterior(cells, CORNERS[kind], name)
     find = _Finder(facets[:, :2], len(points))
     lines = [n for n, (k, _) in enumerate(raw.blocks) if k in LINES]
@@ -272,6 +273,13 @@ def _check_shape(points: Floats, corners: Ints, name: str) -> None:
             raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {what}, the first at ({x:g}, {y:g})")
 
 
+def _check_twice(corners: Ints, name: str) -> None:
+    twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
+    if twice:
+        hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
+        raise MeshError(f"{name}: {twice} cells are there twice ({hint})")
+
+
 def _sides(cells: Ints, corners: int) -> Ints:
     """Nodes of all sides of all cells: ends, then the midside node if there is one, shape (corners * m, 2 or 3)."""
     ends = np.stack([cells[:, [k, (k + 1) % corners]] for k in range(corners)], axis=1)
@@ -286,7 +294,9 @@ def _exterior(cells: Ints, corners: int, name: str) -> Ints:
     keys = _keys(sides[:, :2], int(cells.max()) + 1)
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     if counts.max() > 2:
-        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells: are cells there twice?")
+        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
+    if counts.min() > 1:
+        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
     return sides[np.sort(first[counts == 1])]
 
 

@@ -14,14 +14,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from signorini_fx import abaqus
+from signorini_fx import abaqus, gmsh_files
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh_arrays import LINES, Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane, plain
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
-_GMSH_TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
-_GMSH_NUMBERS = {kind: number for number, kind in _GMSH_TYPES.items()}
+# Elements that we write, by gmsh's number.
+_GMSH_NUMBERS = {"line": 1, "triangle": 2, "quad": 3, "line3": 8, "triangle6": 9, "quad9": 10}
 # The beginnings of the names of cell data in which we keep sets where the format has none: 1 for what belongs.
 _PREFIXES = ("boundary:", "region:")
 # meshio keeps sets there as one number an element, and calls it by the names of the sets, joined.
@@ -89,48 +89,6 @@ def _gmsh_session() -> Iterator[Any]:
         yield gmsh
     finally:
         gmsh.finalize()
-
-
-def _read_gmsh(file: Path) -> RawMesh:
-    """Physical groups are sets; a group without a name is called by its number."""
-    if file.suffix.lower() == ".msh":
-        with file.open("rb") as content:  # anything else gmsh would take for a geometry, and stumble over the next one
-            if content.read(1) != b"$":
-                raise MeshError(f"{file}: is no gmsh mesh: it does not begin with $MeshFormat")
-    with _gmsh_session() as gmsh:
-        try:
-            gmsh.open(str(file))
-            if file.suffix.lower() == ".geo":
-                gmsh.model.mesh.generate(2)
-        except Exception as error:
-            raise MeshError(f"{file}: gmsh cannot read it: {error}") from None
-        tags, x, _ = gmsh.model.mesh.getNodes()
-        number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(len(tags))
-        groups = gmsh.model.getPhysicalGroups()
-        grouped = {dim for dim, _ in groups}
-        raw = RawMesh(x.reshape(-1, 3), [])
-        members: dict[tuple[str, int], set[int]] = {}
-        physical: list[int] = []
-        for dim, entity in gmsh.model.getEntities():
-            own = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
-            if dim == 0 or ((dim in grouped or dim == 1) and not len(own)):
-                continue
-            types, _, nodes = gmsh.model.mesh.getElements(dim, entity)
-            for kind, flat in zip(types, nodes, strict=True):
-                name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(kind)
-                for tag in own:
-                    label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim == 1 else 'region'}_{tag}"
-                    members.setdefault((label, dim), set()).add(len(raw.blocks))
-                raw.blocks.append((_GMSH_TYPES.get(kind, name), number[flat.astype(np.int64)].reshape(-1, count)))
-                physical.append(int(own[0]) if len(own) else -1)
-    every = [np.arange(len(nodes)) for _, nodes in raw.blocks]
-    none = np.empty(0, dtype=np.int64)
-    for (label, _), blocks in members.items():
-        sets = raw.sets.setdefault(label, [none] * len(every))
-        raw.sets[label] = [rows if n in blocks else old for n, (rows, old) in enumerate(zip(every, sets, strict=True))]
-    raw.data["gmsh:physical"] = [np.full(len(r), tag) for r, tag in zip(every, physical, strict=True)]
-    return raw
 
 
 def draw(
@@ -354,10 +312,10 @@ def _marked(count: int, rows: Ints) -> Ints:
 
 
 _READERS: dict[str, Callable[[Path], RawMesh]] = {
-    ".geo": _read_gmsh,
+    ".geo": gmsh_files.read_gmsh,
     ".inp": abaqus.read,
     ".med": _by_meshio("med"),
-    ".msh": _read_gmsh,
+    ".msh": gmsh_files.read_gmsh,
     ".vtu": _by_meshio("vtu"),
     ".xdmf": _by_meshio("xdmf"),
 }

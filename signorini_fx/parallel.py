@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, TextIO, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +26,34 @@ def is_root(comm: MPI.Comm) -> bool:
 def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:
     """Print ``text`` once."""
     if is_root(comm):
-        print(text, file=sys.stderr if error else sys.stdout, flush=True)
+        stream = sys.stderr if error else sys.stdout
+        try:
+            print(text, file=stream, flush=True)
+        except OSError as reason:
+            _give_up(stream, reason)
+
+
+def output_lost() -> bool:
+    """Whether something could not be printed although somebody reads on."""
+    return _lost
+
+
+_lost = False
+
+
+def _give_up(stream: TextIO, reason: OSError) -> None:
+    """Go on in silence where nobody reads on (``| head``) or nothing can be written: results are worth more than text.
+
+    What the stream still holds would be written at the end once more, so its descriptor leads nowhere from now on.
+    """
+    global _lost
+    with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+    if stream is sys.stdout and not isinstance(reason, BrokenPipeError):
+        _lost = True
+        print(f"signorini-fx: the output cannot be written: {reason.strerror}", file=sys.stderr)
 
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
@@ -83,6 +113,17 @@ def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
     first = next((e for e in comm.allgather(error) if e is not None), None)
     if first is not None:
         raise first
+
+
+def machine_memory(comm: MPI.Comm) -> float:
+    """Memory of all machines that the ranks run on, or what a control group leaves of it, bytes; collective."""
+    own = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
+        own = min(own, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    first = machine.rank == 0
+    machine.Free()
+    return float(global_sum(comm, np.array(own if first else 0.0)))
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -33,6 +33,17 @@ from pydantic import (
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import Expression
 
+_LONGEST_SHOWN = 200
+
+
+def _shown(given: Any) -> str:
+    """A value in a message, cut where it is long."""
+    try:
+        text = repr(given)
+    except ValueError:  # Python does not print whole numbers of thousands of digits
+        return "a number with thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
 
 def _value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
@@ -68,13 +79,13 @@ NonNegativeValue = Annotated[
 def _number_or_auto(given: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
     if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
-        raise ValueError(f"a positive number or 'auto' is wanted, got {given!r}")
+        raise ValueError(f"a positive number or 'auto' is wanted, got {_shown(given)}")
     return given
 
 
 def _count_or_auto(given: Any) -> Any:
     if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
-        raise ValueError(f"a positive whole number or 'auto' is wanted, got {given!r}")
+        raise ValueError(f"a positive whole number or 'auto' is wanted, got {_shown(given)}")
     return given
 
 
@@ -283,7 +294,7 @@ Contact = UnilateralContact | BilateralContact
 def _contact_kind(given: Any) -> str:
     """Contact is unilateral unless it says otherwise."""
     kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
-    return str(kind)
+    return kind if isinstance(kind, str) else _shown(kind)
 
 
 class Box(_Model):
@@ -507,20 +518,27 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     return scene
 
 
+_LARGEST_FILE = 5_000_000
+
+
 def read_scene_text(path: Path) -> str:
     """The text of a scene file.
 
     Raises:
-        SceneError: the file cannot be read as text.
+        SceneError: the file cannot be read as text, or has no end.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
     except UnicodeDecodeError:
         raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
     except ValueError as error:  # a null byte in the path
         raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
+    if len(text) > _LARGEST_FILE:
+        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
+    return text
 
 
 def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
@@ -579,6 +597,6 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = _MESSAGES.get(detail["type"]) or str(detail["msg"]).removeprefix("Value error, ")
     given = detail.get("input")
-    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and repr(given) not in message:
-        message += f", got {given!r}"
+    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and _shown(given) not in message:
+        message += f", got {_shown(given)}"
     return path or "scene", message

@@ -23,7 +23,7 @@ from signorini_fx.errors import ConvergenceError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
-from signorini_fx.linalg.full import FullSystem
+from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
@@ -42,6 +42,7 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
+    keep: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve a scene.
 
@@ -50,6 +51,7 @@ def solve(
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
+        keep: called with the solution on each mesh but the last, when the next one is about to be solved; collective.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -63,19 +65,24 @@ def solve(
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
             return solve_level(scene, comm, history, state, level)
 
-        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on)
+        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, keep)
     elif not coarse:
         solution, task = _solve_mesh(scene, comm, history, None)
         if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
             solution = _from_coarser(scene, comm, history, solution)
     else:
-        solution = _solve_nested([*coarse, scene], comm, history)
+        solution = _solve_nested([*coarse, scene], comm, history, keep)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
 
 
-def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> Solution:
+def _solve_nested(
+    scenes: Sequence[Scene],
+    comm: MPI.Comm,
+    history: History,
+    keep: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
     """Solve on one mesh after the other, each from the contact state of the one before."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
@@ -86,6 +93,8 @@ def _solve_nested(scenes: Sequence[Scene], comm: MPI.Comm, history: History) -> 
         if solved.level is not None:
             state = solution.contact
             levels.append(solved.level)
+            if number + 1 < len(scenes):
+                keep(solution)
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
@@ -232,7 +241,9 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     """A scene without contact: one factorisation, one solve a load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        krylov = discretisation.scene.solver.linear_algebra == "krylov"
+        krylov = discretisation.scene.solver.linear_algebra == "krylov" or not can_factorise(
+            discretisation.tagged.mesh.comm
+        )
         system = FullSystem.of(discretisation, krylov=krylov)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)

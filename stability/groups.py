@@ -17,9 +17,12 @@ GROUPS = {
     "geometry": "foundations and meshes",
     "units": "units and scale",
     "scatter": "random scenes",
+    "ranks": "numbers of ranks",
+    "faults": "kills, interruptions, full disks, missing packages",
+    "fuzz": "random scenes and mesh files",
 }
 # Groups whose cases run on several numbers of ranks name them here.
-_RANKS: dict[str, tuple[int, ...]] = {}
+_RANKS: dict[str, tuple[int, ...]] = {"ranks": (1, 2, 3, 5)}
 
 
 def ranks_of(group: str) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from pydantic import BaseModel
 from scenes import alone, example1
 
-from signorini_fx import checks, cli, scene, template
+from signorini_fx import checks, cli, parallel, scene, template
 from signorini_fx.checks import check_scene, friction_indication
 from signorini_fx.errors import SceneError
 from signorini_fx.results import Status
@@ -203,8 +203,7 @@ def test_cost_grows_with_the_mesh():
 
 def test_too_little_memory(monkeypatch):
     """A machine of 10 MB."""
-    pages = {"SC_PHYS_PAGES": 2500, "SC_PAGE_SIZE": 4096}
-    monkeypatch.setattr(checks.os, "sysconf", pages.__getitem__)
+    monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e7)
     assert "use a coarser mesh" in said(block())["mesh"]
 
 

@@ -8,7 +8,7 @@ from signorini_fx import options, parallel
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.condensed import CondensedSystem
-from signorini_fx.linalg.full import FullSystem, has_package
+from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 
 # Below this many unknowns a sparse factorisation costs no more than what condensation saves.
 _SMALL = 4_000
@@ -31,6 +31,8 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
         return CondensedSystem.of(d), "condensed: as asked for"
     if wanted == "krylov":
         return FullSystem.of(d, krylov=True), "full, Krylov: as asked for"
+    if not can_factorise(d.boundary.comm):
+        return FullSystem.of(d, krylov=True), "full, Krylov: PETSc has no factorisation for more than one rank"
     if wanted == "full" or reason is not None:
         return FullSystem.of(d), f"full: {reason or 'as asked for'}"
     memory = 3 * 8 * kept**2 / 2**20

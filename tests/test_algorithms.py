@@ -1,0 +1,92 @@
+"""What the algorithms promise on their way, where the answer alone would not show it."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx.algorithms.ssn import History, SemismoothNewton
+from signorini_fx.complementarity import ActiveSets
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import PrescribedDisplacement
+from signorini_fx.solver import contact_task
+from signorini_fx.strategy import run
+
+
+def solved_task(scene):
+    """A task that has been run, for a look inside."""
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, d.boundary, History())
+    assert run(task) is Status.CONVERGED
+    return task
+
+
+@pytest.mark.parametrize("wrong", ["turned round", "all slip", "all stick", "all in contact"])
+def test_exact_method_finds_its_sets(wrong):
+    """The unregularised limit does not live on the sets that it is given: nodes are caught and released, both ways."""
+    task = solved_task(example1(bound=1.5, nx=30, ny=10, algorithm="exact"))
+    newton = task.exact_newton
+    right = newton.problem.sets
+    assert {-1, 0, 1} <= set(right.slip)
+    slips = {
+        "turned round": np.where(right.slip == 0, 1, -right.slip),
+        "all slip": np.ones_like(right.slip),
+        "all stick": np.zeros_like(right.slip),
+        "all in contact": right.slip,
+    }
+    contact = np.ones_like(right.contact) if wrong == "all in contact" else right.contact
+    given = ActiveSets(contact, slips[wrong].astype(np.int8))
+    assert newton.solve(newton.problem.data, given) is Status.CONVERGED
+    free = task.boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
+    assert not newton.problem.sets.changed(right)[free].any()
+
+
+@pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
+def test_augmented_lagrangian_leaves_no_penalty(law):
+    """Its limit is the unregularised solution in both directions, whatever gamma: no overlap and no creep in stick."""
+    solution = alone(example1(**law, nx=30, ny=10, gamma=1e6, algorithm="alm", tolerance=1e-8))
+    assert (solution.contact.slip == 0).any()
+    assert solution.certificate.penetration < 1e-8
+    assert solution.certificate.stick_slip < 1e-8
+    plain = alone(example1(**law, nx=30, ny=10, gamma=1e6))
+    assert plain.certificate.penetration > 1e-3
+    assert plain.certificate.stick_slip > 1e-4
+
+
+def test_inexact_augmented_lagrangian_shifts_by_feasible_multipliers(monkeypatch):
+    """Section 7: lambda >= 0 and |mu| <= F g before each update, also after a problem that was cut off."""
+    shifts = []
+    solve_one = SemismoothNewton.solve
+
+    def spy(self, data, *arguments, **options):
+        status = solve_one(self, data, *arguments, **options)
+        shifts.append((data, status, self.multipliers()))
+        return status
+
+    monkeypatch.setattr(SemismoothNewton, "solve", spy)
+    scene = example1(bound=1.5, nx=30, ny=10, gamma=1e5, algorithm="alm", inner_iterations=1)
+    assert alone(scene).converged
+    cut_off = [(pressure, shear) for _, status, (pressure, shear) in shifts if status is Status.MAX_ITERATIONS]
+    assert any(pressure.min() < 0 or np.abs(shear).max() > 1.5 for pressure, shear in cut_off)
+    for data, _, _ in shifts:
+        assert data.lambda_hat.min() >= 0
+        assert np.abs(data.mu_hat).max() <= 1.5
+
+
+@pytest.mark.parametrize("value", [0.01, "0.01 + 0*x[0]"])
+@pytest.mark.parametrize(("side", "component", "sign"), [("left", 0, -1), ("right", 0, 1), ("top", 1, 1)])
+def test_normal_displacement_is_outward(side, component, sign, value):
+    """A prescribed normal displacement moves the boundary out of the body, given as a number or as an expression."""
+    scene = example1(nx=6, ny=2).model_copy(
+        update={"displacement": (PrescribedDisplacement(boundary=side, normal=value),), "contact": (), "traction": ()}
+    )
+    held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
+    solution = alone(scene.model_copy(update={"displacement": (held, *scene.displacement)}))
+    x = solution.discretisation.space.tabulate_dof_coordinates()
+    place = {"left": 0.0, "right": 3.0, "top": 1.0}[side]
+    nodes = np.isclose(x[:, component], place) & ~np.isclose(x[:, 1], 0.0)
+    moved = solution.displacement.x.array.reshape(-1, 2)[nodes, component]
+    assert moved.size >= 2
+    np.testing.assert_allclose(moved, sign * 0.01, rtol=1e-12)
