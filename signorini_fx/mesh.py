@@ -74,7 +74,8 @@ class TaggedMesh(TaggedMeshBase):
         self.mesh.topology.create_connectivity(dim - 1, dim)
         self.mesh.topology.create_connectivity(dim, dim - 1)
         facets = dmesh.exterior_facet_indices(self.mesh.topology)
-        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets))
+        # dolfinx divides by the number of facets, which is zero on a rank without any.
+        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
         x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
         low, high = x.min(axis=0), x.max(axis=0)
         corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
