@@ -41,6 +41,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         if linear
         else sum(record.factorised for record in history.iterations),
         "outer_iterations": len(history.outer),
+        "events": history.events,
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,
         "linear_algebra": solution.linear_algebra,
@@ -163,6 +164,9 @@ def render(summary: dict[str, Any]) -> str:
         f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
         f"  linear algebra   {summary['linear_algebra']}",
     ]
+    tried = [event for event in summary["events"] if not event.startswith("level ")]
+    if tried:
+        lines.insert(2, f"  fall-backs       {'; '.join(dict.fromkeys(tried))}")
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")
     if "contact_force" in summary:

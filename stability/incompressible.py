@@ -96,7 +96,7 @@ def _alternation(values: np.ndarray, axis: int = 0) -> float:
     """What alternates from node to node: neighbouring second differences of opposite sign; in units of the values."""
     bend = np.diff(values, 2, axis=axis) / 4
     neighbours = np.split(bend, [1], axis=axis)[1] * np.split(bend, [-1], axis=axis)[0]
-    return float(np.sqrt(max(0.0, -neighbours.mean())))
+    return float(np.sqrt(np.maximum(0.0, -neighbours).mean()))
 
 
 def _checkerboard(solution: Solution, poisson: float) -> float:

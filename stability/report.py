@@ -93,9 +93,7 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
 
 def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
     """One line a group, one mark a case: its error over what is allowed."""
-    axes.set_title(
-        "Error over what is allowed, a dot a case; cross: no solution, and that has a name; bar: certificate only"
-    )
+    axes.set_title("Error over what is allowed (cross: no solution, named; bar: certificate only)")
     for place, group in enumerate(groups):
         own = [row for row in rows if row.group == group]
         for k, row in enumerate(own):
@@ -124,7 +122,7 @@ def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
 
 def _accuracy(axes: Any, sweep: Sequence[Row]) -> None:
     """Error against gamma for every law of the sweep."""
-    axes.set_title("Displacement and multipliers against the unregularised limit; hollow: 'residual stagnates'")
+    axes.set_title("Error against the unregularised limit (hollow: 'residual stagnates')")
     for law, marker in zip(dict.fromkeys(row.case.split(",")[0] for row in sweep), "os^", strict=False):
         found = [(float(_SWEEP.fullmatch(row.case).group(1)), row) for row in sweep if row.case.startswith(law)]
         shown = [(gamma, row) for gamma, row in found if row.error]

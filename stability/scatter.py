@@ -39,6 +39,7 @@ HARD = {
     920: "",
     1090: "alm: multipliers of a body that slides freely in a corner creep; the default algorithm solves it",
     1451: "",
+    2380: "gamma is 2e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     3202: "alm: as before, multipliers creep; the default algorithm solves it",
     3679: "gamma is 1e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     3738: "gamma is 4e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",

@@ -18,6 +18,7 @@ from signorini_fx.quantities import Forces, certify
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import contact_task
+from signorini_fx.summary import render, summarise
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 
@@ -96,6 +97,9 @@ def test_smaller_gamma():
     """A path of problems with growing gamma leads past the cycle, to the gamma that was asked for."""
     ours = alone(jumping())
     assert rungs(ours) == ["contact where the body rests", "smaller gamma"]
+    summary = summarise(ours, ours.table)
+    assert summary["events"] == ours.history.events
+    assert "fall-backs       active sets cycle: contact where the body rests" in render(summary)
     gammas = [record.gamma_n for record in ours.history.outer]
     assert gammas[0] == gammas[1] == gammas[-1] == pytest.approx(1e4 * gammas[2])
     same(ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3)

@@ -378,7 +378,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
         (SQUARE, [("quad", [[0, 1, 3, 2]])], "1 cells are folded, the first at \\(0.5, 0.5\\)"),
         (SQUARE, [("triangle", [[0, 1, 4]])], "without an angle"),
         (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "2 cells are there twice"),
-        ([*SQUARE, [0.4, 0.7]], [("triangle", [[0, 1, k] for k in (2, 3, 4)])], "a facet belongs to 3 cells"),
+        ([*SQUARE, [0.4, 0.7]], [("triangle", [[0, 1, k] for k in (2, 3, 6)])], "a facet belongs to 3 cells"),
         ([[0, 0], [1, 0], [1, float("nan")]], [("triangle", [[0, 1, 2]])], "not finite"),
         ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]], [("quad8", [list(range(8))])], "quad8"),
     ],
