@@ -69,6 +69,7 @@ def solve_to_accuracy(
     comm: MPI.Comm,
     solve_on: Callable[[Scene, ContactState | None, int], Solved],
     keep: Callable[[Solution], object],
+    say: Callable[[str], object],
 ) -> Solution:
     """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
 
@@ -80,9 +81,12 @@ def solve_to_accuracy(
         comm: the ranks that share the work.
         solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
         keep: called with the solution on each mesh but the last; collective.
+        say: told what a user should know, such as that other elements than the scene's are used.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
     meshes = Meshes(scene, goal, comm)
+    if meshes.replaced:
+        say(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
     rates = expected_rates(meshes.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
@@ -145,6 +149,7 @@ class Meshes:
         scene: the scene on the mesh that is to be solved next.
         degree: of the displacement.
         adaptive: whether triangles are divided where the error is.
+        replaced: what takes the place of the scene's elements; "": they stay.
         seconds: what the last refinement took; 0 where the mesh is made with the solve.
     """
 
@@ -152,7 +157,10 @@ class Meshes:
         self._generated = isinstance(scene.mesh, MeshGenerator)
         if not self._generated:
             scene = scene.model_copy(update={"mesh": load_mesh(scene, comm)})
+        given = scene.element, scene.mesh
         scene, self.adaptive = _prepared(scene, goal)
+        other = (scene.element, scene.mesh) != given
+        self.replaced = f"triangles of degree {scene.element.degree}, divided where the error is" if other else ""
         self._given, self._comm = scene, comm
         self.degree = scene.element.degree
         self._coarsest, self._divisions = self._coarsest_factor(), 1

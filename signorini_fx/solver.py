@@ -65,7 +65,7 @@ def solve(
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
             return solve_level(scene, comm, history, state, level)
 
-        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, keep)
+        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, keep, history.add)
     elif not coarse:
         solution, task = _solve_mesh(scene, comm, history, None)
         if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
