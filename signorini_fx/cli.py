@@ -126,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from mpi4py import MPI
 
     # mpirun and batch systems ask with SIGTERM, and kill soon after.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         match options.command:
             case "info":
@@ -152,6 +152,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if MPI.COMM_WORLD.size > 1:
             MPI.COMM_WORLD.Abort(EXIT_CRASH)
         return EXIT_CRASH
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
