@@ -159,7 +159,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         _validated(coarse, comm)
     d, law, data = _validated(scene, comm)
     cost = _cost(d)
-    findings = [*_locking(d), *_memory(cost, comm), *_equilibrium(d, law)]
+    findings = [*_locking(d), *_memory(cost, comm), *_equilibrium(d, law), *_large_displacements(d)]
     if d.boundary is not None and data is not None:
         findings += [
             *_gaps(d, data),
@@ -708,6 +708,18 @@ def _gaps(d: _Body, data: RegularisedData) -> list[Finding]:
             )
         )
     return found
+
+
+def _large_displacements(d: _Body) -> list[Finding]:
+    """Loads under which linear elasticity is not what is wanted; as a rule two units do not agree."""
+    moved, size = max(_displacement_scale(d, step) for step in range(d.scene.steps)), d.tagged.size
+    if moved < size:
+        return []
+    message = (
+        f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
+        "no small deformation; check the units of E and of the loads"
+    )
+    return [Finding("warning", "material, traction, body_force, displacement", message)]
 
 
 def _displacement_scale(d: _Body, step: int) -> float:

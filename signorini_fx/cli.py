@@ -42,38 +42,56 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
+    after = (
+        "What follows -- goes to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted."
+    )
     parser = _Parser(
         prog="signorini-fx",
         description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
-        epilog="What follows -- goes to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
-        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted.",
+        epilog=after,
     )
     parser.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
-    solve = commands.add_parser("solve", help="solve a scene and write its results")
-    solve.add_argument("scene", type=Path, help="scene file (TOML)")
-    solve.add_argument("--out", type=Path, help="result folder (default: results/NAME of the scene file)")
-    solve.add_argument("--levels", type=int, help="meshes of a nested iteration (overrides solver.levels)")
-    solve.add_argument("--accuracy", type=float, help="relative error to reach by refining (overrides accuracy.target)")
+    solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=after)
+    solve.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    solve.add_argument(
+        "--out", type=Path, metavar="DIR", help="result folder (default: results/NAME of the scene file)"
+    )
+    solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
+    solve.add_argument(
+        "--accuracy",
+        type=float,
+        metavar="E",
+        help="relative error to reach by refining, such as 0.05 (overrides accuracy.target)",
+    )
     quantities = ("energy", "pressure", "force", "zone", "peak")
-    solve.add_argument("--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of)")
+    solve.add_argument(
+        "--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of; default: energy)"
+    )
     solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles where the error is")
-    solve.add_argument("--budget", action="append", type=_budget, help="60s or 4GB: what the accuracy may cost")
+    solve.add_argument(
+        "--budget", action="append", type=_budget, metavar="60s|4GB", help="what the accuracy may cost; may be repeated"
+    )
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="say what a scene will do and what will hurt, without solving it")
-    check.add_argument("scene", type=Path, help="scene file (TOML)")
+    check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
     report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
-    report.add_argument("folder", type=Path, help="result folder that solve wrote")
-    report.add_argument("--out", type=Path, help="the page (default: report.html in the folder)")
+    report.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
+    report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: report.html in the folder)")
     study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
-    study.add_argument("scene", type=Path, help="scene file (TOML) with a mesh from a generator")
-    study.add_argument("--out", type=Path, help="folder (default: results/work_precision_NAME of the scene file)")
+    study.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
+    study.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
+    )
     study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
-    new.add_argument("file", type=Path, nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)")
+    new.add_argument(
+        "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)"
+    )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
     convert.add_argument("source", type=Path, metavar="IN", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
     convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
@@ -397,7 +415,7 @@ def _estimate(cost: Cost) -> str:
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
         f"one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
-        f"altogether {_seconds(cost.seconds[0])} to {_seconds(cost.seconds[1])} and {_bytes(cost.memory_bytes)}"
+        f"altogether {' to '.join(dict.fromkeys(map(_seconds, cost.seconds)))} and {_bytes(cost.memory_bytes)}"
     )
 
 
@@ -408,6 +426,8 @@ def _seconds(value: float) -> str:
 
 
 def _bytes(value: float) -> str:
+    if value < 1e6:
+        return "below 1 MB"
     return f"{value / 1e6:.0f} MB" if value < 1e9 else f"{value / 1e9:.1f} GB"
 
 

@@ -122,6 +122,8 @@ def _check(node: ast.expr) -> Kind:
         case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr(), right=right):
             return _expect("condition", left, right)
         case ast.BinOp(left=left, op=op, right=right):
+            if isinstance(op, ast.BitXor):
+                raise ValueError("a power is written **, not ^")
             if type(op) not in _ARITHMETIC:
                 raise ValueError(f"operator {type(op).__name__} is not available")
             if isinstance(op, ast.Pow):
@@ -141,7 +143,8 @@ def _check(node: ast.expr) -> Kind:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             return _check_call(name, arguments)
         case ast.Name(id=name):
-            raise ValueError("use x[0] and x[1], not x" if name == "x" else f"{name!r} is not known")
+            meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]"}.get(name, "")
+            raise ValueError(f"{name!r} is not known{meant}")
     raise ValueError(f"{type(node).__name__} is not available")
 
 
@@ -238,7 +241,7 @@ class Expression:
         try:
             _check(self._tree())
         except SyntaxError as error:
-            raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}") from None
+            raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}") from None
         except (ValueError, MemoryError, RecursionError) as error:
             raise ValueError(f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from scipy.spatial.distance import pdist
 from signorini_fx import compat, mesh_formats, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh_arrays import Selection
-from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
+from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase, plain_message
 
 # Boundaries and regions.
 _Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
@@ -138,11 +139,15 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
     try:
         return generate(comm, **parameters)
     except ValidationError as error:
-        problems = [
-            (f"mesh.parameters.{'.'.join(map(str, d['loc']))}", f"{d['msg'].removeprefix('Value error, ')}")
-            for d in error.errors()
-        ]
-        raise SceneError(problems) from None
+        known = ", ".join(list(inspect.signature(generate).parameters)[1:])
+        raise SceneError([_parameter_problem(detail, known) for detail in error.errors()]) from None
+
+
+def _parameter_problem(detail: Any, known: str) -> tuple[str, str]:
+    """Path and sentence for a parameter that a generator refuses, with those that it knows."""
+    path = f"mesh.parameters.{'.'.join(map(str, detail['loc']))}"
+    unknown = detail["type"] == "unexpected_keyword_argument"
+    return path, plain_message(detail) + (f"; there are: {known}" if unknown else "")
 
 
 def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:

@@ -131,7 +131,11 @@ def in_the_plane(
                 found, message = _numbered(raw, entities, selection, data, name)
             else:
                 found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
-                message = f"{name}: takes no {entities.word}"
+                (left, lower), (right, upper) = points.min(axis=0), points.max(axis=0)
+                message = (
+                    f"{name}: takes no {entities.word}; the body is x[0] {left:.6g} to {right:.6g}, "
+                    f"x[1] {lower:.6g} to {upper:.6g}"
+                )
             result[label] = found
             if not found.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))

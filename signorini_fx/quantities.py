@@ -20,7 +20,7 @@ from signorini_fx.problem import ROUND_OFF
 from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY
 
 # The figures that decide; the others say what the regularisation leaves.
-_JUDGED = (
+JUDGED = (
     "equilibrium",
     "negative_pressure",
     "friction_cone",
@@ -141,7 +141,7 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the figures that are judged; what the regularisation leaves is not among them."""
-        return float(np.max([getattr(self, name) for name in _JUDGED]))
+        return float(np.max([getattr(self, name) for name in JUDGED]))
 
     @property
     def holds(self) -> bool:

@@ -66,7 +66,8 @@ _ADVICE = {
     ),
     Status.NOT_CERTIFIED: (
         "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh; "
+        "a displacement of many times the body's size points to wrong units or supports"
     ),
     Status.BUDGET: (
         "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "

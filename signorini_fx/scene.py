@@ -10,7 +10,9 @@ Units are the user's own as long as they agree: forces, lengths and stresses of 
 
 from __future__ import annotations
 
+import difflib
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -39,7 +41,7 @@ _LONGEST_SHOWN = 200
 def _shown(given: Any) -> str:
     """A value in a message, cut where it is long."""
     try:
-        text = repr(given)
+        text = repr(given).lower() if isinstance(given, bool) else repr(given)
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "a number with thousands of digits"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
@@ -569,7 +571,23 @@ def read_scene(path: str | Path) -> Scene:
     return parse_scene_text(read_scene_text(path), path)
 
 
-_MESSAGES = {"extra_forbidden": "unknown key", "missing": "is missing"}
+_MESSAGES = {
+    "extra_forbidden": "unknown key",
+    "unexpected_keyword_argument": "unknown key",
+    "missing": "is missing",
+    "union_tag_not_found": "is missing",
+}
+
+
+def plain_message(detail: Any) -> str:
+    """What pydantic complains of, in the words of this package."""
+    match detail:
+        case {"type": str(kind)} if kind in _MESSAGES:
+            return _MESSAGES[kind]
+        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
+            return f"must be one of {known}, got {tag!r}"
+    message = str(detail["msg"]).removeprefix("Value error, ")
+    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
 
 
 def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -595,8 +613,29 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
             name = part or '""'
             path += f".{name}" if path else name
             node = node[part] if isinstance(node, Mapping) and part in node else node
-    message = _MESSAGES.get(detail["type"]) or str(detail["msg"]).removeprefix("Value error, ")
+    message = plain_message(detail)
     given = detail.get("input")
+    if detail["type"] == "extra_forbidden":
+        message += _meant(str(detail["loc"][-1]))
+    if detail["type"].startswith("union_tag"):
+        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and _shown(given) not in message:
         message += f", got {_shown(given)}"
     return path or "scene", message
+
+
+def _meant(key: str) -> str:
+    """Where an unknown key belongs, or what it was perhaps to be."""
+    if key in Scene.model_fields:
+        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
+    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in Scene.model_fields.items()}
+    home = next((name for name, fields in tables.items() if key in fields), None)
+    if home is not None:
+        return f" here: it belongs to [{home}]"
+    similar = difflib.get_close_matches(key, _keys(_Model), n=1, cutoff=0.75)
+    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    """All keys of a table and of those that derive from it."""
+    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))

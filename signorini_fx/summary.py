@@ -14,10 +14,13 @@ from mpi4py import MPI
 import signorini_fx
 from signorini_fx import parallel, price_list
 from signorini_fx.contact_table import ContactTable
-from signorini_fx.results import IterationRecord, OuterRecord
+from signorini_fx.quantities import JUDGED
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, IterationRecord, OuterRecord
 from signorini_fx.solution import Solution, StepResult
 
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
+# Displacements beyond this share of the body's size are hardly what linear elasticity is for.
+_SMALL = 0.1
 
 
 def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
@@ -164,11 +167,16 @@ def render(summary: dict[str, Any]) -> str:
         f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
         f"  linear algebra   {summary['linear_algebra']}",
     ]
-    tried = [event for event in summary["events"] if not event.startswith("level ")]
-    if tried:
-        lines.insert(2, f"  fall-backs       {'; '.join(dict.fromkeys(tried))}")
+    told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
+    elements = [event.removeprefix("elements: ") for event in told if event.startswith("elements: ")]
+    tried = [event for event in told if not event.startswith("elements: ")]
+    for name, events in (("fall-backs", tried), ("elements", elements)):
+        if events:
+            lines.insert(2, f"  {name:16s} {'; '.join(events)}")
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")
+        if summary["linear_solves"] == 0:  # told by statics: there are no figures
+            return "\n".join(lines)
     if "contact_force" in summary:
         lines += [
             f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
@@ -176,12 +184,11 @@ def render(summary: dict[str, Any]) -> str:
             f"  largest pressure {summary['max_pressure']:.6g}",
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary["zones"].items() if runs),
         ]
-    certificate = summary["certificate"]
-    shown = {name: value for name, value in certificate.items() if name != "holds"}
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
-        f"  certificate      {'holds' if certificate['holds'] else 'DOES NOT HOLD'}: "
-        + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in shown.items()),
+        f"  displacement     {_displacement(summary['certificate']['displacement'])}",
+        f"  certificate      {_certificate(summary['certificate'])}",
+        *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
         *(
             [f"  duality gap      {summary['functionals']['relative_duality_gap']:.1e}"]
             if "functionals" in summary
@@ -192,6 +199,31 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
+
+
+def _displacement(share: float) -> str:
+    """The largest displacement, and what it means where the theory does not bear it."""
+    text = f"at most {share:.1e} times the size of the body"
+    return f"{text}: no small deformation; check the units of E and of the loads" if share > _SMALL else text
+
+
+def _certificate(figures: dict[str, Any]) -> str:
+    """The verdict, with the figure that decides it."""
+    judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
+    if figures["holds"]:
+        value, name = judged[0]
+        return f"holds: no figure above {value:.1e} ({name}), {CERTIFICATE_TOLERANCE:.0e} is allowed"
+    wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
+    if not figures["displacement"] <= FAR_AWAY:
+        wrong.append(f"displacement {figures['displacement']:.1e}")
+    return f"DOES NOT HOLD: {', '.join(wrong)}"
+
+
+def _left(figures: dict[str, Any]) -> str:
+    return (
+        f"penetration {figures['penetration']:.1e}, elastic slip {figures['stick_slip']:.1e} "
+        "times the largest displacement"
+    )
 
 
 def _zones(runs: list[list[list[float]]]) -> str:

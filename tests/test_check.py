@@ -21,6 +21,7 @@ from signorini_fx.checks import check_scene, friction_indication
 from signorini_fx.errors import SceneError
 from signorini_fx.results import Status
 from signorini_fx.scene import LinearElastic, parse_scene, parse_scene_text, read_scene
+from signorini_fx.summary import render, summarise
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
 BLOCK = {
@@ -212,9 +213,9 @@ def test_too_little_memory(monkeypatch):
 QUIET = {
     "plain": block(),
     "friction": block(**coulomb(0.3)),
-    "reduced": block(material={"young": 1.0, "poisson": 0.499}, element={"volumetric": "auto"}),
-    "degree 2": block(material={"young": 1.0, "poisson": 0.499}, element={"degree": 2}),
-    "plane stress": block(material={"young": 1.0, "poisson": 0.499, "hypothesis": "plane stress"}),
+    "reduced": block(material={"young": 5000.0, "poisson": 0.499}, element={"volumetric": "auto"}),
+    "degree 2": block(material={"young": 5000.0, "poisson": 0.499}, element={"degree": 2}),
+    "plane stress": block(material={"young": 5000.0, "poisson": 0.499, "hypothesis": "plane stress"}),
     "body force": block(traction=[], body_force={"y": -1.0}, **FREE, **coulomb(0.3)),
     "penalty of alm": block(solver={"algorithm": "alm", "gamma_n": 1e4, "gamma_t": 1e4}),
     "path-following": block(solver={"algorithm": "path-following", "gamma_n": 1.0}),
@@ -282,6 +283,15 @@ def test_bodies_that_nothing_holds(case):
     data, path, words, status = LOOSE[case]
     assert words in said(data)[path]
     assert alone(data, check=False).status is status
+
+
+def test_units_that_do_not_agree():
+    """A modulus in GPa for a load in kPa: the body would move by more than its size, and the summary says so too."""
+    data = block(material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0})
+    assert "check the units of E and of the loads" in said(data)["material, traction, body_force, displacement"]
+    solution = alone(data, check=False)
+    assert solution.certificate.displacement > 1
+    assert "check the units of E and of the loads" in render(summarise(solution, solution.table))
 
 
 def test_tipping():

@@ -2,10 +2,14 @@
 
 import csv
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import signorini_fx
 
 SCENE = """
 title = "small"
@@ -118,7 +122,18 @@ def test_no_solution(tmp_path):
     process = run(tmp_path, "--no-pictures", scene=SCENE.replace('"-20 if', '"20 if'))
     assert process.returncode == 1
     assert "no static equilibrium" in process.stderr
+    assert "what to do" in process.stdout
+    assert "certificate" not in process.stdout  # nothing was solved: there are no figures to look at
     assert read_summary(tmp_path)["converged"] is False
+
+
+def test_command_of_a_checkout():
+    """``./env signorini-fx`` runs the checkout where dolfinx is and the package is not installed."""
+    root = Path(__file__).parent.parent
+    environment = {"PATH": os.defpath, "SFX_ENVIRONMENT": "this machine"}
+    command = [str(root / "env"), "signorini-fx", "--version"]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
+    assert process.stdout == f"signorini-fx {signorini_fx.__version__}\n", process.stderr
 
 
 def test_old_results_survive_a_bad_scene(tmp_path):
