@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from signorini_fx.mesh import TaggedMesh, load_mesh, triangle_parameters
 from signorini_fx.nested import scene_on
 from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
 from signorini_fx.quantities import ContactState
-from signorini_fx.refinement import mark, refine
+from signorini_fx.refinement import check_refinable, mark, refine
 from signorini_fx.results import Status
 from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution
@@ -157,6 +158,7 @@ class Meshes:
         self._generated = isinstance(scene.mesh, MeshGenerator)
         if not self._generated:
             scene = scene.model_copy(update={"mesh": load_mesh(scene, comm)})
+            check_refinable(cast(TaggedMesh, scene.mesh))
         given = scene.element, scene.mesh
         scene, self.adaptive = _prepared(scene, goal)
         other = (scene.element, scene.mesh) != given
@@ -243,5 +245,4 @@ def _prepared(scene: Scene, goal: Accuracy) -> tuple[Scene, bool]:
         mesh = MeshGenerator(generator=scene.mesh.generator, parameters=parameters)
         element = scene.element.model_copy(update={"degree": 2})
         return scene.model_copy(update={"mesh": mesh, "element": element}), True
-    assert isinstance(scene.mesh, TaggedMesh)
-    return scene, scene.mesh.mesh.topology.cell_name() == "triangle"
+    return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), True

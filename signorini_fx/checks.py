@@ -33,12 +33,14 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.loads import LoadCase
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import coarser_scenes
+from signorini_fx.refinement import check_refinable
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions, rigid_motions
 from signorini_fx.scene import (
     CoulombFriction,
     Friction,
     LinearElastic,
+    MeshGenerator,
     PrescribedDisplacement,
     Scene,
     SurfaceTraction,
@@ -173,6 +175,10 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
 def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None, RegularisedData | None]:
     """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
     d = _body(scene, load_mesh(scene, comm))
+    if scene.accuracy is not None and (
+        not isinstance(scene.mesh, MeshGenerator) or scene.accuracy.refinement == "adaptive"
+    ):
+        check_refinable(d.tagged)
     if d.boundary is None:
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)

@@ -17,7 +17,7 @@ from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StepResult:
     """What a load step ended with.
 
@@ -38,7 +38,7 @@ class StepResult:
     linear_solves: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """The result of a solve; with load steps, of the last one.
 

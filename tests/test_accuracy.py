@@ -5,6 +5,9 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import accuracy
+from signorini_fx.checks import check_scene
+from signorini_fx.errors import MeshError
+from signorini_fx.mesh import generate_mesh
 from signorini_fx.reference import Reference, divided
 from signorini_fx.results import Status
 from signorini_fx.scene import Accuracy
@@ -79,6 +82,29 @@ def test_uniform_meshes_jump_to_what_is_needed():
     counts = [(level.table.columns["s"].size - 1) / 30 for level in solution.levels]
     assert counts == [round(count) for count in counts]
     assert counts[-1] > 8 > len(counts)
+
+
+@pytest.mark.parametrize("of", ["energy", "pressure"])
+def test_own_triangles(overkill, of):
+    """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
+    friction, fine = overkill
+    scene = asked(friction, target=1e-2, of=of)
+    generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
+    own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)
+    solution = solve(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
+    assert solution.scene.element.degree == 2
+    assert fine.errors(solution)[of] <= 1e-2
+    assert solution.discretisation.dofs < 20_000
+
+
+@pytest.mark.parametrize("find_out", [solve, check_scene])
+def test_cells_that_cannot_be_divided_are_refused_at_once(find_out, monkeypatch):
+    """Quadrilaterals of one's own: said before anything is solved, by check too."""
+    monkeypatch.setattr(accuracy, "refine", None)
+    scene = asked("tresca", target=0.1)
+    own = generate_mesh(scene.mesh.generator, {**scene.mesh.parameters, "nx": 30, "ny": 10}, MPI.COMM_SELF)
+    with pytest.raises(MeshError, match="only triangles can be refined"):
+        find_out(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize("target", [1e-2, 1e-3])

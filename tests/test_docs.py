@@ -80,11 +80,12 @@ def each_block(language):
 def folders(tmp_path_factory):
     """One folder a page: with the scene that its commands and scripts are about, and the meshes that it shows."""
     found = {page: tmp_path_factory.mktemp(page.stem) for page in (README, GUIDE)}
-    (shown,) = (block for block in blocks_of(README) if block.language == "toml")
+    shown, own = (block for block in blocks_of(README) if block.language == "toml")
     (found[README] / "scene.toml").write_text(shown.text, encoding="utf-8")
+    (found[README] / "bracket.toml").write_text(own.text, encoding="utf-8")
     (found[GUIDE] / "scene.toml").write_text(starting_scene(), encoding="utf-8")
-    (mesh,) = (block for block in BLOCKS if block.language == "geo")
-    (found[mesh.page] / "body.geo").write_text(mesh.text, encoding="utf-8")
+    for mesh in (block for block in BLOCKS if block.language == "geo"):
+        (found[mesh.page] / "body.geo").write_text(mesh.text, encoding="utf-8")
     return found
 
 
@@ -113,7 +114,7 @@ def test_toml(block, folder):
         file.write_text(block.text, encoding="utf-8")
         assert check_scene(read_scene(file)).warnings == ()
     else:
-        (whole,) = (b for b in BLOCKS if b.page == README and b.language == "toml")
+        whole = next(b for b in BLOCKS if b.page == README and b.language == "toml")
         parse_scene({**tomllib.loads(whole.text), **data}, str(block))
 
 
