@@ -37,6 +37,9 @@ class StepResult:
     strain_energy: float
     linear_solves: int
 
+    def __repr__(self) -> str:
+        return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"
+
 
 @dataclass(frozen=True, repr=False)
 class Solution:
@@ -75,6 +78,11 @@ class Solution:
     linear_algebra: str = "full"
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line: a notebook shows it, and the fields hold whole meshes and matrices."""
+        title = self.scene.title or "scene"
+        return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.discretisation.dofs} unknowns>"
 
     @property
     def converged(self) -> bool:
