@@ -92,3 +92,4 @@ if MPI.COMM_WORLD.rank == 0:
     axes.legend(frameon=False)
     figure.savefig(RESULTS / "error_against_time.png", dpi=150)
     plt.close(figure)
+    print(f"results: {RESULTS}/")

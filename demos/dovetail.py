@@ -120,3 +120,4 @@ largest = columns["pressure"].max()
 write_results(full, RESULTS / "full_speed")
 if MPI.COMM_WORLD.rank == 0:
     print(f"pressure on the flank: mean {mean:.0f} MPa, largest {largest:.0f} MPa")
+    print(f"results: {RESULTS}/")

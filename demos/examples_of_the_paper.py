@@ -63,6 +63,7 @@ for name in ("example1_tresca", "example1_coulomb", "example2_tresca"):
     write_results(solution, RESULTS / name)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{name:17s} energy {energy[name]:.6f}, largest pressure {peak[name]:.3f}, {solves[name]} linear solves")
+        print(f"                  results: {RESULTS / name}/")
 
 # %% [markdown]
 # On the paper's mesh, 120 x 40, Example 1 has the energy 0.0231870 with Tresca and 0.0234108 with Coulomb friction, and

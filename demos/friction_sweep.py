@@ -60,3 +60,4 @@ if MPI.COMM_WORLD.rank == 0:
     right.set(xlabel="F", ylabel="friction force on the right half", ylim=(0, None))
     figure.savefig(RESULTS / "sweep.png", dpi=150)
     plt.close(figure)
+    print(f"results: {RESULTS}/")

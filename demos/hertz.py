@@ -113,3 +113,4 @@ if MPI.COMM_WORLD.rank == 0:
     axes.legend(frameon=False, loc="lower left")
     figure.savefig(RESULTS / "pressure.png", dpi=150)
     plt.close(figure)
+    print(f"results: {RESULTS}/")

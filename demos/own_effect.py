@@ -141,3 +141,4 @@ difference = np.abs(same - builtin).max() / np.abs(builtin).max()
 if MPI.COMM_WORLD.rank == 0:
     print(f"largest shear {np.abs(shear).max():.3f} with the law, {np.abs(builtin).max():.3f} with Coulomb friction")
     print(f"{iterations} iterations; the loop with Coulomb's law differs from the package's own by {difference:.1e}")
+    print(f"results: {RESULTS}/")

@@ -67,3 +67,4 @@ if MPI.COMM_WORLD.rank == 0:
     axes.legend(frameon=False)
     figure.savefig(RESULTS / "loop.png", dpi=150)
     plt.close(figure)
+    print(f"results: {RESULTS}/")
