@@ -198,6 +198,8 @@ def _outcome(summary: dict[str, Any]) -> Markup:
     if not good:
         last = "the last mesh that the budget allowed" if short else "the last iterate: to look at, not to use"
         verdict = f"{verdict} All figures are of {last}."
+    if not good and summary["linear_solves"] == 0:
+        verdict += " Nothing had to be solved to tell: it is the body without displacement."
     text = [tag("strong", summary["status"]), tag("p", verdict)]
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
@@ -254,7 +256,8 @@ def _scene(summary: dict[str, Any]) -> Markup:
     if isinstance(mesh, dict) and "generator" in mesh:
         rows.append((_named("mesh", mesh["generator"]), shown(mesh["parameters"])))
     else:
-        rows.append(("mesh", shown(mesh) if isinstance(mesh, dict) else "made by refinement, or in Python"))
+        said = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
+        rows.append(("mesh", shown(said) or "made by refinement, or in Python"))
     rows.append(("element", shown(scene["element"])))
     for kind, place in (("material", "region"), ("displacement", "boundary"), ("traction", "boundary")):
         nothing = 0.0 if kind == "traction" else None

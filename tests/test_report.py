@@ -302,6 +302,7 @@ def test_verdict(folders):
     """A result that is none is not taken for one."""
     page = Page(folders["not held"])
     assert "to look at, not to use" in page.text
+    assert "Nothing had to be solved to tell" in page.text
     assert "does NOT hold" in page.text
     assert "violated" in page.of("td")
     assert any(value == "status bad" for _, name, value in page.attributes if name == "class")
