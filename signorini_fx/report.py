@@ -22,14 +22,13 @@ import numpy as np
 from signorini_fx import __version__
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.pyvista_pictures import FIELDS
-from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, Status
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, FEW_NODES, Status
 
 PAGE = "report.html"
 _LONG = 40  # rows from which on a table is folded
 _WIDE_TABLE = 8  # columns from which on print takes small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all
-_FEW_NODES = 8  # in a contact zone: too few to tell where it ends
 _VOID = frozenset({"br", "img", "meta"})
 
 # Every figure of the certificate: its limit, None where it is reported only, and its meaning.
@@ -426,7 +425,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
         nodes = zip(piece, contact["state"] != "open", strict=True)
         runs = [len(list(run)) for (_, touching), run in groupby(nodes) if touching]
-        if runs and min(runs) < _FEW_NODES:
+        if runs and min(runs) < FEW_NODES:
             advice.append(
                 f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
                 "its largest pressure are used."

@@ -15,6 +15,8 @@ T = TypeVar("T")
 CERTIFICATE_TOLERANCE = 1e-6
 # A body that moves by so many times its size is no small deformation, and its figures are round-off.
 FAR_AWAY = 1e3
+# With fewer nodes in contact neither the ends of the zone nor the largest pressure say much.
+FEW_NODES = 8
 
 
 class Status(Enum):

@@ -15,7 +15,7 @@ import signorini_fx
 from signorini_fx import parallel, price_list
 from signorini_fx.contact_table import ContactTable
 from signorini_fx.quantities import JUDGED
-from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, IterationRecord, OuterRecord
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, FEW_NODES, IterationRecord, OuterRecord
 from signorini_fx.solution import Solution, StepResult
 
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
@@ -96,6 +96,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     contact_force, friction_force = contact.forces
     return {
         "contact_nodes": int(columns["x"].size),
+        "touching_nodes": int(np.count_nonzero(touching)),
         "contact_force": [float(f) + 0.0 for f in contact_force],
         "friction_force": [float(f) + 0.0 for f in friction_force],
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
@@ -179,6 +180,7 @@ def render(summary: dict[str, Any]) -> str:
             return "\n".join(lines)
     if "contact_force" in summary:
         lines += [
+            f"  contact nodes    {summary['contact_nodes']}, {_touching(summary['touching_nodes'])}",
             f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
             f"  friction force   ({', '.join(f'{f:.6g}' for f in summary['friction_force'])})",
             f"  largest pressure {summary['max_pressure']:.6g}",
@@ -199,6 +201,11 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
+
+
+def _touching(nodes: int) -> str:
+    few = ": too few for the ends of the zone or the largest pressure, refine there" if 0 < nodes < FEW_NODES else ""
+    return f"{nodes or 'none'} in contact{few}"
 
 
 def _displacement(share: float) -> str:

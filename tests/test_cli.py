@@ -62,6 +62,7 @@ def test_result_folder(tmp_path):
     assert summary["contact_force"][1] == pytest.approx(20.0, rel=1e-9)
     rows = read_rows(tmp_path / "out" / "contact.csv")
     assert len(rows) == summary["contact_nodes"] == 13
+    assert sum(row["state"] != "open" for row in rows) == summary["touching_nodes"] > 0
     assert max(float(row["pressure"]) for row in rows) == summary["max_pressure"]
     assert {row["state"] for row in rows} <= {"open", "stick", "slip+", "slip-"}
     assert [float(row["x"]) for row in rows] == sorted(float(row["x"]) for row in rows)
