@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx.io import write_csv
 from signorini_fx.mesh import generate_mesh
+from signorini_fx.price_list import peak_memory
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import solve
 
@@ -92,16 +92,6 @@ def peak_memory(name: str, nx: int, linear_algebra: str) -> float:
     command = [sys.executable, __file__, "--process", name, "--nx", str(nx), "--linear-algebra", linear_algebra]
     ended = subprocess.run(command, capture_output=True, text=True, check=True)
     return json.loads(ended.stdout.splitlines()[-1])
-
-
-def own_peak_memory() -> float:
-    """Of this process, MB."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        # Linux hands ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
-        return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def study(nx: int, repeats: int, linear_algebra: str) -> tuple[list[dict], list[dict]]:
@@ -211,7 +201,7 @@ def main() -> None:
         tagged = body(options.nx)
         if options.process:
             measure(options.process, tagged, options.linear_algebra)
-        print(json.dumps(own_peak_memory()))
+        print(json.dumps(peak_memory(MPI.COMM_SELF)))
         return
     rows, runs = study(options.nx, options.repeats, options.linear_algebra)
     options.out.mkdir(parents=True, exist_ok=True)
