@@ -87,7 +87,7 @@ def measure(name: str, tagged, linear_algebra: str) -> dict[str, float]:
     }
 
 
-def peak_memory(name: str, nx: int, linear_algebra: str) -> float:
+def peak_of_process(name: str, nx: int, linear_algebra: str) -> float:
     """Peak memory of a process that solves this once (an empty name: that makes the mesh and nothing else), MB."""
     command = [sys.executable, __file__, "--process", name, "--nx", str(nx), "--linear-algebra", linear_algebra]
     ended = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -104,14 +104,14 @@ def study(nx: int, repeats: int, linear_algebra: str) -> tuple[list[dict], list[
             if repeat > 0:
                 runs.append(run)
         print(f"round {repeat} of {repeats}" + (" (not counted)" if repeat == 0 else ""), file=sys.stderr, flush=True)
-    empty = peak_memory("", nx, linear_algebra)
+    empty = peak_of_process("", nx, linear_algebra)
     rows = []
     for name in EFFECTS:
         own = [run for run in runs if run["effect"] == name]
         row = {"effect": name, **{key: statistics.median(run[key] for run in own) for key in ("seconds", *PHASES)}}
         row |= {"fastest": min(run["seconds"] for run in own), "slowest": max(run["seconds"] for run in own)}
         row |= {key: own[0][key] for key in ("linear_solves", "factorisations", "forms", "dofs")}
-        row |= {"peak_MB": peak_memory(name, nx, linear_algebra), "mesh_MB": empty}
+        row |= {"peak_MB": peak_of_process(name, nx, linear_algebra), "mesh_MB": empty}
         rows.append(row)
     for row in rows:
         row["time_ratio"] = row["seconds"] / rows[0]["seconds"]
