@@ -1,16 +1,20 @@
 """An accuracy that is asked for is reached, or the budget ends by name."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from signorini_fx import accuracy
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.reference import Reference, divided
 from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy
+from signorini_fx.scene import Accuracy, read_scene
 from signorini_fx.solver import solve
-from tests.scenes import example1
+from tests.scenes import example1, on_mesh, rectangle
 
+SCENES = Path(__file__).parent.parent / "demos" / "scenes"
 FRICTION = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 
 
@@ -95,6 +99,39 @@ def test_gamma_is_raised_where_it_is_in_the_way():
     solution = solve(scene.model_copy(update={"accuracy": Accuracy(target=3e-2, of="pressure")}))
     assert solution.parameters["gamma_n"] > 1e6
     assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_path_following_leaves_less_where_it_is_in_the_way():
+    """What the scene lets it leave is more than the target: it is lowered, and no mesh is solved for ever."""
+    meshes = []
+
+    def watch(record):
+        if isinstance(record, str) and record.startswith("level "):
+            meshes.append(record)
+            assert len(meshes) < 15
+
+    path = {"algorithm": "path-following", "regularisation_error": 0.1}
+    scene = example1(bound=1.5, gamma="auto", nx=24, ny=8, **path)
+    goal = Accuracy(target=3e-2, of="pressure")
+    solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF, observers=[watch])
+    assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_arcs_are_not_divided():
+    """Cells on an arc would converge to a polygon: refused, and not solved for it."""
+    scene = read_scene(SCENES / "hertz.toml")
+    asked = scene.model_copy(update={"accuracy": Accuracy(target=0.05, refinement="adaptive")})
+    with pytest.raises(SceneError, match=r"accuracy\.refinement: the arcs of half_disk"):
+        solve(asked, MPI.COMM_SELF)
+
+
+def test_a_mesh_that_cannot_be_divided_is_refused_first():
+    """Quadrilaterals that are no generator's: said before anything is solved."""
+    scene = on_mesh(asked("tresca", target=0.1), rectangle(nx=6, ny=2))
+    history = []
+    with pytest.raises(MeshError, match="only triangles"):
+        solve(scene, MPI.COMM_SELF, observers=[history.append])
+    assert not history
 
 
 def test_budget_ends_by_name():
