@@ -256,7 +256,10 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
                 max_outer=s.max_outer_iterations,
                 shift=True,
             )
-    return status if status is Status.CONVERGED else failed
+    if status is not Status.CONVERGED:
+        return failed
+    task.regularisation_error = None  # what path-following left is not left here
+    return status
 
 
 def _nothing_acts(task: Task) -> bool:
