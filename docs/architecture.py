@@ -131,7 +131,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Ground",
             "errors, outcomes, ranks, versions",
-            ("errors", "results", "parallel", "options", "compat", "petsc_c"),
+            ("errors", "results", "parallel", "launcher", "options", "compat", "petsc_c"),
         ),
     ),
 )
