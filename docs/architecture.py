@@ -82,7 +82,15 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Linear algebra",
             "how its linear systems are solved",
-            ("linalg.choice", "linalg.full", "linalg.condensed", "linalg.coarsened", "linalg.schur", "linalg.rotated"),
+            (
+                "linalg.choice",
+                "linalg.full",
+                "linalg.condensed",
+                "linalg.schur",
+                "linalg.transformed",
+                "linalg.rotated",
+                "linalg.coarsened",
+            ),
         ),
     ),
     (
