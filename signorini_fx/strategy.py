@@ -52,7 +52,7 @@ START_GAMMA = 100.0
 CONTINUATION_SHARE = 1e-4
 # Fixed points that do not contract are damped, more and more.
 _DAMPING = (0.5, 0.2)
-# The augmented Lagrangian method takes over with a gamma that much smaller.
+# The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
 _AUGMENTED_SHARE = 1e-3
 
 
@@ -234,6 +234,7 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
     """
     s, newton = task.settings, task.newton
     task.problem = newton.problem
+    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / task.data.gamma_n))
     data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
     task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
     task.monolithic = False
@@ -277,13 +278,18 @@ def _nothing_acts(task: Task) -> bool:
 
 def _stay(task: Task) -> Status:
     """Zero is the solution; nothing is solved for."""
-    nodes = task.boundary.size
     task.x.set(0.0)
-    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
-    task.problem.sets = task.problem.following
+    _touch_nothing(task)
     task.history.add("nothing loads the body: it stays where it is")
     task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
     return Status.CONVERGED
+
+
+def _touch_nothing(task: Task) -> None:
+    """The sets of a body that nothing was solved for: no contact, hence no traction."""
+    nodes = task.boundary.size
+    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
+    task.problem.sets = task.problem.following
 
 
 def _given_friction(task: Task, data: RegularisedData) -> Status:
@@ -332,7 +338,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
         data = _coulomb_start(task)
         lost = _no_balance(task, law) if data.bound is not None else None
         if lost is not None:
-            task.problem.set_data(task.data)
+            _touch_nothing(task)
             return lost
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
             status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
