@@ -60,7 +60,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
+            ("solver", "strategy", "task", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
         ),
     ),
     (

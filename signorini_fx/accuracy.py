@@ -26,7 +26,8 @@ from signorini_fx.refinement import check_divisible, mark, refine
 from signorini_fx.results import Status
 from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution
-from signorini_fx.strategy import LARGEST_GAMMA, Task
+from signorini_fx.strategy import LARGEST_GAMMA
+from signorini_fx.task import Task
 
 # Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
 _COARSER = {1: 4, 2: 8}

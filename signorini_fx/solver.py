@@ -33,7 +33,8 @@ from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import Task, run
+from signorini_fx.strategy import run
+from signorini_fx.task import Task
 
 
 def solve(

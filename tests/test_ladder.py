@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx import resting, solver, strategy
+from signorini_fx import resting, solver, strategy, task
 from signorini_fx.algorithms import descent, ladder
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import History
@@ -171,7 +171,7 @@ def test_damping(monkeypatch):
 @pytest.fixture
 def no_rungs(monkeypatch):
     """No help for single problems, so that what comes after is needed."""
-    monkeypatch.setattr(strategy, "climb", lambda newton, data, sets, failed, measure: failed)
+    monkeypatch.setattr(task, "climb", lambda newton, data, sets, failed, measure: failed)
 
 
 @pytest.mark.usefixtures("no_rungs")
@@ -223,7 +223,7 @@ def test_a_ladder_that_fails_restores_the_start(monkeypatch):
 
         return iter([("nothing", softer)])
 
-    monkeypatch.setattr(strategy, "climb", failing)
+    monkeypatch.setattr(task, "climb", failing)
     monkeypatch.setattr(ladder, "_rungs", no_help)
     alone(jumping(), check=False)
     assert seen[0] == (Status.CYCLING, True)
