@@ -139,7 +139,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Ground",
             "errors, outcomes, ranks, versions",
-            ("errors", "results", "parallel", "launcher", "options", "compat", "petsc_c"),
+            ("errors", "requirements", "results", "parallel", "launcher", "options", "compat", "petsc_c"),
         ),
     ),
 )

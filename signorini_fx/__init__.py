@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "errors": ("ConvergenceError", "MeshError", "SceneError", "SignoriniError"),
+    "errors": ("ConvergenceError", "InstallationError", "MeshError", "SceneError", "SignoriniError"),
     "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "results": ("Status",),
     "io": ("write_results",),
@@ -49,5 +49,12 @@ __all__ = sorted(_MODULE_OF)
 
 def __getattr__(name: str) -> Any:
     if name in _MODULE_OF:
-        return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
+        try:
+            return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
+        except ModuleNotFoundError as error:
+            failure = error
+        from signorini_fx.requirements import check_fenicsx
+
+        check_fenicsx()
+        raise failure
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -118,6 +118,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _report(options)
     if options.command in ("convert", "mesh-info"):
         return _mesh_file(options)
+    from signorini_fx.errors import InstallationError
+    from signorini_fx.requirements import check_fenicsx
+
+    try:
+        check_fenicsx()
+    except InstallationError as error:
+        if started_as_root():
+            print(f"signorini-fx: error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     from mpi4py import MPI
 
     # mpirun and batch systems ask with SIGTERM, and kill soon after.

@@ -10,9 +10,11 @@ import numpy.typing as npt
 from dolfinx import mesh
 from mpi4py import MPI
 
+from signorini_fx.errors import InstallationError
+
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 if VERSION < (0, 9):
-    raise ImportError(f"signorini_fx needs dolfinx >= 0.9, found {dolfinx.__version__}")
+    raise InstallationError(f"dolfinx is {dolfinx.__version__}")
 
 
 def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:

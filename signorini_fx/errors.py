@@ -51,3 +51,16 @@ class OutputError(SignoriniError):
 
 class ResultError(SignoriniError):
     """A result folder cannot be read: it is none, or not whole."""
+
+
+_CHANNELS = """FEniCSx with dolfinx >= 0.9 is needed; pip does not have it. Install it by one of
+    apt install python3-dolfinx python3-gmsh                              (Debian 13)
+    conda install -c conda-forge fenics-dolfinx mpich python-gmsh
+    docker build -t signorini-fx .                                        (in the checkout, or use its ./env)"""
+
+
+class InstallationError(SignoriniError, ImportError):
+    """FEniCSx is missing or too old."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}: {_CHANNELS}")
