@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import accuracy
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.reference import Reference, divided
 from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy, read_scene
+from signorini_fx.scene import Accuracy, parse_scene, read_scene
 from signorini_fx.solver import solve
 from tests.scenes import example1, on_mesh, rectangle
 
@@ -74,6 +75,24 @@ def test_nodes_where_loads_jump_are_kept():
         meshes = accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
         assert meshes.scene.mesh.parameters["nx"] == coarse_nx
         assert meshes.scene.mesh.parameters["ny"] == coarse_ny
+
+
+def test_supports_begin_where_the_scene_says():
+    """A first mesh on which a named side would begin elsewhere is none: cells that are divided would keep it there."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "notched_sides", "parameters": {"nx": 60, "ny": 20, "lower": 0.25}},
+            "material": {"young": 1e4, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0, "y": -0.004} for side in ("left", "right")],
+            "contact": {"boundary": "bottom", "gap": 0.0015},
+            "accuracy": {"target": 0.2},
+        }
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    tagged = solution.discretisation.tagged
+    for side in ("left", "right"):
+        points = tagged.mesh.geometry.x[dmesh.entities_to_geometry(tagged.mesh, 1, tagged.facets(side))]
+        assert points[:, :, 1].min() == pytest.approx(0.25)
 
 
 def test_uniform_meshes_jump_to_what_is_needed():
