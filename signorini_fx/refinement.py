@@ -34,6 +34,18 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -
     return np.flatnonzero(squares >= low).astype(np.int32)
 
 
+def check_divisible(tagged: TaggedMesh) -> None:
+    """Refuse a mesh that ``refine`` cannot divide.
+
+    Raises:
+        MeshError: the cells are no triangles, or not straight.
+    """
+    if tagged.mesh.topology.cell_name() != "triangle":
+        raise MeshError("only triangles can be refined: use cell = 'triangle', or a generator and uniform refinement")
+    if compat.geometry_degree(tagged.mesh) > 1:
+        raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
+
+
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
     """Bisect triangles; the mesh stays conforming, and cells stay on their rank.
 
@@ -44,11 +56,8 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     Raises:
         MeshError: the cells are no triangles, or not straight.
     """
+    check_divisible(tagged)
     mesh = tagged.mesh
-    if mesh.topology.cell_name() != "triangle":
-        raise MeshError("only triangles can be refined: use cell = 'triangle', or a generator and uniform refinement")
-    if compat.geometry_degree(mesh) > 1:
-        raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
     for pair in ((1, 0), (1, 2), (2, 1)):
         mesh.topology.create_connectivity(*pair)
     edges = None if cells is None else dmesh.compute_incident_entities(mesh.topology, cells, 2, 1)
