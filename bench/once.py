@@ -8,7 +8,6 @@ WHAT is tresca, fp, newton (the package) or mumps, cholmod (one linear solve).
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from collections.abc import Iterator
@@ -20,13 +19,9 @@ import linear
 from mpi4py import MPI
 
 from signorini_fx import TaggedMesh, parallel, solve, solver
+from signorini_fx.price_list import peak_memory
 
 _WARM = 96  # cells along the bottom of the solve that loads and compiles everything
-
-
-def peak() -> float:
-    """Largest resident memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 @contextmanager
@@ -56,7 +51,7 @@ def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
     comm = MPI.COMM_WORLD
     if what in linear.PACKAGES:
         tagged = example1.tagged_mesh(nx, comm)
-        start, before = time.perf_counter(), peak()
+        start, before = time.perf_counter(), peak_memory(MPI.COMM_SELF)
         _, phases = linear.solve(tagged, what)
         return {"seconds": time.perf_counter() - start, "before": before, "phases": phases, "status": "converged"}
     law = "tresca" if what == "tresca" else "coulomb"
@@ -66,7 +61,7 @@ def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
     # Nested iteration makes its meshes itself, which does not count; the other kind gets its mesh.
     mesh = example1.tagged_mesh(nx, comm) if levels == 1 else nx
     with _stopwatch() as making:
-        start, before = time.perf_counter(), peak()
+        start, before = time.perf_counter(), peak_memory(MPI.COMM_SELF)
         solution = solve(example1.scene(law, mesh, **settings), comm, check=False)
         seconds = time.perf_counter() - start - sum(making)
     phases = {name: value for name, value in solution.timings.seconds.items() if name != "mesh"}
@@ -92,7 +87,7 @@ def main(arguments: list[str]) -> int:
     found["ranks"] = comm.size
     for name in ("seconds", "before"):
         found[name] = parallel.global_max(comm, found[name])
-    found["peak"] = parallel.global_max(comm, peak())
+    found["peak"] = parallel.global_max(comm, peak_memory(MPI.COMM_SELF))
     parallel.log_on_root(comm, json.dumps(found))
     return 0
 

@@ -60,7 +60,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
+            ("solver", "strategy", "task", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
         ),
     ),
     (
@@ -82,7 +82,15 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Linear algebra",
             "how its linear systems are solved",
-            ("linalg.choice", "linalg.full", "linalg.condensed", "linalg.coarsened", "linalg.schur", "linalg.rotated"),
+            (
+                "linalg.choice",
+                "linalg.full",
+                "linalg.condensed",
+                "linalg.schur",
+                "linalg.transformed",
+                "linalg.rotated",
+                "linalg.coarsened",
+            ),
         ),
     ),
     (
@@ -131,7 +139,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Ground",
             "errors, outcomes, ranks, versions",
-            ("errors", "requirements", "results", "parallel", "options", "compat", "petsc_c"),
+            ("errors", "requirements", "results", "parallel", "launcher", "options", "compat", "petsc_c"),
         ),
     ),
 )

@@ -24,9 +24,6 @@ from pydantic import ConfigDict, validate_call
 from signorini_fx.mesh import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse_too_large
 
-# gmsh is given the disk with this radius.
-_DRAWN_RADIUS = 8.0
-
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
 def generate(

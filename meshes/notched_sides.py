@@ -23,7 +23,7 @@ from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
 from signorini_fx.mesh import tag_boundaries
-from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
+from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
@@ -47,7 +47,7 @@ def generate(
         comm: the ranks that share the mesh.
         length: extent along x[0].
         height: extent along x[1].
-        lower: where left and right begin; put nodes there, that is, lower / height should be a multiple of 1 / ny.
+        lower: where left and right begin, at nodes: lower / height is a multiple of 1 / ny.
         nx: cells along x[0].
         ny: cells along x[1].
         cell: shape of the cells.
@@ -55,7 +55,14 @@ def generate(
 
     Returns:
         The mesh with the boundaries left, right, bottom, top; the lower parts of the sides have no name.
+
+    Raises:
+        SceneError: left and right would begin elsewhere than at ``lower``, so that the body would be held elsewhere.
     """
+    near = 1e-9 * max(length, height)
+    row = round(lower / height * ny)
+    if not 0 < row < ny or abs(lower - row * height / ny) > near:
+        refuse("lower", f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of {height / ny:g}")
     refuse_too_large(comm, cells_of_grid(nx, ny, cell))
     mesh = dmesh.create_rectangle(
         comm,
@@ -64,7 +71,6 @@ def generate(
         dmesh.CellType[cell],
         diagonal=dmesh.DiagonalType[diagonal],
     )
-    near = 1e-9 * max(length, height)
     return tag_boundaries(
         mesh,
         {

@@ -55,7 +55,7 @@ def _read(file: str, arrays: str) -> None:
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
     blocks: list[Any] = []
     kinds: list[str] = []
-    physical: list[int] = []
+    physical: list[list[int]] = []
     sets: dict[str, list[int]] = {}
     for dim, entity in gmsh.model.getEntities():
         own = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
@@ -69,13 +69,13 @@ def _read(file: str, arrays: str) -> None:
                 sets.setdefault(label, []).append(len(blocks))
             blocks.append(_places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count))
             kinds.append(_TYPES.get(int(kind), name))
-            physical.append(own[0] if own else -1)
+            physical.append(own)
     np.savez(
         arrays,
         points=np.asarray(x).reshape(-1, 3),
         kinds=json.dumps(kinds),
         sets=json.dumps(sets),
-        physical=np.array(physical, dtype=np.int64),
+        physical=json.dumps(physical),
         **{f"block_{k}": nodes for k, nodes in enumerate(blocks)},
     )
 

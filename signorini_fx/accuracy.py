@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,15 +18,16 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import TaggedMesh, load_mesh, triangle_parameters
+from signorini_fx.mesh import load_mesh, triangle_parameters
 from signorini_fx.nested import scene_on
 from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
 from signorini_fx.quantities import ContactState
-from signorini_fx.refinement import check_refinable, mark, refine
+from signorini_fx.refinement import check_divisible, mark, refine
 from signorini_fx.results import Status
 from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution
-from signorini_fx.strategy import LARGEST_GAMMA, Task
+from signorini_fx.strategy import LARGEST_GAMMA
+from signorini_fx.task import Task
 
 # Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
 _COARSER = {1: 4, 2: 8}
@@ -111,7 +111,7 @@ def solve_to_accuracy(
         enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
-        meshes.raise_gamma(task, left / goal.target)
+        meshes.raise_gamma(task, level.regularisation, left / goal.target)
         allowed = goal.target * (1 - _REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
@@ -157,8 +157,9 @@ class Meshes:
     def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
         self._generated = isinstance(scene.mesh, MeshGenerator)
         if not self._generated:
-            scene = scene.model_copy(update={"mesh": load_mesh(scene, comm)})
-            check_refinable(cast(TaggedMesh, scene.mesh))
+            tagged = load_mesh(scene, comm)
+            check_divisible(tagged)  # before hours have been spent on it as it is
+            scene = scene.model_copy(update={"mesh": tagged})
         given = scene.element, scene.mesh
         scene, self.adaptive = _prepared(scene, goal)
         other = (scene.element, scene.mesh) != given
@@ -216,14 +217,27 @@ class Meshes:
             self.scene = self.scene.model_copy(update={"mesh": mesh})
         self.seconds = time.perf_counter() - begin
 
-    def raise_gamma(self, task: Task, excess: float) -> None:
-        """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma."""
+    def raise_gamma(self, task: Task, left: float, excess: float) -> None:
+        """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
+
+        Path-following finds gamma itself: it is allowed less.
+
+        Args:
+            task: the contact problem on the last mesh.
+            left: what its regularisation leaves, relative in the energy norm.
+            excess: the same of what is asked for, relative to the target.
+        """
         factor = excess / _REGULARISATION_SHARE
         if factor <= 1:
             return
-        largest, data = LARGEST_GAMMA * task.natural_gamma, task.data
-        gammas = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
-        solver = self.scene.solver.model_copy(update=gammas)
+        settings, data = self.scene.solver, task.data
+        largest = LARGEST_GAMMA * task.natural_gamma
+        update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
+        if settings.algorithm == "path-following":
+            allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
+            # With Coulomb friction its own figure is that of the start: halves, at least, come to an end.
+            update = {"regularisation_error": min(allowed, left) / max(factor, 2.0)}
+        solver = settings.model_copy(update=update)
         self.scene = self.scene.model_copy(update={"solver": solver})
 
     def _scene(self) -> Scene:
@@ -232,7 +246,16 @@ class Meshes:
 
 
 def _prepared(scene: Scene, goal: Accuracy) -> tuple[Scene, bool]:
-    """The scene with the elements that are to be used, and whether to refine where the error is."""
+    """The scene with the elements that are to be used, and whether to refine where the error is.
+
+    Raises:
+        SceneError: cells on arcs are to be divided, which would converge to the solution on a polygon.
+    """
+    if goal.refinement == "adaptive" and isinstance(scene.mesh, MeshGenerator):
+        name = scene.mesh.generator
+        if triangle_parameters(name, scene.mesh.parameters) is None:
+            message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
+            raise SceneError([("accuracy.refinement", message)])
     if goal.refinement != "auto":
         return scene, goal.refinement == "adaptive"
     # The other estimates compare meshes point by point, which those that differ from place to place do not bear well.

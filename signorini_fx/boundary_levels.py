@@ -22,7 +22,8 @@ from signorini_fx.linalg.coarsened import CoarsenedSystem
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.nested import carry_over
 from signorini_fx.results import Status
-from signorini_fx.strategy import Task, run
+from signorini_fx.strategy import run
+from signorini_fx.task import Task
 
 # A boundary of fewer nodes takes no time worth saving; and the iteration of the paper's examples stays as published.
 _FEWEST_NODES = 300

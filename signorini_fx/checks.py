@@ -33,7 +33,7 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.loads import LoadCase
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import coarser_scenes
-from signorini_fx.refinement import check_refinable
+from signorini_fx.refinement import check_divisible
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions, rigid_motions
 from signorini_fx.scene import (
@@ -178,7 +178,7 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None,
     if scene.accuracy is not None and (
         not isinstance(scene.mesh, MeshGenerator) or scene.accuracy.refinement == "adaptive"
     ):
-        check_refinable(d.tagged)
+        check_divisible(d.tagged)
     if d.boundary is None:
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)

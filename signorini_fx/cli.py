@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from signorini_fx import __version__
+from signorini_fx.launcher import started_as_root
 
 if TYPE_CHECKING:
     from signorini_fx.checks import Check, Cost
@@ -22,19 +23,13 @@ if TYPE_CHECKING:
     from signorini_fx.solution import Solution
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
-_RANK_VARIABLES = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
-
-
-def _started_as_root() -> bool:
-    """Whether this process prints help; known from the launcher, before MPI is there."""
-    return next((os.environ[name] for name in _RANK_VARIABLES if name in os.environ), "0") == "0"
 
 
 class _Parser(argparse.ArgumentParser):
     """Prints on one rank, and ends with the exit code of bad input."""
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        if _started_as_root():
+        if started_as_root():
             super()._print_message(message, file)
 
     def error(self, message: str) -> NoReturn:
@@ -147,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         check_fenicsx()
     except InstallationError as error:
-        if _started_as_root():
+        if started_as_root():
             print(f"signorini-fx: error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     from mpi4py import MPI
@@ -301,7 +296,7 @@ def _new(file: Path) -> int:
     """Write the starting scene; only one of several processes does."""
     from signorini_fx.template import starting_scene
 
-    if not _started_as_root():
+    if not started_as_root():
         return EXIT_OK
     try:
         with file.open("x", encoding="utf-8") as out:
@@ -322,7 +317,7 @@ def _report(options: argparse.Namespace) -> int:
     from signorini_fx.errors import SignoriniError
     from signorini_fx.report import write_report
 
-    if not _started_as_root():
+    if not started_as_root():
         return EXIT_OK
     try:
         print(write_report(options.folder, options.out))
@@ -338,7 +333,7 @@ def _mesh_file(options: argparse.Namespace) -> int:
     from signorini_fx.mesh_formats import read_file, write_file
     from signorini_fx.mesh_info import mesh_info, render
 
-    if not _started_as_root():
+    if not started_as_root():
         return EXIT_OK
     try:
         if options.command == "convert":
@@ -359,7 +354,7 @@ def _mesh_file(options: argparse.Namespace) -> int:
 def _schema() -> int:
     from signorini_fx.template import scene_schema
 
-    if _started_as_root():
+    if started_as_root():
         print(json.dumps(scene_schema(), indent=2))
     return EXIT_OK
 

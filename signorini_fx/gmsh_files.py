@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from signorini_fx import _gmsh_process
+from signorini_fx import _gmsh_process, launcher
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh_arrays import RawMesh
+from signorini_fx.mesh_arrays import Ints, RawMesh
 
 # CPU seconds: for reading a file, so many and so many for each megabyte; for a script, which may mesh a large geometry.
 _READ_SECONDS, _SECONDS_PER_MEGABYTE, _SCRIPT_SECONDS = 60, 5, 1200
@@ -48,15 +48,20 @@ def read_gmsh(file: Path) -> RawMesh:
     with tempfile.TemporaryDirectory() as folder, np.load(_arrays(file, Path(folder)), allow_pickle=False) as arrays:
         sets = json.loads(str(arrays["sets"]))
         blocks = [(kind, arrays[f"block_{k}"]) for k, kind in enumerate(json.loads(str(arrays["kinds"])))]
-        points, physical = arrays["points"], arrays["physical"]
+        points, physical = arrays["points"], json.loads(str(arrays["physical"]))
     every = [np.arange(len(nodes)) for _, nodes in blocks]
     none = np.empty(0, dtype=np.int64)
     return RawMesh(
         points,
         blocks,
         {name: [rows if k in own else none for k, rows in enumerate(every)] for name, own in sets.items()},
-        data={"gmsh:physical": [np.full(len(rows), tag) for rows, tag in zip(every, physical, strict=True)]},
+        data={"gmsh:physical": [_repeated(own, len(rows)) for rows, own in zip(every, physical, strict=True)]},
     )
+
+
+def _repeated(groups: list[int], count: int) -> Ints:
+    """The numbers of the groups for each of so many elements, shape (count, groups or 1); -1: in none."""
+    return np.tile(np.array(groups or [-1], dtype=np.int64), (count, 1))
 
 
 def _arrays(file: Path, folder: Path) -> Path:
@@ -79,8 +84,6 @@ def _arrays(file: Path, folder: Path) -> Path:
         seconds = _READ_SECONDS + _SECONDS_PER_MEGABYTE * (size >> 20)
         memory = _BASE_BYTES + _BYTES_PER_BYTE * size
     arrays, complaint = folder / "arrays.npz", folder / "complaint.txt"
-    # The launcher's variables would make a gmsh with MPI believe that it is one of our ranks.
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "PRTE_"))}
     command = [sys.executable, "-P", _gmsh_process.__file__, str(file.absolute()), str(arrays), str(complaint)]
     try:
         process = subprocess.run(
@@ -88,7 +91,7 @@ def _arrays(file: Path, folder: Path) -> Path:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            env=environment,
+            env=launcher.environment_of_no_rank(),
             timeout=4 * seconds,
             check=False,
         )

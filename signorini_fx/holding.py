@@ -53,7 +53,8 @@ def hold(
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
     if not balance_exists(data, boundary, motions, resultant):
-        pressing = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
+        pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
+        pressing = pressed and resultant.any()  # without a load a pressure is round-off
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
     slipping = _ranked(boundary, (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
     opening = _ranked(boundary, sets.contact & ~following.contact, -pressure)

@@ -39,7 +39,8 @@ class RawMesh:
         blocks: (kind in meshio's words, nodes of shape (elements, nodes of each)).
         sets: name -> for each block the numbers of its elements that belong.
         node_sets: name -> numbers of points.
-        data: name -> for each block one whole number an element.
+        data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
+            several its numbers, shape (elements, k); below 0 is none.
     """
 
     points: Floats
@@ -172,7 +173,7 @@ class _Entities:
 
     def with_number(self, numbers: list[Ints], value: int) -> Ints:
         """Those whose elements have this number."""
-        return self.take(lambda block: np.flatnonzero(numbers[block] == value))
+        return self.take(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
 
 
 def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:

@@ -13,6 +13,7 @@ import resource
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -116,7 +117,12 @@ class Price:
 
 def peak_memory(comm: MPI.Comm) -> float:
     """Largest resident memory so far, summed over the ranks, MB; collective."""
-    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    # Linux hands ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        own = int(status.split("VmHWM:")[1].split()[0]) / 1024
+    except (OSError, IndexError):  # no Linux
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return float(parallel.global_sum(comm, np.array(own)))
 
 

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.launcher import environment_of_no_rank
+
 # Stem of the picture -> what it shows.
 FIELDS = {
     "field_displacement": "Size of the displacement",
@@ -26,7 +28,6 @@ FIELDS = {
 _PATIENCE = 300.0  # seconds; a million cells take some ten
 _WIDTH = 1200  # pixels
 _EDGES_UP_TO = 20_000  # cells whose edges can still be told apart
-_LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_")  # VTK may know MPI, and is no rank of ours
 
 
 def draw_fields(
@@ -62,8 +63,7 @@ def draw_fields(
             factor=factor,
         )
         search = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
-        environment = {key: value for key, value in os.environ.items() if not key.startswith(_LAUNCHERS)}
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, search))
+        environment = environment_of_no_rank() | {"PYTHONPATH": os.pathsep.join(filter(None, search))}
         command = [sys.executable, "-m", __name__, scratch]
         try:
             subprocess.run(command, env=environment, check=True, capture_output=True, timeout=_PATIENCE)

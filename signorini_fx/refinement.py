@@ -34,8 +34,8 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -
     return np.flatnonzero(squares >= low).astype(np.int32)
 
 
-def check_refinable(tagged: TaggedMesh) -> None:
-    """Find out early whether ``refine`` takes a mesh.
+def check_divisible(tagged: TaggedMesh) -> None:
+    """Refuse a mesh that ``refine`` cannot divide.
 
     Raises:
         MeshError: the cells are no triangles, or not straight.
@@ -56,7 +56,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     Raises:
         MeshError: the cells are no triangles, or not straight.
     """
-    check_refinable(tagged)
+    check_divisible(tagged)
     mesh = tagged.mesh
     for pair in ((1, 0), (1, 2), (2, 1)):
         mesh.topology.create_connectivity(*pair)

@@ -87,7 +87,7 @@ def _furthest(
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        stops = along > 0
+        stops = along > _SMALL * along.max(initial=0.0)  # beside a wall that it slides along nothing but round-off
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
     result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
     if result.status != 0:

@@ -19,7 +19,7 @@ from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.errors import ConvergenceError, SceneError
+from signorini_fx.errors import ConvergenceError, MeshError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
@@ -33,7 +33,8 @@ from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import Task, run
+from signorini_fx.strategy import run
+from signorini_fx.task import Task
 
 
 def solve(
@@ -117,15 +118,16 @@ _HELPING_MESHES = 2
 
 
 def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
-    """The last resort: nested iteration, if the generator makes coarser meshes."""
+    """The last resort: nested iteration, if the generator makes coarser meshes that have what the scene names."""
+    if not isinstance(scene.mesh, MeshGenerator):
+        return failed
     try:
-        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES) if isinstance(scene.mesh, MeshGenerator) else []
-    except SceneError:
+        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES)
+        history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+        solution = _solve_nested([*coarse, scene], comm, history)
+    except (SceneError, MeshError) as error:
+        history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
         return failed
-    if not coarse:
-        return failed
-    history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
-    solution = _solve_nested([*coarse, scene], comm, history)
     return solution if solution.converged else failed
 
 

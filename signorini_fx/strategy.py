@@ -9,40 +9,22 @@ fp.  Load steps repeat the method, each from the state that the one before has l
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
-from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.path_following import path_following
-from signorini_fx.algorithms.ssn import History, SemismoothNewton
-from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import (
-    ActiveSets,
-    FrictionLaw,
-    Nodal,
-    RegularisedData,
-    slip_multiplier,
-    slip_of,
-)
-from signorini_fx.exact import ExactProblem
+from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.holding import balance_exists
-from signorini_fx.linalg import ElasticSystem
-from signorini_fx.linalg.rotated import rotate
-from signorini_fx.problem import ContactProblem, RegularisedProblem
-from signorini_fx.quantities import ContactState
-from signorini_fx.resting import Rest
 from signorini_fx.results import OuterRecord, Status
-from signorini_fx.rigid import RigidMotions
-from signorini_fx.scene import SolverSettings
+from signorini_fx.task import Task
 
 # gamma above this times E / size of the body loses the last digits that double precision has for contact pressures.
 LARGEST_GAMMA = 1e9
@@ -52,165 +34,8 @@ START_GAMMA = 100.0
 CONTINUATION_SHARE = 1e-4
 # Fixed points that do not contract are damped, more and more.
 _DAMPING = (0.5, 0.2)
-# The augmented Lagrangian method takes over with a gamma that much smaller.
+# The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
 _AUGMENTED_SHARE = 1e-3
-
-
-@dataclass
-class Task:
-    """A contact problem ready to be solved, and what the algorithms leave behind.
-
-    Attributes:
-        settings: the solver settings of the scene.
-        system: the elastic system.
-        boundary: the contact nodes.
-        motions: rigid motions of the body.
-        data: the regularised problem with the gamma of the scene.
-        law: the friction law, None without friction.
-        has_coulomb: whether its bound follows the pressure anywhere.
-        first_sets: sets of the first linear solve; None: from the iterate.
-        first_iteration: its number.
-        start: (lambda, mu) to start from, where there are any.
-        rest: where displacements are counted from; None: from where the body was at first.
-        natural_gamma: E over the size of the body, the natural unit of gamma.
-        history: records.
-        linear_algebra: which kind of elastic system it is, and why.
-        goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
-        step: the load step, from 0.
-        x: the iterate.
-        problem: the problem that holds the answer.
-        monolithic: whether Coulomb friction was solved monolithically.
-        regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
-    """
-
-    settings: SolverSettings
-    system: ElasticSystem
-    boundary: ContactBoundary
-    motions: RigidMotions
-    data: RegularisedData
-    law: FrictionLaw | None
-    has_coulomb: bool
-    first_sets: ActiveSets | None
-    first_iteration: int
-    natural_gamma: float
-    history: History
-    linear_algebra: str
-    goal: Callable[[PETSc.Vec], float]
-    start: tuple[Nodal, Nodal] | None = None
-    rest: Rest | None = None
-    step: int = 0
-    x: PETSc.Vec = field(init=False)
-    problem: ContactProblem = field(init=False)
-    monolithic: bool = False
-    regularisation_error: float | None = None
-
-    def __post_init__(self) -> None:
-        self.x = self.system.start.copy()
-        self._regularised = self.problem = RegularisedProblem(self.system, self.boundary, self.motions)
-        self._symmetric = self._newton(self._regularised)
-        self._unsymmetric: SemismoothNewton | None = None
-        self._exact: SemismoothNewton | None = None
-
-    def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
-        start = self.x if problem is self._regularised else problem.system.start.copy()
-        return SemismoothNewton(
-            problem,
-            start,
-            self.settings.max_iterations,
-            self.history,
-            symmetric=symmetric,
-            climb=climb if self.settings.fallbacks else None,
-            limited=_limited(self.settings, "max_iterations"),
-        )
-
-    @property
-    def newton(self) -> SemismoothNewton:
-        """The inner method on the regularised problem."""
-        return self._symmetric
-
-    @property
-    def unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
-        if self._unsymmetric is None:
-            self._unsymmetric = self._newton(self._regularised, symmetric=False)
-        return self._unsymmetric
-
-    @property
-    def exact_newton(self) -> SemismoothNewton:
-        """The inner method on the unregularised problem, with an iterate of its own."""
-        if self._exact is None:
-            system, boundary = rotate(self.system, self.boundary)
-            self._exact = self._newton(ExactProblem(system, boundary, self.boundary, self.motions))
-        return self._exact
-
-    @property
-    def answer(self) -> SemismoothNewton:
-        """The inner method whose iterate is the answer."""
-        return self._symmetric if self.problem is self._regularised else self.exact_newton
-
-    def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the answer, counted from where the body rests."""
-        return self.problem.system.displacement(self.answer.x)
-
-    def contact(self) -> ContactState:
-        """The contact nodes of this rank as the answer has them, displacements from where the body was at first."""
-        problem = self.problem
-        sets, data = problem.sets, problem.data
-        u_n, u_t = problem.traces(self.answer.x)
-        rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
-        pressure, shear = self.answer.multipliers()
-        return ContactState(
-            boundary=self.boundary,
-            gap=data.gap + rest_n,
-            u_n=u_n + rest_n,
-            u_t=u_t + rest_t,
-            pressure=pressure,
-            shear=shear,
-            # Of the law itself: the iteration may have stopped with the bound of the pressure before.
-            bound=np.zeros_like(pressure) if not data.has_friction or self.law is None else self.law.bound(pressure),
-            in_contact=sets.contact,
-            slip=sets.slip,
-            has_friction=data.has_friction,
-            bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
-            slip_length=slip_of(u_t, data),
-            xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
-            lambda_hat=data.lambda_hat,
-            mu_hat=data.mu_hat,
-            compliance=(1 / data.gamma_n, 1 / data.gamma_t),
-        )
-
-    def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:
-        """Start from sets and (lambda, mu) that another mesh, or fewer contact nodes, have led to."""
-        self.first_sets, self.first_iteration, self.start = sets, 1, start
-
-    def gave_up(self, status: Status) -> bool:
-        """Whether a method has failed that was not told when to end."""
-        limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
-        return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
-
-    def restart(self, step: int, scale: float = 1.0) -> None:
-        """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
-        for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
-            problem.system.set_step(step, scale)
-        fixed = self.system.fixed
-        self.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
-        self.problem = self._regularised
-
-    def next_step(self) -> None:
-        """Go on to the next load step: friction acts on what is added to the slip, from the shear that there is."""
-        _, u_t = self.problem.traces(self.answer.x)
-        pressure, shear = self.answer.multipliers()
-        self.step += 1
-        self.restart(self.step)
-        self.data = replace(self.data, slip_origin=u_t)
-        if self.law is not None:
-            self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
-        self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
-
-
-def _limited(settings: SolverSettings, name: str) -> bool:
-    """Whether a limit is lower than usual: then it is an end that was asked for, and no failure."""
-    return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)
 
 
 def run(task: Task) -> Status:
@@ -234,6 +59,7 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
     """
     s, newton = task.settings, task.newton
     task.problem = newton.problem
+    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / task.data.gamma_n))
     data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
     task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
     task.monolithic = False
@@ -256,7 +82,10 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
                 max_outer=s.max_outer_iterations,
                 shift=True,
             )
-    return status if status is Status.CONVERGED else failed
+    if status is not Status.CONVERGED:
+        return failed
+    task.regularisation_error = None  # what path-following left is not left here
+    return status
 
 
 def _nothing_acts(task: Task) -> bool:
@@ -274,13 +103,18 @@ def _nothing_acts(task: Task) -> bool:
 
 def _stay(task: Task) -> Status:
     """Zero is the solution; nothing is solved for."""
-    nodes = task.boundary.size
     task.x.set(0.0)
-    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
-    task.problem.sets = task.problem.following
+    _touch_nothing(task)
     task.history.add("nothing loads the body: it stays where it is")
     task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
     return Status.CONVERGED
+
+
+def _touch_nothing(task: Task) -> None:
+    """The sets of a body that nothing was solved for: no contact, hence no traction."""
+    nodes = task.boundary.size
+    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
+    task.problem.sets = task.problem.following
 
 
 def _given_friction(task: Task, data: RegularisedData) -> Status:
@@ -329,7 +163,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
         data = _coulomb_start(task)
         lost = _no_balance(task, law) if data.bound is not None else None
         if lost is not None:
-            task.problem.set_data(task.data)
+            _touch_nothing(task)
             return lost
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
             status = newton.solve(data, first_sets, first_iteration=task.first_iteration)

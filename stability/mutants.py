@@ -395,12 +395,12 @@ MUTANTS = (
     ),
     # From mesh to mesh and step to step.
     Mutant(
-        "strategy.py",
+        "task.py",
         "replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))",
         "replace(self.data, bound=self.law.bound(pressure))",
         "load steps forget the shear",
     ),
-    Mutant("strategy.py", "self.data = replace(self.data, slip_origin=u_t)", "pass", "load steps forget the slip"),
+    Mutant("task.py", "self.data = replace(self.data, slip_origin=u_t)", "pass", "load steps forget the slip"),
     Mutant(
         "nested.py",
         "slip[here] = np.where((slips == slips[:, :1]).all(axis=1), slips[:, 0], 0)",

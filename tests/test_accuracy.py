@@ -1,19 +1,23 @@
 """An accuracy that is asked for is reached, or the budget ends by name."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import accuracy
 from signorini_fx.checks import check_scene
-from signorini_fx.errors import MeshError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh import generate_mesh
 from signorini_fx.reference import Reference, divided
 from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy
+from signorini_fx.scene import Accuracy, parse_scene, read_scene
 from signorini_fx.solver import solve
-from tests.scenes import example1
+from tests.scenes import example1, on_mesh, rectangle
 
+SCENES = Path(__file__).parent.parent / "demos" / "scenes"
 FRICTION = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 
 
@@ -75,6 +79,24 @@ def test_nodes_where_loads_jump_are_kept():
         assert meshes.scene.mesh.parameters["ny"] == coarse_ny
 
 
+def test_supports_begin_where_the_scene_says():
+    """A first mesh on which a named side would begin elsewhere is none: cells that are divided would keep it there."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "notched_sides", "parameters": {"nx": 60, "ny": 20, "lower": 0.25}},
+            "material": {"young": 1e4, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0, "y": -0.004} for side in ("left", "right")],
+            "contact": {"boundary": "bottom", "gap": 0.0015},
+            "accuracy": {"target": 0.2},
+        }
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    tagged = solution.discretisation.tagged
+    for side in ("left", "right"):
+        points = tagged.mesh.geometry.x[dmesh.entities_to_geometry(tagged.mesh, 1, tagged.facets(side))]
+        assert points[:, :, 1].min() == pytest.approx(0.25)
+
+
 def test_uniform_meshes_jump_to_what_is_needed():
     """The scene's own elements, in whole multiples of the coarsest, with few meshes in between."""
     solution = solve(asked("tresca", target=2e-2, of="energy", refinement="uniform"), MPI.COMM_SELF)
@@ -97,16 +119,6 @@ def test_own_triangles(overkill, of):
     assert solution.discretisation.dofs < 20_000
 
 
-@pytest.mark.parametrize("find_out", [solve, check_scene])
-def test_cells_that_cannot_be_divided_are_refused_at_once(find_out, monkeypatch):
-    """Quadrilaterals of one's own: said before anything is solved, by check too."""
-    monkeypatch.setattr(accuracy, "refine", None)
-    scene = asked("tresca", target=0.1)
-    own = generate_mesh(scene.mesh.generator, {**scene.mesh.parameters, "nx": 30, "ny": 10}, MPI.COMM_SELF)
-    with pytest.raises(MeshError, match="only triangles can be refined"):
-        find_out(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
-
-
 @pytest.mark.parametrize("target", [1e-2, 1e-3])
 def test_peak(reference, target):
     """The same for the largest pressure."""
@@ -121,6 +133,41 @@ def test_gamma_is_raised_where_it_is_in_the_way():
     solution = solve(scene.model_copy(update={"accuracy": Accuracy(target=3e-2, of="pressure")}))
     assert solution.parameters["gamma_n"] > 1e6
     assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_path_following_leaves_less_where_it_is_in_the_way():
+    """What the scene lets it leave is more than the target: it is lowered, and no mesh is solved for ever."""
+    meshes = []
+
+    def watch(record):
+        if isinstance(record, str) and record.startswith("level "):
+            meshes.append(record)
+            assert len(meshes) < 15
+
+    path = {"algorithm": "path-following", "regularisation_error": 0.1}
+    scene = example1(bound=1.5, gamma="auto", nx=24, ny=8, **path)
+    goal = Accuracy(target=3e-2, of="pressure")
+    solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF, observers=[watch])
+    assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_arcs_are_not_divided():
+    """Cells on an arc would converge to a polygon: refused, and not solved for it."""
+    scene = read_scene(SCENES / "hertz.toml")
+    asked = scene.model_copy(update={"accuracy": Accuracy(target=0.05, refinement="adaptive")})
+    with pytest.raises(SceneError, match=r"accuracy\.refinement: the arcs of half_disk"):
+        solve(asked, MPI.COMM_SELF)
+
+
+def test_a_mesh_that_cannot_be_divided_is_refused_first():
+    """Quadrilaterals that are no generator's: said before anything is solved."""
+    scene = on_mesh(asked("tresca", target=0.1), rectangle(nx=6, ny=2))
+    history = []
+    with pytest.raises(MeshError, match="only triangles"):
+        check_scene(scene, MPI.COMM_SELF)
+    with pytest.raises(MeshError, match="only triangles"):
+        solve(scene, MPI.COMM_SELF, observers=[history.append])
+    assert not history
 
 
 def test_budget_ends_by_name():

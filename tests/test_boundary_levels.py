@@ -49,6 +49,39 @@ def test_same_answer_from_fewer_solves(effects):
     assert not plain.history.events
 
 
+@pytest.mark.parametrize(
+    "friction",
+    [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}],
+    ids=lambda friction: friction["law"],
+)
+def test_a_body_that_only_contact_holds(friction):
+    """Displacements count from a resting place, a turn included, and so does slip; on few nodes as on all."""
+
+    def scene(start):
+        return parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.1, "nx": 320, "ny": 4}},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "traction": {"boundary": "top", "x": 0.05, "y": "-1 - x[0]"},
+                "contact": {"boundary": "bottom", "gap": "0.01 + 0.02 * (x[0] - 0.4)**2", "friction": friction},
+                "solver": {"linear_algebra": "condensed", "initial_contact": start},
+            }
+        )
+
+    task = task_of(scene("auto"))
+    assert task.rest is not None
+    assert np.abs(task.rest.u_n).max() > 0.01
+    assert task.data.slip_origin is not None
+    plain, nested = (alone(scene(start)) for start in ("all", "auto"))
+    assert sum("contact nodes first" in event and "converged" in event for event in nested.history.events) == 3
+    assert nested.history.linear_solves < plain.history.linear_solves / 2
+    ours, theirs = table_of(nested).columns, table_of(plain).columns
+    for names, tolerance in ((("pressure", "shear"), 1e-6), (("u_n", "u_t"), 1e-9)):
+        size = max(np.abs(theirs[name]).max() for name in names)
+        for name in names:
+            np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=tolerance * size)
+
+
 def test_few_nodes_start_as_in_the_paper():
     """The examples of the paper keep the iteration of the paper; a start that is given is taken."""
     assert not alone(example1(bound=1.5, nx=120, ny=40)).history.events

@@ -36,7 +36,7 @@ SMALL = {
         {"bottom": 3, "top": 3, "left": 1, "right": 1},
     ),
     "rectangle": ({"nx": 12, "ny": 4}, 3.0, {"bottom": 3, "top": 3, "left": 1, "right": 1}),
-    "notched_sides": ({"nx": 15, "ny": 5}, 3.0, {"bottom": 3, "top": 3, "left": 0.8, "right": 0.8}),
+    "notched_sides": ({"nx": 30, "ny": 10}, 3.0, {"bottom": 3, "top": 3, "left": 0.8, "right": 0.8}),
     "half_disk": ({"contact_size": 0.2}, 32 * pi, {"arc": 8 * pi, "top": 16}),
     "ring_segment": (
         {"contact_size": 0.2},
@@ -248,6 +248,8 @@ def test_curved_cells_are_not_refined():
     [
         ("ring_segment", {"thickness": 9.0}, "thickness"),
         ("ring_segment", {"angle": 180.0}, "angle"),
+        ("notched_sides", {"ny": 10, "lower": 0.25}, "lower"),
+        ("notched_sides", {"lower": 1.0}, "lower"),
         ("block_on_cylinder", {"length": 6.0}, "length"),
         ("block_on_cylinder", {"angle": 100.0}, "angle"),
         ("punch", {"rounding": 2.0}, "rounding"),

@@ -38,6 +38,16 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
     np.testing.assert_allclose(table_of(loose).columns["pressure"], wanted, atol=1e-9 * wanted.max())
 
 
+def test_cycles_of_loose_solves_are_none(monkeypatch):
+    """Where loose solves make the sets come back, exact ones go on from there, and their outcome counts."""
+    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", 0.1)
+    scene = example1(bound=1.5, nx=60, ny=20, fallbacks=False, linear_algebra="krylov")
+    ours = alone(scene, check=False)
+    assert ours.status is Status.CONVERGED
+    wanted = table_of(alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))).columns["pressure"]
+    np.testing.assert_allclose(table_of(ours).columns["pressure"], wanted, atol=1e-8 * wanted.max())
+
+
 def test_far_too_loose_is_no_solution(monkeypatch):
     """Solves that are hardly any do not end in a wrong answer."""
     monkeypatch.setattr(full, "_LOOSE_TOLERANCE", 0.9)

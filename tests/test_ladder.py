@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx import solver, strategy
+from signorini_fx import resting, solver, strategy, task
 from signorini_fx.algorithms import descent, ladder
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import History
@@ -171,7 +171,7 @@ def test_damping(monkeypatch):
 @pytest.fixture
 def no_rungs(monkeypatch):
     """No help for single problems, so that what comes after is needed."""
-    monkeypatch.setattr(strategy, "climb", lambda newton, data, sets, failed, measure: failed)
+    monkeypatch.setattr(task, "climb", lambda newton, data, sets, failed, measure: failed)
 
 
 @pytest.mark.usefixtures("no_rungs")
@@ -204,19 +204,55 @@ def test_giving_up(monkeypatch):
 
 
 def test_a_ladder_that_fails_restores_the_start(monkeypatch):
-    """No half-way iterate is left for what comes after."""
+    """No half-way iterate is left for what comes after, nor the problem of a rung."""
     seen = []
 
     def failing(newton, data, sets, failed, measure):
-        before = newton.x.getArray().copy()
+        before, sets_before = newton.x.getArray().copy(), newton.problem.sets
         status = ladder.climb(newton, data, sets, failed, measure)
+        problem = newton.problem
+        assert problem.data is data
+        assert not problem.sets.changed(sets_before).any()
         seen.append((status, np.array_equal(before, newton.x.getArray())))
         return status
 
-    monkeypatch.setattr(strategy, "climb", failing)
-    monkeypatch.setattr(ladder, "_rungs", lambda *_: iter([("nothing", lambda: Status.MAX_ITERATIONS)]))
+    def no_help(newton, data, sets, measure):
+        def softer():
+            newton.solve_once(replace(data, gamma_n=1e-4 * data.gamma_n), None, measure)
+            return Status.MAX_ITERATIONS
+
+        return iter([("nothing", softer)])
+
+    monkeypatch.setattr(task, "climb", failing)
+    monkeypatch.setattr(ladder, "_rungs", no_help)
     alone(jumping(), check=False)
     assert seen[0] == (Status.CYCLING, True)
+
+
+@pytest.mark.usefixtures("no_rungs")
+def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
+    """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
+    monkeypatch.setattr(strategy, "_augmented", lambda task, coulomb, failed, share=1.0: failed)
+
+    def without(scene, levels):
+        return [with_contact(scene, boundary="nowhere")] * (levels - 1)
+
+    monkeypatch.setattr(solver, "coarser_scenes", without)
+    ours = alone(jumping(), check=False)
+    assert ours.status is Status.CYCLING
+    assert ours.history.events[-1].startswith("no coarser meshes: ")
+
+
+def test_augmentation_leaves_no_regularisation_error(monkeypatch):
+    """What path-following did not get rid of is not said of a solution that it did not find."""
+
+    def failing(newton, data, sets, **_):
+        return Status.CYCLING, data, np.inf
+
+    monkeypatch.setattr(strategy, "path_following", failing)
+    ours = alone(jumping(algorithm="path-following"))
+    assert any("augmented Lagrangian" in event for event in ours.history.events)
+    assert "regularisation_error" not in ours.parameters
 
 
 @pytest.mark.mpi
@@ -310,3 +346,10 @@ def test_grazing(law, load):
     contact, _ = solution.contact.forces
     assert contact[1] == pytest.approx(60.0 * load, rel=max(1e-8, 1e-15 / load))
     assert solution.contact.pressure.min() >= 0
+
+
+def test_rest_beside_a_wall():
+    """A node that slides along a wall which it enters stops nothing, whatever the round-off of its normal."""
+    rows, gap = np.array([[-1.0], [1e-17], [-1e-17]]), np.array([0.5, -0.1, -0.1])
+    assert resting._furthest(rows, gap, np.array([-1.0])) == pytest.approx(-0.5)
+    assert resting._furthest(np.zeros((2, 1)), gap[:2], np.array([-1.0])) is None

@@ -216,6 +216,19 @@ def test_overlapping_names_on_ranks(tmp_path):
     assert cells == {"left": 18, "both": 36}
 
 
+def test_numbers_of_groups_that_overlap(tmp_path):
+    """A number takes all elements of its physical group, also those that another group has too."""
+    mesh, file = body(tmp_path, "triangle"), tmp_path / "body.msh"
+    write_file(mesh, file)
+    names = read_file(file)
+    for number, name in enumerate(mesh.boundaries, start=1):
+        found = read_file(file, boundaries={"chosen": number})
+        np.testing.assert_array_equal(found.boundaries["chosen"], names.boundaries[name])
+    for number, name in enumerate(mesh.regions, start=len(mesh.boundaries) + 1):
+        found = read_file(file, regions={"chosen": number})
+        np.testing.assert_array_equal(found.regions["chosen"], names.regions[name])
+
+
 @pytest.mark.mpi
 def test_names_that_must_not_overlap(tmp_path):
     """One foundation for each facet, one material for each cell; else there would be two answers."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx.io import write_csv
 from signorini_fx.mesh import generate_mesh
+from signorini_fx.price_list import peak_memory
 from signorini_fx.scene import parse_scene
 from signorini_fx.solver import solve
 
@@ -87,21 +87,11 @@ def measure(name: str, tagged, linear_algebra: str) -> dict[str, float]:
     }
 
 
-def peak_memory(name: str, nx: int, linear_algebra: str) -> float:
+def peak_of_process(name: str, nx: int, linear_algebra: str) -> float:
     """Peak memory of a process that solves this once (an empty name: that makes the mesh and nothing else), MB."""
     command = [sys.executable, __file__, "--process", name, "--nx", str(nx), "--linear-algebra", linear_algebra]
     ended = subprocess.run(command, capture_output=True, text=True, check=True)
     return json.loads(ended.stdout.splitlines()[-1])
-
-
-def own_peak_memory() -> float:
-    """Of this process, MB."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        # Linux hands ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
-        return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def study(nx: int, repeats: int, linear_algebra: str) -> tuple[list[dict], list[dict]]:
@@ -114,14 +104,14 @@ def study(nx: int, repeats: int, linear_algebra: str) -> tuple[list[dict], list[
             if repeat > 0:
                 runs.append(run)
         print(f"round {repeat} of {repeats}" + (" (not counted)" if repeat == 0 else ""), file=sys.stderr, flush=True)
-    empty = peak_memory("", nx, linear_algebra)
+    empty = peak_of_process("", nx, linear_algebra)
     rows = []
     for name in EFFECTS:
         own = [run for run in runs if run["effect"] == name]
         row = {"effect": name, **{key: statistics.median(run[key] for run in own) for key in ("seconds", *PHASES)}}
         row |= {"fastest": min(run["seconds"] for run in own), "slowest": max(run["seconds"] for run in own)}
         row |= {key: own[0][key] for key in ("linear_solves", "factorisations", "forms", "dofs")}
-        row |= {"peak_MB": peak_memory(name, nx, linear_algebra), "mesh_MB": empty}
+        row |= {"peak_MB": peak_of_process(name, nx, linear_algebra), "mesh_MB": empty}
         rows.append(row)
     for row in rows:
         row["time_ratio"] = row["seconds"] / rows[0]["seconds"]
@@ -211,7 +201,7 @@ def main() -> None:
         tagged = body(options.nx)
         if options.process:
             measure(options.process, tagged, options.linear_algebra)
-        print(json.dumps(own_peak_memory()))
+        print(json.dumps(peak_memory(MPI.COMM_SELF)))
         return
     rows, runs = study(options.nx, options.repeats, options.linear_algebra)
     options.out.mkdir(parents=True, exist_ok=True)

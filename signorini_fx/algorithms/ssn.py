@@ -224,9 +224,11 @@ class SemismoothNewton:
         self.snes.solve(None, self.x)
         status = self._status or self._reason()
         while self._may_keep and self._unreliable(status):
-            self._may_keep = False
-            self._seen.clear()
             done = self.history.linear_solves - self._before
+            if done >= limit:
+                break
+            self._may_keep, self._status = False, None
+            self._seen.clear()
             self._first_iteration += done
             self.snes.setTolerances(max_it=limit - done)
             self.problem.set_data(data, self.problem.sets)

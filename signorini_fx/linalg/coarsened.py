@@ -7,23 +7,16 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.transformed import TransformedSystem
 
 
 @dataclass
-class CoarsenedSystem:
+class CoarsenedSystem(TransformedSystem):
     """See ``ElasticSystem``: x = P x_c, A_c = P^T A P, b_c = P^T b; dense, one rank."""
 
-    comm: MPI.Comm
-    matrix: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
-    fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
-    inner: ElasticSystem
     prolongation: Any
     kept: npt.NDArray[np.int32]
 
@@ -59,36 +52,8 @@ class CoarsenedSystem:
         self.load.getArray()[:] = self.prolongation.T @ self.inner.load.getArray(readonly=True)
         self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.kept]
 
-    @property
-    def resultant(self) -> npt.NDArray[np.float64]:
-        """As the finer system: interpolation keeps rigid motions."""
-        return self.inner.resultant
-
-    @property
-    def unsymmetric(self) -> bool:
-        """As the finer system."""
-        return self.inner.unsymmetric
-
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """As the finer system."""
-        return self.inner.solver_defaults
-
-    @property
-    def inexact(self) -> bool:
-        """As the finer system."""
-        return self.inner.inexact
-
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """As the finer system."""
-        self.inner.configure(ksp, symmetric=symmetric)
-
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
-        """As the finer system."""
-        return self.inner.keep_factor(ksp, moved)
-
     def set_step(self, step: int, scale: float = 1.0) -> None:
-        """As the finer system."""
+        """As the finer system, restricted."""
         self.inner.set_step(step, scale)
         self._restrict()
 

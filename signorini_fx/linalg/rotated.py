@@ -5,61 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.transformed import TransformedSystem
 
 _ALONG_AXIS = 1e-12
 
 
 @dataclass
-class RotatedSystem:
+class RotatedSystem(TransformedSystem):
     """See ``ElasticSystem``: x = Q x~ with Q orthogonal, A~ = Q^T A Q, b~ = Q^T b."""
 
-    comm: MPI.Comm
-    matrix: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
-    fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
-    inner: ElasticSystem
     rotation: PETSc.Mat
 
-    @property
-    def resultant(self) -> npt.NDArray[np.float64]:
-        """As the system that is turned: rigid motions are those of space."""
-        return self.inner.resultant
-
-    @property
-    def unsymmetric(self) -> bool:
-        """As the system that is turned."""
-        return self.inner.unsymmetric
-
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """As the system that is turned."""
-        return self.inner.solver_defaults
-
-    @property
-    def inexact(self) -> bool:
-        """As the system that is turned."""
-        return self.inner.inexact
-
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """As the system that is turned."""
-        self.inner.configure(ksp, symmetric=symmetric)
-
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
-        """As the system that is turned."""
-        return self.inner.keep_factor(ksp, moved)
-
     def set_step(self, step: int, scale: float = 1.0) -> None:
-        """As the system that is turned."""
+        """As the inner system, turned."""
         self.inner.set_step(step, scale)
         self.rotation.multTranspose(self.inner.load, self.load)
         self.rotation.multTranspose(self.inner.start, self.start)
@@ -84,9 +48,9 @@ def check_rotation(boundary: ContactBoundary) -> None:
         SceneError: a contact node has two normals, or a prescribed component across its normal.
     """
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
-    crossed = nodes[counts > 1].size > 0
-    mixed = not along_axes(boundary) and not boundary.free.all()
-    if parallel.global_max(boundary.comm, float(crossed or mixed)) > 0:
+    crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
+    mixed = parallel.any_rank(boundary.comm, not boundary.free.all()) and not along_axes(boundary)
+    if crossed or mixed:
         reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
 

@@ -1,0 +1,57 @@
+"""What an elastic system in other unknowns, x = T x~, leaves to the one that it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.linalg import ElasticSystem
+
+
+@dataclass
+class TransformedSystem:
+    """See ``ElasticSystem``: A~ = T^T A T, b~ = T^T b; solved in the same way as the inner system.
+
+    Attributes:
+        inner: the system with A and b.
+    """
+
+    comm: MPI.Comm
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    fixed: npt.NDArray[np.bool_]
+    contact_dofs: npt.NDArray[np.int32]
+    inner: ElasticSystem
+
+    @property
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """As the inner system: rigid motions are those of space."""
+        return self.inner.resultant
+
+    @property
+    def unsymmetric(self) -> bool:
+        """As the inner system."""
+        return self.inner.unsymmetric
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """As the inner system."""
+        return self.inner.solver_defaults
+
+    @property
+    def inexact(self) -> bool:
+        """As the inner system."""
+        return self.inner.inexact
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """As the inner system."""
+        self.inner.configure(ksp, symmetric=symmetric)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+        """As the inner system."""
+        return self.inner.keep_factor(ksp, moved)

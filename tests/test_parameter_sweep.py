@@ -1,0 +1,64 @@
+"""Many values of one parameter: every point is the solution of its own scene."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx.parameter_sweep import sweep
+from signorini_fx.results import Status
+from signorini_fx.scene import parse_scene
+
+
+def floating(friction, load=1.0):
+    """A block that drops on its foundation, and turns."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": 0.05 * load, "y": f"{-load} * (1 + x[0])"},
+            "contact": {"boundary": "bottom", "gap": "0.01 + 0.02 * (x[0] - 0.4)**2", "friction": friction},
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}],
+    ids=lambda friction: friction["law"],
+)
+def test_loads_that_vanish_and_turn_round(friction):
+    """The resting place is that of the scene's own load; it is an origin, and changes no solution and no outcome."""
+    points = sweep(floating(friction), MPI.COMM_SELF, loads=[1.0, 0.0, 0.5, -1.0, 2.0])
+    assert [point.status for point in points if point.value <= 0] == [Status.OPEN, Status.OPEN]
+    for point in points:
+        if point.value > 0:
+            assert point.status is Status.CONVERGED
+            assert point.certificate().holds
+            wanted = alone(floating(friction, point.value)).contact
+            for name in ("pressure", "shear"):
+                size = np.abs(wanted.pressure).max()
+                np.testing.assert_allclose(
+                    getattr(point.contact, name), getattr(wanted, name), rtol=0, atol=1e-6 * size
+                )
+
+
+def test_no_load_and_nothing_to_do():
+    """A body that supports hold stays where it is, and comes back to it between two loads."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": {"boundary": "bottom", "gap": 0.001, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        }
+    )
+    first, nothing, again = sweep(scene, MPI.COMM_SELF, loads=[1.0, 0.0, 1.0])
+    assert nothing.status is Status.CONVERGED
+    assert nothing.linear_solves == 0
+    assert not nothing.displacement().x.array.any()
+    assert nothing.certificate().holds
+    np.testing.assert_allclose(
+        again.contact.pressure, first.contact.pressure, rtol=0, atol=1e-6 * first.contact.pressure.max()
+    )
