@@ -155,13 +155,13 @@ def _distances(axes: Axes, judged: Sequence[Row]) -> None:
         reached = row.verdict == "reached"
         axes.plot(share, place, "o", color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
         value = f"{row.value:.2f} ({'>=' if row.at_least else '<='} {row.target:g})"
-        axes.text(0.045, place, value, va="center", fontsize=6.5, color=_MUTED)
+        axes.text(0.017, place, value, va="center", fontsize=6.5, color=_MUTED)
     axes.set_xscale("log")
     axes.axvline(1.0, color=_MUTED, linewidth=0.8)
     axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)
     axes.set_yticks(range(len(judged)), [f"{row.what}, {row.size}".rstrip(", ") for row in judged], fontsize=6.5)
     axes.invert_yaxis()
-    axes.set_xlim(0.04, 3.0)
+    axes.set_xlim(0.015, 3.0)
     ticks = [0.1, 0.2, 0.5, 1.0, 2.0]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
