@@ -101,6 +101,7 @@ def test_coarse_matrix_is_galerkins():
     hat = hat[np.argsort(order)]
     dense, reduced = task.system.matrix.getDenseArray(), level.system.matrix.getDenseArray()
     fixed = level.system.fixed
+    assert np.count_nonzero(fixed) == 2  # both ends, along the boundary
     for component, free in ((0, ~fixed[0::2]), (1, ~fixed[1::2])):
         rows = task.system.contact_dofs[:, component]
         expected = hat @ dense[np.ix_(rows, rows)] @ hat.T
