@@ -157,6 +157,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
     """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
     s, newton = task.settings, task.newton
     first_sets, start = task.first_sets, task.start
+    task.monolithic = False  # an earlier load step may have been
     # These find their gamma, or go through several, on the pure contact problem of every mesh.
     finds_gamma = task.step == 0 and s.algorithm in ("path-following", "continuation")
     if start is None or finds_gamma:
