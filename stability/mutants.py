@@ -25,7 +25,7 @@ ROOT = Path(__file__).parent.parent
 TESTS = (
     "complementarity", "algorithms", "patch", "oracle", "example1", "outcomes", "effects", "forms", "load_steps",
     "invariances", "manufactured", "hertz", "scene", "expressions", "mesh_errors", "ranks", "patch_anywhere",
-    "price_list", "paper", "accuracy", "refinement",
+    "price_list", "paper", "accuracy", "refinement", "boundary_levels", "inexact",
 )  # fmt: skip
 _SECONDS = 600.0
 CAUGHT, SURVIVES, HANGS = "caught", "SURVIVES", "time limit passed"

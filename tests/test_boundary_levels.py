@@ -35,9 +35,10 @@ def task_of(scene):
     ids=lambda effects: ", ".join(map(str, effects.values())) or "no friction",
 )
 def test_same_answer_from_fewer_solves(effects):
-    """Both starts end in the same pressure and shear, one of them with at most five solves on all nodes."""
+    """As the full system has it from contact everywhere, with at most six solves on all contact nodes."""
     settings = LONG | effects
-    plain, nested = (alone(example1(**settings, patch=start)) for start in ("all", "auto"))
+    plain = alone(example1(**settings | {"linear_algebra": "full"}, patch="all"))
+    nested = alone(example1(**settings, patch="auto"))
     for name in ("pressure", "shear"):
         ours, theirs = table_of(nested).columns[name], table_of(plain).columns[name]
         assert np.abs(ours - theirs).max() <= 3e-7 * table_of(plain).columns["pressure"].max()
