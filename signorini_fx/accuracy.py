@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import load_mesh, triangle_parameters
+from signorini_fx.mesh import curved_parameters, load_mesh, triangle_parameters
 from signorini_fx.nested import scene_on
 from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
 from signorini_fx.quantities import ContactState
@@ -163,7 +163,8 @@ class Meshes:
         given = scene.element, scene.mesh
         scene, self.adaptive = _prepared(scene, goal)
         other = (scene.element, scene.mesh) != given
-        self.replaced = f"triangles of degree {scene.element.degree}, divided where the error is" if other else ""
+        how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
+        self.replaced = f"degree {scene.element.degree}, {how}" if other else ""
         self._given, self._comm = scene, comm
         self.degree = scene.element.degree
         self._coarsest, self._divisions = self._coarsest_factor(), 1
@@ -261,11 +262,14 @@ def _prepared(scene: Scene, goal: Accuracy) -> tuple[Scene, bool]:
     # The other estimates compare meshes point by point, which those that differ from place to place do not bear well.
     if goal.of not in ("energy", "pressure"):
         return scene, False
+    element = scene.element.model_copy(update={"degree": 2})
     if isinstance(scene.mesh, MeshGenerator):
         parameters = triangle_parameters(scene.mesh.generator, scene.mesh.parameters)
+        divided = parameters is not None
+        if parameters is None:  # arcs: cells of degree 2 on them, and all of them smaller
+            parameters = curved_parameters(scene.mesh.generator, scene.mesh.parameters)
         if parameters is None:
             return scene, False
         mesh = MeshGenerator(generator=scene.mesh.generator, parameters=parameters)
-        element = scene.element.model_copy(update={"degree": 2})
-        return scene.model_copy(update={"mesh": mesh, "element": element}), True
-    return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), True
+        return scene.model_copy(update={"mesh": mesh, "element": element}), divided
+    return scene.model_copy(update={"element": element}), True

@@ -173,6 +173,16 @@ def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, A
     return None if triangles is None else triangles(dict(parameters))
 
 
+def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` puts cells of degree 2 on its arcs; None where it has none.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    known = inspect.signature(_generator(name).generate).parameters
+    return {**parameters, "order": 2} if "order" in known else None
+
+
 def read_mesh(
     file: Path,
     comm: MPI.Comm,

@@ -384,7 +384,8 @@ class Accuracy(_Model):
             the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
             estimated error is; ``auto``: for displacement and pressure, bodies with straight sides from a generator and
-            all meshes that are from none get triangles of degree 2, divided where the error is; else uniform.
+            all meshes that are from none get triangles of degree 2, divided where the error is; bodies with arcs from a
+            generator elements and cells of degree 2, refined uniformly; else uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """

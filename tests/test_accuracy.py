@@ -182,3 +182,15 @@ def test_budget_ends_by_name():
 def test_no_more_than_asked_for():
     """A rough answer costs two small meshes."""
     assert len(solve(asked("tresca", target=0.5, of="pressure")).levels) == 2
+
+
+def test_arcs_get_degree_2():
+    """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's peak pressure."""
+    scene = read_scene(SCENES / "hertz.toml")
+    scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.scene.element.degree == 2
+    assert solution.discretisation.tagged.mesh.geometry.cmap.degree == 2
+    assert solution.discretisation.dofs < 20_000
+    assert any(event.startswith("elements: degree 2, all cells smaller") for event in solution.history.events)
+    assert solution.table.columns["pressure"].max() == pytest.approx(5.494, rel=3e-3)
