@@ -272,7 +272,8 @@ def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
 
 
 def _estimates_error(scene: Scene) -> bool:
-    return scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
+    to_stop = scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
+    return to_stop or scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
 
 
 def _load_case(
@@ -322,7 +323,7 @@ def _effects(d: _Body) -> list[Effect]:
     nested = scene.solver.levels > 1 and d.boundary is not None
     solves = _minus(_linear_solves(scene, nodes), every)
     estimate = d.boundary is not None and _estimates_error(scene)
-    why = f"algorithm = {scene.solver.algorithm!r}"
+    why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
     found.append(Effect("error estimate", estimate, why, _RECOVERY if estimate else ()))
     return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 

@@ -7,6 +7,8 @@ left.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -34,8 +36,14 @@ def scene_on(scene: Scene, factor: float) -> Scene:
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first."""
-    return [scene_on(scene, 2**k) for k in range(levels - 1, 0, -1)]
+    """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first.
+
+    Fewer where a mesh has so few cells that the coarser one would be the same.
+    """
+    if levels == 1:
+        return []
+    scenes = [scene_on(scene, 2**k) for k in range(levels - 1, -1, -1)]
+    return [coarse for coarse, fine in pairwise(scenes) if coarse.mesh != fine.mesh]
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:

@@ -140,8 +140,9 @@ class Inventory:
     matrices: list[str] = field(default_factory=list)
 
     def compile(self, name: str, make: Callable[[], T]) -> T:
-        """Compile a form by ``make`` and note its name."""
-        self.forms.append(name)
+        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache."""
+        if name not in self.forms:
+            self.forms.append(name)
         return make()
 
 

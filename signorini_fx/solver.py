@@ -93,6 +93,8 @@ def _solve_nested(
         solution, state = solved.solution, None
         if solved.level is not None:
             state = solution.contact
+            if levels and levels[-1].dofs >= solved.level.dofs:  # a generator may not get it any coarser
+                levels.pop()
             levels.append(solved.level)
             if number + 1 < len(scenes):
                 keep(solution)

@@ -18,6 +18,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -111,6 +112,8 @@ def texts(seed: int, count: int) -> Finding:
     scene(random.Random(seed))
     expression(random.Random(seed))
     importlib.import_module("unicodedata")
+    with suppress(ImportError):  # Python 3.14 has it apart
+        importlib.import_module("_ast_unparse")
     sys.addaudithook(watch)
     for number, (chance, kind) in enumerate(repeated(seed, count, ("scene", "expression"))):
         run = scene if kind == "scene" else expression

@@ -138,7 +138,7 @@ def test_every_effect_of_a_scene_with_all_of_them():
         "traction right": "it is 0",
         "friction bottom": "tresca, bound = 0: frictionless",
         "friction right": "no friction",
-        "error estimate": "algorithm = 'auto'",
+        "error estimate": "algorithm = 'auto', levels = 1",
         "nested iteration": "levels = 1",
     }
     assert effects["traction top"].forms == ("traction top",)
