@@ -190,7 +190,7 @@ def test_arcs_get_degree_2():
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
     solution = solve(scene, MPI.COMM_SELF)
     assert solution.scene.element.degree == 2
-    assert compat.geometry_degree(solution.discretisation.tagged.mesh.geometry) == 2
+    assert compat.geometry_degree(solution.discretisation.tagged.mesh) == 2
     assert solution.discretisation.dofs < 20_000
     assert any(event.startswith("elements: degree 2, all cells smaller") for event in solution.history.events)
     assert solution.table.columns["pressure"].max() == pytest.approx(5.494, rel=3e-3)
