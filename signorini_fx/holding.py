@@ -95,12 +95,12 @@ def fewest_ties(
     """
     along = _ranked(boundary, np.isfinite(opening) & ~sets.contact, opening)
     across = _ranked(boundary, np.isfinite(slipping) & (sets.slip != 0), slipping)
-    normal, count = sets.contact, 1
+    normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
     stick = (sets.slip == 0) & np.isfinite(slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
         tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
-        for pair in (~normal & normal, tied_across), (tied_along, ~normal & normal), (tied_along, tied_across):
+        for pair in (nothing, tied_across), (tied_along, nothing), (tied_along, tied_across):
             if motions.held_by(boundary, normal | pair[0], stick | pair[1]):
                 return pair
         if count >= most:

@@ -232,9 +232,7 @@ def zone_ends(table: ContactTable) -> list[float]:
     s, pressure = table.columns["s"], table.columns["pressure"]
     ends: list[float] = []
     for chain in table.chains:
-        touching = [row for row in chain if pressure[row] > 0]
-        if not touching:
-            continue
+        touching = dict.fromkeys(row for row in chain if pressure[row] > 0)
         starts = [row for row in touching if row - 1 not in touching]
         stops = [row for row in touching if row + 1 not in touching]
         for first, last in zip(starts, stops, strict=True):

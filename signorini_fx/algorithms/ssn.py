@@ -160,9 +160,9 @@ class SemismoothNewton:
             max_iterations: linear solves allowed for this problem, where fewer than usual.
             measure: gives the figure that the outer algorithm stops on, once this problem is solved.
         """
-        before = self.history.linear_solves
-        status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
-        self.close(data, status, before, measure)
+        status = self.solve_once(
+            data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
+        )
         # A friction bound that follows the pressure has no energy, and a fall-back of its own.
         given = max_iterations is None and data.coupling is None
         if self._climb is not None and given and (status is Status.CYCLING or self._ran_on(status)):
@@ -171,11 +171,17 @@ class SemismoothNewton:
         return Status.ROUND_OFF if failed and self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
 
     def solve_once(
-        self, data: RegularisedData, first_sets: ActiveSets | None, measure: Callable[[], float | None]
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None,
+        measure: Callable[[], float | None],
+        *,
+        first_iteration: int = 1,
+        max_iterations: int | None = None,
     ) -> Status:
         """``solve`` without fall-backs."""
         before = self.history.linear_solves
-        status = self.attempt(data, first_sets)
+        status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
         self.close(data, status, before, measure)
         return status
 

@@ -42,15 +42,13 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
     return next((package for package in candidates if has_package(package, kind)), "petsc")
 
 
-# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
-_FEW_RANKS = 4
-
-
 def can_factorise(comm: MPI.Comm) -> bool:
     """Whether this PETSc has a sparse direct solver for so many ranks; its own is for one."""
-    return comm.size == 1 or any(has_package(package) for package in ("mumps", "superlu_dist"))
+    return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
+# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
+_FEW_RANKS = 4
 # MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
