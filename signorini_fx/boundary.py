@@ -64,12 +64,13 @@ class ContactBoundary:
         """Unit tangent t_i = (-n_2, n_1), shape (n, 2): for a body above its foundation it points along x[0]."""
         return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
 
-    def prescribed(self, direction: Nodal) -> npt.NDArray[np.bool_]:
-        """Nodes with a prescribed displacement along their direction (``normal`` or ``tangent``), shape (n,).
+    @property
+    def immovable(self) -> npt.NDArray[np.bool_]:
+        """Nodes that cannot move along their normal: what is free at them is across it, shape (n,).
 
-        What the contact does to them, the support takes.
+        What the contact does to them there, the support takes.
         """
-        return (np.abs(direction) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y) from nodal displacements of shape (n, 2)."""

@@ -16,7 +16,7 @@ from signorini_fx.expressions import sample
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 
 # gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-_AUTOMATIC_GAMMA = 1e5
+AUTOMATIC_GAMMA = 1e5
 
 
 def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
@@ -46,7 +46,7 @@ def regularised_data(
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
-    automatic = _AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
+    automatic = AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
     settings = scene.solver
     zero = np.zeros(boundary.size)
     return RegularisedData(

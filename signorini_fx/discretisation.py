@@ -14,8 +14,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx import forms, parallel
-from signorini_fx.assembly import action, assemble
+from signorini_fx import compat, forms, parallel
 from signorini_fx.boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.loads import LoadCase, check_finite, compile_load, load_case, load_groups, rigid_resultant
@@ -75,20 +74,6 @@ class Discretisation:
         function.x.scatter_forward()
         return function
 
-    def internal_forces(self, displacement: fem.Function) -> PETSc.Vec:
-        """a(y, .) assembled anew, cell by cell, prescribed dofs included; a force per dof, collective."""
-        index_map = self.space.dofmap.index_map
-        return action(self.forms, displacement, np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
-
-    def external_forces(self, step: int) -> PETSc.Vec:
-        """L of a load step assembled anew, a force per dof, collective."""
-        total = self.stiffness.createVecRight()
-        total.set(0.0)
-        for case in self.cases:
-            if case.form is not None:
-                total.axpy(case.factors[step], assemble(case.form))
-        return total
-
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     """Compile and assemble what the scene lists.
@@ -105,7 +90,10 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = lame_coefficients(scene, tagged)
         reduced = reduced_degree(scene, mesh)
-        terms = forms.elastic_forms(y, z, *lame, reduced)
+        exact = forms.elastic_degree(
+            mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh)
+        )
+        terms = forms.elastic_forms(y, z, *lame, exact, reduced)
         names = ("elasticity", "reduced volumetric elasticity")
         elastic = tuple(
             inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=False)

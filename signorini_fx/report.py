@@ -34,16 +34,17 @@ _VOID = frozenset({"br", "img", "meta"})
 # Every figure of the certificate: its limit, None where it is reported only, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {
     "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
+    "supports": (CERTIFICATE_TOLERANCE, "largest difference from a prescribed displacement"),
     "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
     "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
     "wrong_way_slip": (CERTIFICATE_TOLERANCE, "slip in the direction of the friction force"),
-    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond pressure / gamma_n"),
+    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond what the law allows for"),
     "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
     "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
     "displacement": (FAR_AWAY, "largest displacement over the size of the body"),
-    "penetration": (None, "deepest penetration; the regularisation allows pressure / gamma_n"),
+    "penetration": (None, "deepest penetration; the regularised law allows pressure / gamma_n"),
     "complementarity": (None, "largest product of pressure and distance"),
-    "stick_slip": (None, "largest slip where the body sticks; the regularisation allows shear / gamma_t"),
+    "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
 }
 
 
@@ -229,7 +230,7 @@ def _clean(value: Any, scale: float) -> Any:
 def _certificate(summary: dict[str, Any]) -> Markup:
     rows, classes = [], []
     for name, value in summary["certificate"].items():
-        if name == "holds":
+        if name in ("holds", "law"):
             continue
         limit, meaning = JUDGED.get(name, (None, ""))
         missed = limit is not None and not (_is_number(value) and value <= limit)
@@ -237,9 +238,10 @@ def _certificate(summary: dict[str, Any]) -> Markup:
         judged = "" if limit is None else f"<= {limit:g}"
         rows.append((_named(name.replace("_", " "), meaning), _short(value), verdict, judged))
         classes.append("missed" if missed else "")
+    law = f" Judged by {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     note = (
-        "The conditions of the problem, checked anew after the iteration with forces assembled from the displacement "
-        "alone. Every figure is relative: to the largest stress, displacement or force."
+        "The conditions of the problem, checked anew after the iteration from the displacement and the contact "
+        f"tractions alone.{law} Every figure is relative: to the largest stress, deformation or force."
     )
     parts = [tag("p", note, class_="note"), table(["figure", "value", "", "limit"], rows, classes)]
     if "functionals" in summary:

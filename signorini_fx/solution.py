@@ -9,10 +9,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.certificate import Certificate
 from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.price_list import LevelResult, Price
-from signorini_fx.quantities import Certificate, ContactState, Functionals
+from signorini_fx.quantities import ContactState, Functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
 

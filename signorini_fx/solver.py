@@ -17,6 +17,7 @@ from signorini_fx.accuracy import Solved, solve_to_accuracy
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
+from signorini_fx.certificate import Before, certify
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, MeshError, SceneError
@@ -28,7 +29,8 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
-from signorini_fx.quantities import ContactState, Forces, certify, functionals
+from signorini_fx.nodal_forces import NodalForces
+from signorini_fx.quantities import ContactState, functionals
 from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import MeshGenerator, Scene
@@ -204,6 +206,7 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
     """All load steps, until one has no solution."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
+    last: Before | None = None
     for step in range(scene.steps):
         before = history.linear_solves
         with timings.phase("iterate"):
@@ -213,17 +216,25 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
         with timings.phase("certify"):
             displacement = total_displacement(discretisation, task)
             contact = task.contact()
-            forces = Forces.of(discretisation, displacement, step)
-            certificate = certify(discretisation, displacement, forces, contact)
+            certificate = certify(
+                scene,
+                discretisation.tagged,
+                displacement,
+                contact.tractions,
+                law=task.promised,
+                step=step,
+                before=last,
+            )
+            last = Before(displacement, contact.tractions)
             if status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            energy = forces.strain_energy
+            energy = certificate.strain_energy
         steps.append(StepResult(step, status, contact, certificate, energy, history.linear_solves - before))
         if status is not Status.CONVERGED:
             break
     values = None
     if not task.has_coulomb:
-        values = functionals(forces, contact, replace(task.problem.data, gap=contact.gap))
+        values = functionals(certificate.potential_energy, contact, replace(task.problem.data, gap=contact.gap))
     return Solution(
         scene=scene,
         status=status,
@@ -266,11 +277,10 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
         with timings.phase("certify"):
             displacement = discretisation.function(x)
-            forces = Forces.of(discretisation, displacement, step)
-            certificate = certify(discretisation, displacement, forces, None)
+            certificate = certify(discretisation.scene, discretisation.tagged, displacement, None, step=step)
             if status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            energy = forces.strain_energy
+            energy = certificate.strain_energy
         steps.append(StepResult(step, status, None, certificate, energy, int(status is not Status.NOT_HELD)))
         if status is not Status.CONVERGED:
             break
@@ -350,9 +360,11 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         allowed = _PATH_SHARE[discretisation.scene.element.degree]
         return lambda x: allowed * recovery.error(system.displacement(x))
 
+    forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
+
     def share(x: PETSc.Vec) -> float:
         displacement = discretisation.function(system.displacement(x))
-        return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
+        return float(wanted * np.sqrt(2 * forces.strain_energy(displacement)))
 
     return share
 

@@ -17,11 +17,13 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
+from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact_data import AUTOMATIC_GAMMA
 from signorini_fx.holding import balance_exists
 from signorini_fx.results import OuterRecord, Status
 from signorini_fx.task import Task
@@ -40,6 +42,7 @@ _AUGMENTED_SHARE = 1e-3
 
 def run(task: Task) -> Status:
     """Solve the current load step; the iterate, the sets and the data stay in the task."""
+    task.augmented = False
     if _nothing_acts(task):
         return _stay(task)
     coulomb = task.law if task.has_coulomb else None
@@ -66,7 +69,13 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
     everywhere = ActiveSets.all_in_contact(task.boundary.size)
     if coulomb is None:
         status = augmented_lagrangian(
-            newton, data, everywhere, first_iteration=1, tolerance=s.tolerance, max_outer=s.max_outer_iterations
+            newton,
+            data,
+            everywhere,
+            natural=_natural(task),
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
         )
     else:
         start = _coulomb_start(task)
@@ -80,12 +89,17 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
                 None,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
-                shift=True,
+                augmentation=Augmentation(newton, _natural(task), s.tolerance),
             )
     if status is not Status.CONVERGED:
         return failed
-    task.regularisation_error = None  # what path-following left is not left here
+    task.augmented, task.regularisation_error = True, None  # what path-following left is not left here
     return status
+
+
+def _natural(task: Task) -> float:
+    """The gamma that a scene has where it names none."""
+    return AUTOMATIC_GAMMA * task.natural_gamma
 
 
 def _nothing_acts(task: Task) -> bool:
@@ -144,6 +158,7 @@ def _given_friction(task: Task, data: RegularisedData) -> Status:
                 newton,
                 data,
                 task.first_sets,
+                natural=_natural(task),
                 first_iteration=task.first_iteration,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
@@ -188,7 +203,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             first_sets,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
-            shift=s.algorithm == "alm",
+            augmentation=Augmentation(newton, _natural(task), s.tolerance) if s.algorithm == "alm" else None,
             damping=damping,
         )
 
@@ -200,6 +215,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             task.unsymmetric_newton,
             replace(data, bound=law.given, coupling=law.coefficient),
             first_sets,
+            natural=_natural(task),
             first_iteration=1,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,

@@ -13,8 +13,8 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx import parallel, price_list
+from signorini_fx.certificate import JUDGED
 from signorini_fx.contact_table import ContactTable
-from signorini_fx.quantities import JUDGED
 from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, FEW_NODES, IterationRecord, OuterRecord
 from signorini_fx.solution import Solution, StepResult
 
@@ -219,11 +219,12 @@ def _certificate(figures: dict[str, Any]) -> str:
     judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
     if figures["holds"]:
         value, name = judged[0]
-        return f"holds: no figure above {value:.1e} ({name}), {CERTIFICATE_TOLERANCE:.0e} is allowed"
+        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed by {figures['law']}"
+        return f"holds: no figure above {value:.1e} ({name}), {allowed}"
     wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
     if not figures["displacement"] <= FAR_AWAY:
         wrong.append(f"displacement {figures['displacement']:.1e}")
-    return f"DOES NOT HOLD: {', '.join(wrong)}"
+    return f"DOES NOT HOLD by {figures['law']}: {', '.join(wrong)}"
 
 
 def _left(figures: dict[str, Any]) -> str:

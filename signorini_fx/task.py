@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
+from signorini_fx.certificate import Law
 from signorini_fx.complementarity import (
     ActiveSets,
     FrictionLaw,
@@ -54,6 +55,7 @@ class Task:
         x: the iterate.
         problem: the problem that holds the answer.
         monolithic: whether Coulomb friction was solved monolithically.
+        augmented: whether augmentation took over, which leaves nothing of the regularisation.
         regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
     """
 
@@ -76,6 +78,7 @@ class Task:
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
     monolithic: bool = False
+    augmented: bool = False
     regularisation_error: float | None = None
 
     def __post_init__(self) -> None:
@@ -148,10 +151,14 @@ class Task:
             bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
             slip_length=slip_of(u_t, data),
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
-            lambda_hat=data.lambda_hat,
-            mu_hat=data.mu_hat,
-            compliance=(1 / data.gamma_n, 1 / data.gamma_t),
         )
+
+    @property
+    def promised(self) -> Law:
+        """The contact law that the answer promises to meet: without regularisation, or with the gamma in force."""
+        if self.augmented or self.settings.algorithm in ("alm", "exact"):
+            return Law()
+        return Law(self.problem.data.gamma_n, self.problem.data.gamma_t)
 
     def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:
         """Start from sets and (lambda, mu) that another mesh, or fewer contact nodes, have led to."""

@@ -255,14 +255,12 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a support decides on the displacement they would grow without end, and without effect: there they stay.
+        Where the supports leave no motion along the normal the pressure would grow without end, and without effect:
+        there it stays.  The shear has a bound.
         """
         boundary = self.problem.boundary
         pressure, shear = project(*self.multipliers(), data)
-        return (
-            np.where(boundary.prescribed(boundary.normal), data.lambda_hat, pressure),
-            np.where(boundary.prescribed(boundary.tangent), data.mu_hat, shear),
-        )
+        return np.where(boundary.immovable, data.lambda_hat, pressure), shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
