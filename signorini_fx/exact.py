@@ -26,15 +26,16 @@ class ExactProblem(ProblemState):
     ``problem.ContactProblem``.
 
     x^ is x with the constraints of the current sets put in, so that a full Newton step solves the problem with these
-    sets exactly although the constrained columns of the Jacobian are empty.
+    sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
+    +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
     """
 
     def __init__(
         self, system: ElasticSystem, boundary: ContactBoundary, physical: ContactBoundary, motions: RigidMotions
     ) -> None:
         super().__init__(system, boundary, physical, motions)
-        self._factorised: dict[int, npt.NDArray[np.int32]] = {}
-        self._constrained: dict[int, npt.NDArray[np.int32]] = {}
+        self._factorised: dict[int, npt.NDArray[np.float64]] = {}
+        self._inserted: dict[int, npt.NDArray[np.float64]] = {}
         rows = np.arange(boundary.size)
         axis = np.argmax(np.abs(boundary.normal), axis=1)
         self._n = system.contact_dofs[rows, axis]
@@ -55,8 +56,14 @@ class ExactProblem(ProblemState):
         if not self.data.has_friction:
             return pressure, np.zeros_like(pressure)
         stick = -self._t_sign * reaction[self._t] / weight
-        bound = self.data.friction_bound(pressure)
-        return pressure, np.where(sets.slip == 0, np.where(self._t_free, stick, 0.0), at_bound(sets, bound))
+        return pressure, np.where(sets.slip == 0, np.where(self._t_free, stick, 0.0), self._at_bound(sets, pressure))
+
+    def _at_bound(self, sets: ActiveSets, pressure: Nodal) -> Nodal:
+        """Mu at slip nodes; a bound that follows a pressure follows it below zero too, so that the map stays affine."""
+        data = self.data
+        if data.bound is None:
+            return np.zeros_like(pressure)
+        return at_bound(sets, data.bound if data.coupling is None else data.bound + data.coupling * pressure)
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
         u_n, u_t = self.traces(x)
@@ -69,9 +76,12 @@ class ExactProblem(ProblemState):
         slip = self.sets.slip
         # A node passes through stick: from slip it sticks where it would move against mu, from stick it slips.
         from_stick = (shear > bound).astype(np.int8) - (shear < -bound).astype(np.int8)
-        from_slip = np.where(slip * slip_of(u_t, self.data) < 0, 0, slip)
+        moved = slip_of(u_t, self.data)
+        from_slip = np.where(slip * moved < 0, 0, slip)
         following = np.where(slip == 0, from_stick, from_slip)
-        free = np.where(slip_of(u_t, self.data) < 0, -1, 1)
+        # Where a support decides on the slip there is nothing to iterate.
+        following = np.where(self._t_free, following, np.sign(moved))
+        free = np.where(moved < 0, -1, 1)
         return ActiveSets(contact, np.where(bound == 0, free, following).astype(np.int8))
 
     def _constraints(self, sets: ActiveSets) -> tuple[Any, Nodal]:
@@ -101,12 +111,12 @@ class ExactProblem(ProblemState):
         self._hold(*self.multipliers(x, self.sets))
         dofs, values = self._constraints(self.following)
         shear = np.zeros(self.boundary.size)
-        if self.data.has_friction:
-            pressure, _ = self.multipliers(x, self.following)
-            slipping = (self.following.slip != 0) & self._t_free
-            shear[slipping] = at_bound(self.following, self.data.friction_bound(pressure))[slipping]
         placed = x.copy()
         placed.getArray()[dofs] = values
+        if self.data.has_friction:
+            pressure, _ = self.multipliers(placed, self.following)
+            slipping = (self.following.slip != 0) & self._t_free
+            shear[slipping] = self._at_bound(self.following, pressure)[slipping]
         self.system.matrix.mult(placed, f)
         self._measure(f, placed)
         f.axpy(-1.0, self.system.load)
@@ -116,7 +126,7 @@ class ExactProblem(ProblemState):
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
-        self._factorised[jacobian.handle] = self._constrained[jacobian.handle]
+        self._factorised[jacobian.handle] = self._inserted[jacobian.handle]
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""
@@ -124,14 +134,31 @@ class ExactProblem(ProblemState):
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
         comm = self.system.comm
+        state = np.concatenate([dofs, self._slopes(self.sets)])
         factorised = self._factorised.get(jacobian.handle)
-        differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, dofs))
+        differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, state))
         self.moved = None if differs else 0  # rows come and go: either the matrix is the same or it is another one
-        last = self._constrained.get(jacobian.handle)
-        if not parallel.any_rank(comm, last is None or not np.array_equal(last, dofs)):
+        last = self._inserted.get(jacobian.handle)
+        if not parallel.any_rank(comm, last is None or not np.array_equal(last, state)):
             return
-        self._constrained[jacobian.handle] = dofs
-        self.system.matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        first = self.system.matrix.getOwnershipRange()[0]
+        self._inserted[jacobian.handle] = state
+        matrix = self.system.matrix
+        matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first = matrix.getOwnershipRange()[0]
+        if self.data.coupling is not None:
+            slopes = self._slopes(self.sets)
+            for node in np.flatnonzero(slopes):  # the rows of a node have the same columns
+                columns, values = matrix.getRow(first + self._n[node])
+                jacobian.setValues(
+                    first + self._t[node], columns, slopes[node] * values, addv=PETSc.InsertMode.ADD_VALUES
+                )
+            jacobian.assemble()
         jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._stiffness)
         self._declare(jacobian)
+
+    def _slopes(self, sets: ActiveSets) -> Nodal:
+        """Share of the row along the normal in the row along the tangent: d mu / d lambda where mu = +-F lambda."""
+        if self.data.coupling is None:
+            return np.zeros(self.boundary.size)
+        pressing = sets.contact & self._n_free & self._t_free
+        return np.where(pressing, -self._t_sign * self._n_sign * sets.slip * self.data.coupling, 0.0)

@@ -17,11 +17,12 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
-from signorini_fx.algorithms.augmentation import Augmentation
+from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact_data import AUTOMATIC_GAMMA
 from signorini_fx.holding import balance_exists
@@ -43,6 +44,11 @@ _AUGMENTED_SHARE = 1e-3
 def run(task: Task) -> Status:
     """Solve the current load step; the iterate, the sets and the data stay in the task."""
     task.augmented = False
+    if task.settings.algorithm == "alm":
+        enough = with_enough_digits(task.data, _natural(task))
+        if (enough.gamma_n, enough.gamma_t) != (task.data.gamma_n, task.data.gamma_t):
+            task.history.add(f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more")
+        task.data = enough
     if _nothing_acts(task):
         return _stay(task)
     coulomb = task.law if task.has_coulomb else None
@@ -192,9 +198,8 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             contact = task.problem.following.contact
             first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
     data = replace(task.data, bound=law.given)
-    state, sets = newton.x.copy(), task.problem.sets
 
-    def fixed(damping: float = 1.0) -> Status:
+    def fixed(damping: float) -> Status:
         return fixed_point(
             newton,
             data,
@@ -208,7 +213,6 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
         )
 
     def monolithic() -> Status:
-        task.monolithic = True
         if s.algorithm != "alm":
             return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
         return augmented_lagrangian(
@@ -221,23 +225,49 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             max_outer=s.max_outer_iterations,
         )
 
-    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
-    smooth = law.cap is None and task.data.bilateral is None and task.system.unsymmetric
     started = s.coulomb == "auto" and task.start is not None and task.step == 0 and s.algorithm != "alm"
-    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", fixed)]
-    if smooth:
-        ways.insert(0 if s.coulomb == "newton" or started else 1, ("monolithic Newton", monolithic))
+    return _either_way(task, newton, fixed, monolithic, monolithic_first=s.coulomb == "newton" or started)
+
+
+def _either_way(
+    task: Task,
+    newton: SemismoothNewton,
+    fixed: Callable[[float], Status],
+    monolithic: Callable[[], Status],
+    *,
+    monolithic_first: bool,
+) -> Status:
+    """The fixed point or the monolithic Newton method; where it fails the other, then damped, from the same start.
+
+    Args:
+        task: the contact problem.
+        newton: the inner method that holds the start.
+        fixed: the fixed point with a damping.
+        monolithic: Newton's method.
+        monolithic_first: which comes first.
+    """
+    s, law, problem = task.settings, task.law, newton.problem
+    state, sets = newton.x.copy(), problem.sets
+
+    def unsymmetric() -> Status:
+        task.monolithic = True
+        return monolithic()
+
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", lambda: fixed(1.0))]
+    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
+    if law is not None and law.cap is None and task.data.bilateral is None and task.system.unsymmetric:
+        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", unsymmetric))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
-    needed = ways[0][1] is monolithic
+    needed = ways[0][1] is unsymmetric
     for place, (name, way) in enumerate(ways):
         if place > needed and not (s.fallbacks and task.gave_up(status)):
             break
         if place > 0:
             task.history.add(f"{status.value}: {name} from the same start")
             state.copy(newton.x)
-            task.problem.sets = sets
-            task.monolithic = False
+            problem.sets = sets
+        task.monolithic = False
         status = way()
         if status in (Status.CONVERGED, Status.SINGULAR):
             break
@@ -274,17 +304,25 @@ def _coulomb_start(task: Task) -> RegularisedData:
 
 
 def _exact(task: Task) -> Status:
-    """The unregularised limit, from the sets of the regularised solution."""
-    sets = task.problem.sets
+    """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
+    s, law, sets = task.settings, task.law, task.problem.sets
     pressure, _ = task.newton.multipliers()
     newton = task.exact_newton
     task.problem = newton.problem
     newton.x.getArray()[:] = newton.problem.system.start.getArray(readonly=True)
-    bound = None if task.law is None else task.law.bound(pressure)
-    data = replace(task.data, gamma_n=np.inf, gamma_t=np.inf, bound=bound)
-    status = newton.solve(data, sets)
-    if task.law is None or not task.has_coulomb or status is not Status.CONVERGED:
-        return status
-    s = task.settings
-    start = newton.multipliers()
-    return fixed_point(newton, data, task.law, start, None, tolerance=s.tolerance, max_outer=s.max_outer_iterations)
+    limit = replace(task.data, gamma_n=np.inf, gamma_t=np.inf)
+    if law is None or not task.has_coulomb:
+        return newton.solve(replace(limit, bound=None if law is None else law.bound(pressure)), sets)
+
+    def fixed(damping: float) -> Status:
+        data = replace(limit, bound=law.bound(pressure))
+        status = newton.solve(data, sets)
+        if status is not Status.CONVERGED:
+            return status
+        start, most = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(newton, data, law, start, None, tolerance=s.tolerance, max_outer=most, damping=damping)
+
+    def monolithic() -> Status:
+        return coulomb_newton(task.exact_unsymmetric_newton, limit, law, sets)
+
+    return _either_way(task, newton, fixed, monolithic, monolithic_first=task.monolithic)

@@ -86,13 +86,14 @@ class Task:
         self._regularised = self.problem = RegularisedProblem(self.system, self.boundary, self.motions)
         self._symmetric = self._newton(self._regularised)
         self._unsymmetric: SemismoothNewton | None = None
-        self._exact: SemismoothNewton | None = None
+        self._exact: dict[bool, SemismoothNewton] = {}
 
-    def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
-        start = self.x if problem is self._regularised else problem.system.start.copy()
+    def _newton(
+        self, problem: ContactProblem, x: PETSc.Vec | None = None, *, symmetric: bool = True
+    ) -> SemismoothNewton:
         return SemismoothNewton(
             problem,
-            start,
+            self.x if x is None else x,
             self.settings.max_iterations,
             self.history,
             symmetric=symmetric,
@@ -115,10 +116,19 @@ class Task:
     @property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        if self._exact is None:
+        if True not in self._exact:
             system, boundary = rotate(self.system, self.boundary)
-            self._exact = self._newton(ExactProblem(system, boundary, self.boundary, self.motions))
-        return self._exact
+            problem = ExactProblem(system, boundary, self.boundary, self.motions)
+            self._exact[True] = self._newton(problem, system.start.copy())
+        return self._exact[True]
+
+    @property
+    def exact_unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        exact = self.exact_newton
+        if False not in self._exact:
+            self._exact[False] = self._newton(exact.problem, exact.x, symmetric=False)
+        return self._exact[False]
 
     @property
     def answer(self) -> SemismoothNewton:

@@ -8,8 +8,8 @@ from scenes import alone, example1
 
 from signorini_fx.scene import parse_scene
 
-FEW = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
-MANY = settings(FEW, max_examples=1000)
+FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+MANY = settings(FEW, max_examples=300)
 FORCE = 5.704914
 
 

@@ -39,7 +39,6 @@ def augmented_lagrangian(
         gamma_factor: growth of gamma_1 and gamma_2 from one problem to the next.
     """
     augmentation = Augmentation(newton, natural, tolerance)
-    data = augmentation.first(data)
     for step in range(max_outer):
         status = newton.solve(
             data,

@@ -16,7 +16,7 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import Nodal, RegularisedData
+from signorini_fx.complementarity import RegularisedData
 
 # A multiplier is slow where an update leaves more than this share of its last change.
 _SLOW = 0.1
@@ -25,9 +25,13 @@ _GROWTH = 10.0
 # With gamma at this times the stiffness that the nodes meet no multiplier is slow.
 _ENOUGH = 10.0
 # A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
-_LARGEST = 100.0
+_LARGEST = 10.0
 
-Pair = tuple[Nodal, Nodal]
+
+def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
+    """The problem with no gamma so large that its round-off would hide the limit."""
+    largest = _LARGEST * natural
+    return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
 
 @dataclass
@@ -64,11 +68,6 @@ class Augmentation:
     def settled(self) -> bool:
         """Whether both multipliers are those of the limit, to the tolerance."""
         return max(self.left, self.violation) <= self.tolerance
-
-    def first(self, data: RegularisedData) -> RegularisedData:
-        """The problem with a gamma that leaves enough digits."""
-        largest = _LARGEST * self.natural
-        return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
     def measure(self, data: RegularisedData) -> float:
         """Look at the problem just solved, and at the shifts that it began with; collective.

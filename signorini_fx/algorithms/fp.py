@@ -39,7 +39,7 @@ def fixed_point(
     """
     g = start[0]
     if augmentation is not None:
-        data = replace(augmentation.first(data), lambda_hat=start[0], mu_hat=start[1])
+        data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
