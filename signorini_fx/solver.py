@@ -35,7 +35,7 @@ from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import run
+from signorini_fx.strategy import PROBLEMS, run
 from signorini_fx.task import Task
 
 
@@ -128,6 +128,8 @@ def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Soluti
     try:
         coarse = coarser_scenes(scene, 1 + _HELPING_MESHES)
         history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+        history.allow(PROBLEMS * scene.solver.max_iterations)
+        history.kept = True
         solution = _solve_nested([*coarse, scene], comm, history)
     except (SceneError, MeshError) as error:
         history.add(f"no coarser meshes: {str(error).splitlines()[0]}")

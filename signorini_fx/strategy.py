@@ -37,6 +37,9 @@ START_GAMMA = 100.0
 CONTINUATION_SHARE = 1e-4
 # Fixed points that do not contract are damped, more and more.
 _DAMPING = (0.5, 0.2)
+# A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
+# so many problems that run to their last iteration.  A fixed point with its most problems takes a fifth of them.
+PROBLEMS = 20
 # The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
 _AUGMENTED_SHARE = 1e-3
 
@@ -51,6 +54,15 @@ def run(task: Task) -> Status:
         task.data = enough
     if _nothing_acts(task):
         return _stay(task)
+    task.history.allow(PROBLEMS * task.settings.max_iterations)
+    status = _solve(task)
+    if status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+        task.history.add("all methods together have taken as many linear solves as they may")
+    return status
+
+
+def _solve(task: Task) -> Status:
+    """The method of the scene, and what takes over where it fails."""
     coulomb = task.law if task.has_coulomb else None
     status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
     if task.settings.fallbacks and task.gave_up(status) and task.settings.algorithm != "alm":

@@ -46,17 +46,26 @@ class History:
         outer: one record a regularised problem.
         events: decisions that a user should know of, such as a fall-back.
         observers: called with each new record or event, to show progress.
+        limit: the number of linear solves at which all methods end; infinite: none.
+        kept: whether this limit is one for several meshes, so that none of them gets its own.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
     outer: list[OuterRecord] = field(default_factory=list)
     events: list[str] = field(default_factory=list)
     observers: list[Observer] = field(default_factory=list)
+    limit: float = np.inf
+    kept: bool = False
 
     @property
     def linear_solves(self) -> int:
         """Linear solves so far."""
         return len(self.iterations)
+
+    def allow(self, solves: int) -> None:
+        """Set the limit to so many more linear solves, unless it is to be kept."""
+        if not self.kept:
+            self.limit = self.linear_solves + solves
 
     def add(self, record: IterationRecord | OuterRecord | str) -> None:
         """Keep a record or an event and show it."""
@@ -135,7 +144,7 @@ class SemismoothNewton:
         problem = self.problem
         problem.assemble_jacobian(snes, x, jacobian)
         moved = problem.moved if self._may_keep or problem.moved == 0 else None
-        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved)
+        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved, problem.force_scale)
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
@@ -208,7 +217,10 @@ class SemismoothNewton:
         self._stalls = 0
         self._last_residual = np.inf
         self._status: Status | None = None
-        limit = min(self.max_iterations, max_iterations or self.max_iterations)
+        left = self.history.limit - self._before
+        if left <= 0:
+            return Status.MAX_ITERATIONS
+        limit = int(min(self.max_iterations, max_iterations or self.max_iterations, left))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened = True, False
         try:

@@ -51,13 +51,14 @@ class ElasticSystem(Protocol):
         The user's options are applied later and win.
         """
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """Decide whether the last factorisation serves the new matrix too, and set the solver accordingly.
 
         Args:
             ksp: the linear solver.
             moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
                 there is none, or too many to tell.
+            forces: size of the forces at work, of which a solve may leave a small share.
         """
 
     def set_step(self, step: int, scale: float = 1.0) -> None:

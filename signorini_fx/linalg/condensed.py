@@ -88,7 +88,7 @@ class CondensedSystem:
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
 

@@ -56,7 +56,8 @@ _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "
 # back substitution, of which a factorisation is worth ten or more.
 _LAG = 4
 _LAGGED_STEPS = 20
-_LAGGED_TOLERANCE = 1e-12
+# Share of the forces that it may leave: far enough below what ends Newton's method that no unit decides on that.
+_LAGGED_SHARE = 1e-13
 _KRYLOV_TOLERANCE = 1e-11
 # While the sets still change a linear solve need not be exact: inexact Newton.
 _LOOSE_TOLERANCE = 1e-3
@@ -131,7 +132,7 @@ class FullSystem:
         ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= _FEW_RANKS else {}
         return {**_FACTOR_DEFAULTS, **ordering}
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
         if options.user_sets("ksp_") or options.user_sets("pc_"):
             return moved == 0
@@ -142,9 +143,14 @@ class FullSystem:
         kept = moved is not None and moved <= _LAG
         if kept and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
-            ksp.setTolerances(rtol=_LAGGED_TOLERANCE, max_it=_LAGGED_STEPS)
+            # The residual itself, against the forces: its preconditioned norm does not say whether Newton's method ends.
+            if not self._symmetric:
+                ksp.setPCSide(PETSc.PC.Side.RIGHT)
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+            ksp.setTolerances(rtol=1e-15, atol=_LAGGED_SHARE * forces, max_it=_LAGGED_STEPS)
         else:
             ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.setNormType(PETSc.KSP.NormType.NONE)
         return kept
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:

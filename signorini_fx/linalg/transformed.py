@@ -52,6 +52,6 @@ class TransformedSystem:
         """As the inner system."""
         self.inner.configure(ksp, symmetric=symmetric)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """As the inner system."""
-        return self.inner.keep_factor(ksp, moved)
+        return self.inner.keep_factor(ksp, moved, forces)
