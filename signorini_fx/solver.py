@@ -366,6 +366,5 @@ def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: P
     """A displacement that is counted from a resting place, as one from where the body was at first."""
     function = discretisation.function(displacement)
     if rest is not None:
-        x = discretisation.space.tabulate_dof_coordinates()[:, :2]
-        function.x.array[:] += (discretisation.motions.at(x) @ rest.motion).ravel()
+        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
     return function
