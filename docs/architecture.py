@@ -125,7 +125,18 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Discretisation",
             "forms of the effects that a scene names, assembled once",
-            ("discretisation", "forms", "material", "loads", "supports", "boundary", "pieces", "rigid", "assembly"),
+            (
+                "discretisation",
+                "forms",
+                "material",
+                "loads",
+                "supports",
+                "boundary",
+                "pieces",
+                "rigid",
+                "deformation",
+                "assembly",
+            ),
         ),
     ),
     (

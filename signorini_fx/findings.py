@@ -9,6 +9,7 @@ and of uniqueness is a rule of thumb, and says so.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,9 +21,11 @@ from scipy.optimize import lsq_linear
 from signorini_fx import contact_data, parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
+from signorini_fx.deformation import Deformation
 from signorini_fx.discretisation import LOCKING_POISSON, Body
 from signorini_fx.expressions import sample
 from signorini_fx.holding import Reactions, reactions
+from signorini_fx.results import SMALL_DEFORMATION
 from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import CoulombFriction, LinearElastic, Scene
 from signorini_fx.strategy import LARGEST_GAMMA, START_GAMMA
@@ -97,6 +100,34 @@ def _locking(body: Body) -> list[Finding]:
         for index, material in enumerate(scene.material)
         if material.hypothesis == "plane strain" and material.poisson >= LOCKING_POISSON
     ]
+
+
+def result_findings(deformations: Sequence[Deformation], *, touching: bool | None) -> list[Finding]:
+    """What a result says, whatever its scene looked like.
+
+    Args:
+        deformations: of each load step.
+        touching: whether there is contact anywhere; None for a scene without.
+    """
+    found = []
+    worst = max(deformations, key=lambda deformation: deformation.largest)
+    far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
+    if worst.gradient > SMALL_DEFORMATION:
+        message = (
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: this is no small deformation, of which "
+            "alone linear elasticity speaks; check the units of E, of the loads and of the lengths"
+        )
+        found.append(Finding("warning", "material, traction, body_force, displacement", message))
+    elif worst.displacement > SMALL_DEFORMATION:
+        message = (
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body travels, while gap and "
+            "normals are those of where it was; check the gap and the unit of lengths"
+        )
+        found.append(Finding("warning", "contact.gap, displacement", message))
+    if touching is False:
+        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+        found.append(Finding("warning", "contact.gap", message))
+    return found
 
 
 def _pieces(body: Body) -> list[Finding]:
