@@ -67,12 +67,12 @@ def scene_findings(
     """
     scene = body.scene
     found = [*_pieces(body), *_locking(body), *_equilibrium(body, law)]
-    moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else None
-    if moved is not None:
+    moved = max(_displacement_scale(body, step) for step in range(scene.steps))
+    if estimates:
         found += _large_displacements(body, moved)
     if body.boundary is not None and data is not None:
         found += [
-            *_gaps(body, data, moved),
+            *_gaps(body, data, moved, estimates=estimates),
             *_heights(body),
             *_uniqueness(scene, body.boundary, law),
             *_regularisation(scene, data, scene.young / body.tagged.size),
@@ -351,7 +351,7 @@ def _round(value: float) -> str:
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Body, data: RegularisedData, moved: float | None) -> list[Finding]:
+def _gaps(body: Body, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
@@ -367,16 +367,13 @@ def _gaps(body: Body, data: RegularisedData, moved: float | None) -> list[Findin
                 f"the gap is negative, down to {smallest:g}: the body penetrates its foundation before it is loaded",
             )
         )
-    if (
-        moved is None
-        or body.motions.free.shape[1] > 0
-        or parallel.global_sum(comm, np.array(np.count_nonzero(~unilateral))) > 0
-    ):
+    two_sided = parallel.any_rank(comm, not unilateral.all())
+    if body.motions.free.shape[1] > 0 or two_sided:
         return found
     if smallest >= -_ZERO * size and moved == 0.0:
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         found.append(Finding("warning", "traction, body_force, displacement", message))
-    elif smallest > _FAR * moved:
+    elif estimates and smallest > _FAR * moved:
         found.append(
             Finding(
                 "warning",
