@@ -60,7 +60,18 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Solve",
             "the one entry point: scene in, solution out",
-            ("solver", "strategy", "task", "nested", "boundary_levels", "exact", "price_list", "accuracy", "solution"),
+            (
+                "solver",
+                "findings",
+                "strategy",
+                "task",
+                "nested",
+                "boundary_levels",
+                "exact",
+                "price_list",
+                "accuracy",
+                "solution",
+            ),
         ),
     ),
     (
@@ -117,7 +128,18 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Discretisation",
             "forms of the effects that a scene names, assembled once",
-            ("discretisation", "forms", "material", "loads", "supports", "boundary", "rigid", "assembly"),
+            (
+                "discretisation",
+                "forms",
+                "material",
+                "loads",
+                "supports",
+                "boundary",
+                "pieces",
+                "rigid",
+                "deformation",
+                "assembly",
+            ),
         ),
     ),
     (

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.discretisation import Body
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import sample
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
@@ -38,15 +38,13 @@ def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
     return FrictionLaw(given, coefficient, cap if capped else None)
 
 
-def regularised_data(
-    scene: Scene, discretisation: Discretisation, boundary: ContactBoundary, law: FrictionLaw | None
-) -> RegularisedData:
+def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: FrictionLaw | None) -> RegularisedData:
     """The regularised problem that the scene asks for, with no shifts and the given part of the friction bound."""
     gap = np.zeros(boundary.size)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
-    automatic = AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
+    automatic = AUTOMATIC_GAMMA * scene.young / body.tagged.size
     settings = scene.solver
     zero = np.zeros(boundary.size)
     return RegularisedData(

@@ -42,7 +42,8 @@ class ConvergenceError(SignoriniError):
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
-        super().__init__(f"{solution.status.value}: {solution.status.advice}")
+        warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
+        super().__init__(f"{solution.status.value}: {solution.status.advice}{''.join(warnings)}")
 
 
 class OutputError(SignoriniError):

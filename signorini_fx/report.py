@@ -22,7 +22,7 @@ import numpy as np
 from signorini_fx import __version__
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.pyvista_pictures import FIELDS
-from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, FEW_NODES, Status
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FEW_NODES, Status
 
 PAGE = "report.html"
 _LONG = 40  # rows from which on a table is folded
@@ -41,7 +41,7 @@ JUDGED: dict[str, tuple[float | None, str]] = {
     "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond what the law allows for"),
     "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
     "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
-    "displacement": (FAR_AWAY, "largest displacement over the size of the body"),
+    "displacement": (None, "largest displacement over the size of the body"),
     "penetration": (None, "deepest penetration; the regularised law allows pressure / gamma_n"),
     "complementarity": (None, "largest product of pressure and distance"),
     "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
@@ -204,6 +204,7 @@ def _outcome(summary: dict[str, Any]) -> Markup:
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
     status = tag("div", *text, class_=f"status {'good' if good else 'short' if short else 'bad'}")
+    warned = _findings(summary, "warning")
     names = {
         "contact_force": "contact force on the body",
         "friction_force": "friction force on the body",
@@ -219,7 +220,14 @@ def _outcome(summary: dict[str, Any]) -> Markup:
     figures.append(("seconds", f"{sum(summary['timings'].values()):.3g}"))
     cards = [tag("div", tag("dt", label), tag("dd", value)) for label, value in figures]
     note = "Forces are per unit thickness, and what the foundation exerts on the body; units are those of the scene."
-    return joined([status, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+    return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+
+
+def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
+    """What the solver has found about the scene and the result, empty where there is nothing of that level."""
+    found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
+    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in found]
+    return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 
 def _clean(value: Any, scale: float) -> Any:
@@ -432,8 +440,6 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
                 f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
                 "its largest pressure are used."
             )
-        if not runs:
-            advice.append("Nothing is in contact: check loads and gap if contact was expected.")
         if np.any(contact["bound"] > 0) and not np.any(contact["friction"] == "stick"):
             advice.append("Every node with friction slips: friction is at its limit.")
     if summary.get("fields"):

@@ -13,8 +13,9 @@ T = TypeVar("T")
 
 # A violation above this share of the solution's own scale refuses the certificate.
 CERTIFICATE_TOLERANCE = 1e-6
-# A body that moves by so many times its size is no small deformation, and its figures are round-off.
-FAR_AWAY = 1e3
+# Strains, rotations and displacements (over the size of the body) from which on linear elasticity is off by notable
+# terms: the neglected part of the strain is half of this share.
+SMALL_DEFORMATION = 0.1
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure say much.
 FEW_NODES = 8
 
@@ -32,6 +33,7 @@ class Status(Enum):
     SINGULAR = "linear system singular"
     LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
+    TOO_LARGE = "deformation too large for linear elasticity"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
 
@@ -66,10 +68,13 @@ _ADVICE = {
         "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
         "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
+    Status.TOO_LARGE: (
+        "strains, rotations or displacements are beyond what linear elasticity can mean: check the units of E, of the "
+        "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
+    ),
     Status.NOT_CERTIFIED: (
         "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh; "
-        "a displacement of many times the body's size points to wrong units or supports"
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
     ),
     Status.BUDGET: (
         "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "

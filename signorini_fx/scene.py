@@ -346,6 +346,9 @@ class SolverSettings(_Model):
         max_outer_iterations: outer iterations allowed.
         tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
             relatively by no more than this.
+        largest_deformation: the largest deformation that is taken for one: mean size of the displacement gradient
+            (strain and rotation), and largest displacement over the size of the body; beyond it linear elasticity has
+            no meaning, and the outcome says so.
         fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
             Limits on iterations that are lower than usual are kept: they are an end, no failure.
     """
@@ -365,6 +368,7 @@ class SolverSettings(_Model):
     max_iterations: Count = 100
     max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7
+    largest_deformation: Positive = 0.5
     fallbacks: bool = True
 
     @field_validator("initial_contact", mode="before")

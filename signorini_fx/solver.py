@@ -17,19 +17,22 @@ from signorini_fx.accuracy import Solved, solve_to_accuracy
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.certificate import Before, certify
+from signorini_fx.certificate import Before, Certificate, certify
+from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
+from signorini_fx.deformation import Deformation, deformation_of
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import ConvergenceError, MeshError, SceneError
 from signorini_fx.estimators import StressRecovery
+from signorini_fx.findings import Finding, result_findings, scene_findings
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
-from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.nodal_forces import NodalForces
+from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, functionals
 from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
@@ -208,6 +211,7 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
     """All load steps, until one has no solution."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
+    original = task.data if task.rest is None else replace(task.data, gap=task.data.gap + task.rest.u_n)
     last: Before | None = None
     for step in range(scene.steps):
         before = history.linear_solves
@@ -228,10 +232,11 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
                 before=last,
             )
             last = Before(displacement, contact.tractions)
-            if status is Status.CONVERGED and not certificate.holds:
-                status = Status.NOT_CERTIFIED
+            deformation = deformation_of(discretisation, displacement)
+            status = _judged(status, certificate, deformation, scene)
             energy = certificate.strain_energy
-        steps.append(StepResult(step, status, contact, certificate, energy, history.linear_solves - before))
+        solves = history.linear_solves - before
+        steps.append(StepResult(step, status, contact, certificate, deformation, energy, solves))
         if status is not Status.CONVERGED:
             break
     values = None
@@ -250,8 +255,37 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
         history=history,
         parameters=_parameters(task, energy),
         linear_algebra=task.linear_algebra,
+        findings=tuple(_findings(discretisation, steps, task.law, original)),
         timings=timings,
     )
+
+
+def _judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
+    """What becomes of the outcome of an iteration when its result is looked at.
+
+    A residual that stagnates is as a rule that of a body that is far away: then this comes first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > scene.solver.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
+
+
+def _findings(
+    discretisation: Discretisation,
+    steps: Sequence[StepResult],
+    law: FrictionLaw | None = None,
+    data: RegularisedData | None = None,
+) -> list[Finding]:
+    """What ``check`` says of the scene, and what its result says; collective."""
+    solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
+    found = scene_findings(discretisation, law, data, estimates=not solved)
+    if not solved:
+        return found
+    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
+    return [*found, *result_findings([step.deformation for step in steps], touching=touching)]
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
@@ -280,10 +314,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         with timings.phase("certify"):
             displacement = discretisation.function(x)
             certificate = certify(discretisation.scene, discretisation.tagged, displacement, None, step=step)
-            if status is Status.CONVERGED and not certificate.holds:
-                status = Status.NOT_CERTIFIED
+            deformation = deformation_of(discretisation, displacement)
+            status = _judged(status, certificate, deformation, discretisation.scene)
             energy = certificate.strain_energy
-        steps.append(StepResult(step, status, None, certificate, energy, int(status is not Status.NOT_HELD)))
+        solves = int(status is not Status.NOT_HELD)
+        steps.append(StepResult(step, status, None, certificate, deformation, energy, solves))
         if status is not Status.CONVERGED:
             break
     return Solution(
@@ -297,6 +332,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         certificate=certificate,
         steps=tuple(steps),
         history=history,
+        findings=tuple(_findings(discretisation, steps)),
         timings=timings,
     )
 
@@ -380,6 +416,5 @@ def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: P
     """A displacement that is counted from a resting place, as one from where the body was at first."""
     function = discretisation.function(displacement)
     if rest is not None:
-        x = discretisation.space.tabulate_dof_coordinates()[:, :2]
-        function.x.array[:] += (discretisation.motions.at(x) @ rest.motion).ravel()
+        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
     return function

@@ -50,7 +50,9 @@ def run(task: Task) -> Status:
     if task.settings.algorithm == "alm":
         enough = with_enough_digits(task.data, _natural(task))
         if (enough.gamma_n, enough.gamma_t) != (task.data.gamma_n, task.data.gamma_t):
-            task.history.add(f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more")
+            task.history.add(
+                f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
+            )
         task.data = enough
     if _nothing_acts(task):
         return _stay(task)

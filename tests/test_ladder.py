@@ -11,7 +11,6 @@ from signorini_fx import resting, solver, strategy, task
 from signorini_fx.algorithms import descent, ladder
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import History
-from signorini_fx.complementarity import ActiveSets
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings

@@ -31,7 +31,9 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """What the load of the current load step does on the three rigid motions, the same on all ranks, shape (3,)."""
+        """What the load of the current load step does on the three rigid motions of each piece of the body, the same on
+        all ranks, shape (3 pieces,).
+        """
 
     @property
     def solver_defaults(self) -> dict[str, str]:

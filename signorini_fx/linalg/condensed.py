@@ -62,7 +62,7 @@ class CondensedSystem:
             matrix,
             load,
             start,
-            np.zeros(3),
+            np.zeros(d.motions.free.shape[0]),
             d.fixed[kept],
             contact_dofs,
             d.cases,
@@ -95,7 +95,7 @@ class CondensedSystem:
     def set_step(self, step: int, scale: float = 1.0) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = scale * np.array([case.factors[step] for case in self.cases])
-        self.resultant = scale * load_resultant(self.cases, step)
+        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         starts = np.array([case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases])
         self.load.getArray()[:] = self.factors @ self.condensed
         self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)

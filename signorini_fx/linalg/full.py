@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from signorini_fx import options
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.loads import LoadCase, load_resultant
+from signorini_fx.rigid import rigid_modes
 
 
 @cache
@@ -95,7 +96,8 @@ class FullSystem:
         nodes = d.boundary.nodes if d.boundary is not None else np.empty(0, dtype=np.int32)
         dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, np.zeros(3), d.fixed, dofs, d.cases, krylov)
+        resultant = np.zeros(d.motions.free.shape[0])
+        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, dofs, d.cases, krylov)
         if krylov:
             d.stiffness.setBlockSize(2)
             d.stiffness.setNearNullSpace(_rigid_modes(d))
@@ -106,7 +108,7 @@ class FullSystem:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
-        self.resultant = scale * load_resultant(self.cases, step)
+        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         for case in self.cases:
             self.load.axpy(scale * case.factors[step], case.load)
             self.start.axpy(scale * case.factors[step], case.start)
@@ -159,11 +161,13 @@ class FullSystem:
 
 
 def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels."""
+    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels.
+
+    Multigrid coarsens locally, where the motions of a piece are those of the whole body.
+    """
     d = discretisation
     owned = d.space.dofmap.index_map.size_local
-    x = d.space.tabulate_dof_coordinates()[:owned, :2]
-    modes = d.motions.at(x)
+    modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
     vectors = [d.stiffness.createVecRight() for _ in range(3)]
     for k, vector in enumerate(vectors):
         vector.getArray()[:] = modes[:, :, k].ravel()
