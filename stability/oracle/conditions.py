@@ -174,7 +174,11 @@ def violations(
     figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
     # Scales of the deformation: a rigid motion, however large, excuses nothing but its round-off.
     shape = deformation(body, u)
-    stress = max(np.abs(pressure).max(), np.abs(shear).max(), 1e-3 * body.young * shape / body.size)
+    # At a node that a support holds in part, pressure and shear may be anything: they set no scale for the others.
+    loose = free.reshape(-1, 2)[contact.nodes]
+    whole = loose.all(axis=1)
+    acting = np.maximum(np.abs(pressure), np.abs(shear))[whole].max(initial=0.0)
+    stress = max(float(acting), 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
     faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
@@ -182,7 +186,6 @@ def violations(
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
     # A direction in which a support holds the node is the support's.
-    loose = free.reshape(-1, 2)[contact.nodes]
     judged_n = (np.abs(contact.normal) * loose).max(axis=1) > 1e-8
     judged_t = (np.abs(contact.tangent) * loose).max(axis=1) > 1e-8
     entered = u_n - contact.gap - compliance[0] * pressure

@@ -96,7 +96,7 @@ def compare(
 
     answer = u.ravel()[reduced.dofs]
     stiff = float(np.abs(np.diag(reduced.stiffness)).max())
-    length = max(float(np.abs(answer).max()), 1e-300)
+    length = max(float(np.abs(answer).max()), float(np.abs(reduced.load).max()) / stiff, 1e-300)
     # In units of their own: u = length v, forces in stiff * length.
     matrix, load = reduced.stiffness / stiff, reduced.load / stiff / length
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
