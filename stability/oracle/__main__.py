@@ -40,7 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("results/oracle"), metavar="DIR")
     given = parser.parse_args(arguments)
     if cvxopt is None:
-        print("no CVXOPT (Debian: python3-cvxopt): conditions are judged, no convex programme is solved", file=sys.stderr)
+        print(
+            "no CVXOPT (Debian: python3-cvxopt): conditions are judged, no convex programme is solved", file=sys.stderr
+        )
     if given.only is not None:
         return _one(given.only, given.out)
     begin, rows = time.monotonic(), list[Row]()
@@ -59,7 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if sys.stderr.isatty() or len(rows) % 100 == 0:
             count = Counter(row.kind in FAILURES for row in rows)
             text = f"{len(rows)} of {given.scenes} scenes, {count[True]} wrong, {time.monotonic() - begin:.0f} s"
-            print(f"\r\x1b[K{text}" if sys.stderr.isatty() else text, end="" if sys.stderr.isatty() else "\n", file=sys.stderr)
+            print(
+                f"\r\x1b[K{text}" if sys.stderr.isatty() else text,
+                end="" if sys.stderr.isatty() else "\n",
+                file=sys.stderr,
+            )
     rows.sort(key=lambda row: row.seed)
     print(f"\n{table(rows)}\n")
     given.out.mkdir(parents=True, exist_ok=True)
@@ -88,7 +94,8 @@ def _one(seed: int, out: Path) -> int:
 def line(row: Row) -> str:
     """A scene in one line."""
     figure = f"{row.figure}: {row.value:.1e} times what is tolerated" if row.figure and row.value > 0 else row.note
-    return f"scene {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}"
+    note = f"; {row.note}" if row.note and row.note != figure else ""
+    return f"scene {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -96,7 +103,9 @@ def table(rows: Sequence[Row]) -> str:
     laws = ["none", "tresca", "coulomb", "coulomb and tresca"]
     parts = [_counts("verdict", [row.kind for row in rows], KINDS, [row.law for row in rows], laws)]
     named = Counter(row.outcome for row in rows if row.kind not in (RIGHT,))
-    parts.append("\n".join(["outcomes that are no solution:", *(f"  {n:5}  {name}" for name, n in named.most_common())]))
+    parts.append(
+        "\n".join(["outcomes that are no solution:", *(f"  {n:5}  {name}" for name, n in named.most_common())])
+    )
     algorithms = sorted({row.algorithm for row in rows if row.algorithm})
     kinds = [row.kind for row in rows if row.algorithm]
     parts.append(_counts("verdict", kinds, KINDS, [row.algorithm for row in rows if row.algorithm], algorithms))

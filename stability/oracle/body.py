@@ -43,7 +43,7 @@ class Side:
 
     @property
     def tangent(self) -> Array:
-        """t = (-n_2, n_1)."""
+        """T = (-n_2, n_1)."""
         return np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
 
 
@@ -124,7 +124,7 @@ class Body:
     @cached_property
     def size(self) -> float:
         """The largest distance of two nodes of the mesh."""
-        ends = np.unique(np.concatenate([pair for pair in self.exterior]))
+        ends = np.unique(np.concatenate(self.exterior))
         return float(pdist(self.mesh.points[ends]).max())
 
     @cached_property
@@ -187,7 +187,7 @@ class Body:
         return total
 
     def _jacobian(self, xi: Array) -> Array:
-        """d x_i / d xi_j in every cell at the points xi, shape (cells, points, 2, 2)."""
+        """D x_i / d xi_j in every cell at the points xi, shape (cells, points, 2, 2)."""
         _, slopes = elements.shape(self.mesh.cells.shape[1], xi)
         return np.einsum("cki,pkj->cpij", self.mesh.points[self.mesh.cells], slopes)
 
@@ -305,7 +305,11 @@ class Body:
             here = labels == piece
             x = self.x - self.x[here].mean(axis=0)
             for motion in (np.array([1.0, 0.0]), np.array([0.0, 1.0]), None):
-                values = np.stack([-x[:, 1], x[:, 0]], axis=1) / self.size if motion is None else np.tile(motion, (len(x), 1))
+                values = (
+                    np.stack([-x[:, 1], x[:, 0]], axis=1) / self.size
+                    if motion is None
+                    else np.tile(motion, (len(x), 1))
+                )
                 columns.append((values * here[:, None]).ravel())
         return np.stack(columns, axis=1)
 

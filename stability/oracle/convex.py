@@ -8,6 +8,7 @@ are a quadratic programme in the displacement of the contact nodes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -111,7 +112,7 @@ def compare(
     # Unknowns: v, then the square root of the layers' energies, then the moduli of the slips.
     sizes = [len(load), len(one) * layer_n, len(two) * layer_n, len(rub) * layer_t, len(rub)]
     ends = np.cumsum([0, *sizes])
-    v, p, q, m, t = (slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    v, p, q, m, t = (slice(a, b) for a, b in pairwise(ends))
     quadratic = np.zeros((ends[-1], ends[-1]))
     quadratic[v, v] = matrix
     for block in (p, q, m):

@@ -17,6 +17,7 @@ from stability.oracle.conditions import (
     Origin,
     Tractions,
     contact_of,
+    free_dofs,
     interior,
     violations,
 )
@@ -146,6 +147,9 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
         origin = Origin((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear)
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
+    held = np.count_nonzero(~free_dofs(body, 0).reshape(-1, 2)[contact.nodes].all(axis=1))
+    if kind == WRONG and held:
+        notes.append(f"a support holds {held} of {len(contact.nodes)} contact nodes")
     return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
 
 

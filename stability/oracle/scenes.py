@@ -111,9 +111,18 @@ def trial(seed: int) -> Trial:
     _hold_and_load(dice, units, scene, names, steps)
     scene["contact"] = _contacts(dice, units, scene, names, mesh)
     solver = _solver(dice, units, scene)
+    if solver.get("algorithm") == "exact" and _held_across(scene, names, units):
+        solver["algorithm"] = "alm"
     if solver:
         scene["solver"] = solver
     return Trial(seed, scene, mesh)
+
+
+def _held_across(scene: dict[str, Any], names: dict[str, str], units: _Units) -> bool:
+    """Whether ``exact`` would mostly be refused: a support holds an end of the contact boundary across its normal."""
+    supports = [effect for effect in scene.get("displacement", []) if effect["boundary"] != names["top"]]
+    sliding = [effect for effect in supports if len({"x", "y"} & set(effect)) == 1 and units.straight]
+    return len(sliding) < len(supports) or any("gap" in effect for effect in scene["contact"][1:] if supports)
 
 
 @dataclass(frozen=True)
@@ -200,9 +209,13 @@ def _own_mesh(dice: _Dice, units: _Units) -> Mesh:
     if dice.chance(0.2):
         low, high = points.min(axis=0), points.max(axis=0)
         centre = points[mesh.cells].mean(axis=1)
-        soft = centre[:, 1] < dice.between(low[1], high[1]) if dice.chance(0.5) else dice.random.random(len(centre)) < 0.5
+        soft = (
+            centre[:, 1] < dice.between(low[1], high[1]) if dice.chance(0.5) else dice.random.random(len(centre)) < 0.5
+        )
         if soft.any() and not soft.all():
-            mesh = Mesh(points, mesh.cells, mesh.boundaries, {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)})
+            mesh = Mesh(
+                points, mesh.cells, mesh.boundaries, {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)}
+            )
     return Mesh(units.place(points), mesh.cells, mesh.boundaries, mesh.regions)
 
 
@@ -225,7 +238,11 @@ def _beside(mesh: Mesh, other: Mesh) -> Mesh:
     shift = np.array([mesh.points[:, 0].max() - other.points[:, 0].min() + 0.2, 0.0])
     count = len(mesh.points)
     boundaries = {name: np.concatenate([mesh.boundaries[name], other.boundaries[name] + count]) for name in SIDES}
-    return Mesh(np.concatenate([mesh.points, other.points + shift]), np.concatenate([mesh.cells, other.cells + count]), boundaries)
+    return Mesh(
+        np.concatenate([mesh.points, other.points + shift]),
+        np.concatenate([mesh.cells, other.cells + count]),
+        boundaries,
+    )
 
 
 def _polygon(dice: _Dice) -> Mesh:
@@ -281,7 +298,9 @@ def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
         return None
     middle = (a + b) / 2
     direction = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))
-    names = np.select([np.abs(direction) < 45, np.abs(direction) > 135, direction < 0], ["right", "left", "bottom"], "top")
+    names = np.select(
+        [np.abs(direction) < 45, np.abs(direction) > 135, direction < 0], ["right", "left", "bottom"], "top"
+    )
     boundaries = {name: rim[names == name] for name in SIDES}
     return Mesh(points, cells, boundaries) if all(len(f) for f in boundaries.values()) else None
 
@@ -390,7 +409,9 @@ def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dic
             tractions.append({"boundary": side, "pressure": f"{press!r}*(1 + 0.4*{units.along})"})
         else:
             cut = dice.between(-0.5, 0.5)
-            tractions.append({"boundary": side, "pressure": f"{press!r} if {units.along} < {cut!r} else {0.2 * press!r}"})
+            tractions.append(
+                {"boundary": side, "pressure": f"{press!r} if {units.along} < {cut!r} else {0.2 * press!r}"}
+            )
         if steps > 1:
             tractions[0] = stepped(tractions[0], 0.3)
         if dice.chance(0.4):
@@ -463,7 +484,9 @@ def _contacts(
 def _solver(dice: _Dice, units: _Units, scene: dict[str, Any]) -> dict[str, Any]:
     natural = 1e5 * units.stress / units.length
     found: dict[str, Any] = {}
-    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "exact", "exact")
+    algorithm = dice.one_of(
+        "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "exact", "exact"
+    )
     if algorithm != "auto":
         found["algorithm"] = algorithm
     if dice.chance(0.5):

@@ -59,7 +59,9 @@ def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
     answer = answer_of(solution)
     about = {
         "algorithm": solution.algorithm,
-        "element": f"P{solution.scene.element.degree}" if len(mesh.cells[0]) in (3, 6) else f"Q{solution.scene.element.degree}",
+        "element": f"P{solution.scene.element.degree}"
+        if len(mesh.cells[0]) in (3, 6)
+        else f"Q{solution.scene.element.degree}",
         "nodes": len(answer.steps[-1].table["x"]) if answer.steps else 0,
         "solves": solution.history.linear_solves,
         "steps": len(answer.steps),
