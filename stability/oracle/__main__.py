@@ -22,7 +22,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from stability.oracle.convex import cvxopt
-from stability.oracle.judge import CRASHED, FAILURES, KINDS, RIGHT
+from stability.oracle.judge import CONVERGED, CRASHED, FAILURES, KINDS, RIGHT
 from stability.oracle.scenes import trial
 from stability.oracle.worker import MARK, Row, examined
 
@@ -102,7 +102,7 @@ def table(rows: Sequence[Row]) -> str:
     """How many scenes ended how, by friction law; then by algorithm; then what the convex programmes say."""
     laws = ["none", "tresca", "coulomb", "coulomb and tresca"]
     parts = [_counts("verdict", [row.kind for row in rows], KINDS, [row.law for row in rows], laws)]
-    named = Counter(row.outcome for row in rows if row.kind not in (RIGHT,))
+    named = Counter(row.outcome for row in rows if row.outcome != CONVERGED)
     parts.append(
         "\n".join(["outcomes that are no solution:", *(f"  {n:5}  {name}" for name, n in named.most_common())])
     )

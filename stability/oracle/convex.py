@@ -63,12 +63,14 @@ class Programme:
 
     Attributes:
         displacement: distance of the answer from the programme's in the energy norm, relative.
+        distance: the same, not relative.
         force: largest difference of the forces on contact nodes, relative.
         gap: the programme's own duality gap, relative to the energy.
         usable: whether it is small enough to judge by.
     """
 
     displacement: float
+    distance: float
     force: float
     gap: float
     usable: bool
@@ -97,7 +99,11 @@ def compare(
 
     answer = u.ravel()[reduced.dofs]
     stiff = float(np.abs(np.diag(reduced.stiffness)).max())
-    length = max(float(np.abs(answer).max()), float(np.abs(reduced.load).max()) / stiff, 1e-300)
+    length = max(float(np.abs(answer).max()), float(np.abs(reduced.load).max()) / stiff)
+    if length == 0:  # nothing loads the body and nothing moves: right if nothing has to
+        length = max(float(np.abs(contact.gap).max()), float(np.abs(origin.u_t).max()))
+        if length == 0:
+            return Programme(0.0, 0.0, 0.0, 0.0, usable=True)
     # In units of their own: u = length v, forces in stiff * length.
     matrix, load = reduced.stiffness / stiff, reduced.load / stiff / length
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
@@ -141,10 +147,15 @@ def compare(
     best, primal, dual = found
     theirs, ours = best[v], answer / length
     away = ours - theirs
-    energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(primal), 1e-300)
-    force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()), 1e-300)
+    if not load.any() and not ours.any():
+        energy = force = 1.0
+    else:
+        energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(primal))
+        force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()))
+    squared = max(0.0, float(away @ matrix @ away))
     return Programme(
-        displacement=float(np.sqrt(max(0.0, away @ matrix @ away) / energy)),
+        displacement=np.sqrt(squared / energy),
+        distance=length * np.sqrt(stiff * squared),
         force=float(np.abs(matrix @ away).max()) / force,
         gap=abs(primal - dual) / energy,
         usable=abs(primal - dual) <= _USABLE * energy,

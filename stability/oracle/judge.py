@@ -41,6 +41,8 @@ NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium"
 # Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with
 # Coulomb friction the bound of the programme is that of the answer, which is a fixed point to ``tolerance`` only.
 _AGREE, _AGREE_COULOMB = 1e-6, 1e-5
+# The model of path-following may be wrong by so much.
+_MODEL = 2.0
 # The penalty of gamma = auto, in units of E over the size of the body: docs/guide.md.
 _AUTOMATIC_GAMMA = 1e5
 
@@ -64,6 +66,7 @@ class Answer:
         displacement: of the last load step, shape (n, 2).
         steps: load steps, as far as they went.
         events: what the run said of fall-backs.
+        regularisation_error: what path-following says that gamma leaves, relative, in the energy norm.
     """
 
     outcome: str
@@ -71,6 +74,7 @@ class Answer:
     displacement: Array
     steps: Sequence[Step]
     events: Sequence[str] = ()
+    regularisation_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,12 +149,27 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 worse({name: value / allowed for name, value in distance.items()})
             else:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
+            if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
+                worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
         origin = Origin((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear)
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
     held = np.count_nonzero(~free_dofs(body, 0).reshape(-1, 2)[contact.nodes].all(axis=1))
     if kind == WRONG and held:
         notes.append(f"a support holds {held} of {len(contact.nodes)} contact nodes")
     return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
+
+
+def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said: float) -> dict[str, float]:
+    """Path-following promises a distance from the unregularised solution: the one asked for, and the one it reports."""
+    limit = convex.compare(body, contact, 0, u, contact.bound(np.zeros(len(contact.nodes))), origin, (0.0, 0.0))
+    if limit is None or not limit.usable:
+        return {}
+    distance = limit.distance / np.sqrt(u.ravel() @ (body.stiffness @ u.ravel()))
+    found = {"regularisation error reported": distance / (_MODEL * said + _AGREE)}
+    asked = body.scene["solver"].get("regularisation_error", "auto")
+    if asked != "auto":
+        found["regularisation error asked for"] = distance / (asked + _AGREE)
+    return found
 
 
 def _promised(body: Body, contact: Contact, step: Step, answer: Answer, worse: Any) -> list[tuple[float, float]]:

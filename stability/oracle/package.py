@@ -40,6 +40,7 @@ def answer_of(solution: Solution) -> Answer:
         displacement=solution.displacement.x.array.reshape(-1, 2).copy(),
         steps=steps,
         events=tuple(map(str, solution.history.events)),
+        regularisation_error=solution.parameters.get("regularisation_error"),
     )
 
 

@@ -121,7 +121,7 @@ def trial(seed: int) -> Trial:
 def _held_across(scene: dict[str, Any], names: dict[str, str], units: _Units) -> bool:
     """Whether ``exact`` would mostly be refused: a support holds an end of the contact boundary across its normal."""
     supports = [effect for effect in scene.get("displacement", []) if effect["boundary"] != names["top"]]
-    sliding = [effect for effect in supports if len({"x", "y"} & set(effect)) == 1 and units.straight]
+    sliding = [e for e in supports if "normal" in e or (len({"x", "y"} & set(e)) == 1 and units.straight)]
     return len(sliding) < len(supports) or any("gap" in effect for effect in scene["contact"][1:] if supports)
 
 
@@ -201,7 +201,9 @@ def _own_mesh(dice: _Dice, units: _Units) -> Mesh:
     if dice.chance(0.2):
         mesh = _polygon(dice)
     else:
-        mesh = _piece(dice, dice.one_of(2, 3, 5, 8, 12, 16, 24, 40), dice.one_of("triangle", "quadrilateral"))
+        mesh = _piece(
+            dice, dice.one_of(2, 3, 5, 8, 8, 12, 12, 16, 16, 24, 24, 40, 70), dice.one_of("triangle", "quadrilateral")
+        )
     if dice.chance(0.06):
         cell = "triangle" if mesh.cells.shape[1] == 3 else "quadrilateral"
         mesh = _beside(mesh, _piece(dice, dice.one_of(3, 6, 9), cell))
@@ -378,7 +380,6 @@ def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dic
     small = size * units.length
     kind = dice.one_of("sides", "left", "left", "top", "top", "rail", "none", "left and right", "normal")
     supports: list[dict[str, Any]] = []
-    free = units.straight
     across, along = ("x", "y") if abs(np.cos(units.angle)) > 0.5 else ("y", "x")
     if kind == "sides":
         supports = [{"boundary": names[side], across: 0.0} for side in ("left", "right")]
@@ -392,8 +393,9 @@ def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dic
     elif kind == "left and right":
         value = f"{small!r}*{units.along}" if dice.chance(0.5) else dice.between(-1, 1) * small
         supports = [{"boundary": names["left"], across: 0.0}, stepped({"boundary": names["right"], along: value}, 0.7)]
-    elif kind == "normal" and free and scene["mesh"].get("generator") in (None, "rectangle", "block"):
-        supports = [{"boundary": names["left"], "x": 0.0, "y": 0.0}]
+    elif kind == "normal":
+        straight = scene["mesh"].get("generator") in ("rectangle", "block")
+        supports = [{"boundary": names["left"], **({"normal": 0.0} if straight else {"x": 0.0, "y": 0.0})}]
     tractions: list[dict[str, Any]] = []
     press = size * units.stress
     if kind != "top" or dice.chance(0.3):
@@ -505,4 +507,14 @@ def _solver(dice: _Dice, units: _Units, scene: dict[str, Any]) -> dict[str, Any]
         found["levels"] = 2
     if algorithm == "alm" and dice.chance(0.2):
         found["gamma_factor"] = dice.between(1.0, 4.0)
+    if algorithm == "alm" and dice.chance(0.15):
+        found["inner_iterations"] = dice.whole(1, 3)
+    if algorithm == "path-following" and dice.chance(0.4):
+        found["regularisation_error"] = dice.power(-6, -1)
+    if algorithm == "continuation" and dice.chance(0.3):
+        found["gamma_first"] = found.get("gamma_n", natural) * dice.power(-5, -1)
+    if dice.chance(0.08):
+        found["tolerance"] = dice.power(-10, -7)
+    if dice.chance(0.05):
+        found["fallbacks"] = False
     return found
