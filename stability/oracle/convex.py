@@ -65,6 +65,7 @@ class Programme:
         displacement: distance of the answer from the programme's in the energy norm, relative.
         distance: the same, not relative.
         force: largest difference of the forces on contact nodes, relative.
+        stiffening: how large such a difference can be for a distance of 1, relative.
         gap: the programme's own duality gap, relative to the energy.
         usable: whether it is small enough to judge by.
     """
@@ -72,6 +73,7 @@ class Programme:
     displacement: float
     distance: float
     force: float
+    stiffening: float
     gap: float
     usable: bool
 
@@ -103,7 +105,7 @@ def compare(
     if length == 0:  # nothing loads the body and nothing moves: right if nothing has to
         length = max(float(np.abs(contact.gap).max()), float(np.abs(origin.u_t).max()))
         if length == 0:
-            return Programme(0.0, 0.0, 0.0, 0.0, usable=True)
+            return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
     # In units of their own: u = length v, forces in stiff * length.
     matrix, load = reduced.stiffness / stiff, reduced.load / stiff / length
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
@@ -157,6 +159,8 @@ def compare(
         displacement=np.sqrt(squared / energy),
         distance=length * np.sqrt(stiff * squared),
         force=float(np.abs(matrix @ away).max()) / force,
+        # |K a| <= sqrt(max K_ii) sqrt(a K a), and max K_ii is 1 in these units.
+        stiffening=np.sqrt(energy) / force,
         gap=abs(primal - dual) / energy,
         usable=abs(primal - dual) <= _USABLE * energy,
     )
@@ -166,6 +170,11 @@ def _solve(
     quadratic: Array, linear: Array, rows: Array, limits: Array, equal: Array, values: Array
 ) -> tuple[Array, float, float] | None:
     """Minimise x P x / 2 + q x over G x <= h and A x = b: (x, primal, dual)."""
+    if not len(limits):  # linear equations
+        blocks = np.block([[quadratic, equal.T], [equal, np.zeros((len(equal), len(equal)))]])
+        best = np.linalg.lstsq(blocks, np.concatenate([-linear, values]), rcond=None)[0][: len(linear)]
+        value = float(best @ quadratic @ best / 2 + linear @ best)
+        return best, value, value
     matrix = cvxopt.matrix
     options = {"show_progress": False, "abstol": 1e-14, "reltol": 1e-12, "feastol": 1e-11, "maxiters": 60}
     arguments = [matrix(quadratic), matrix(linear), matrix(rows), matrix(limits)]

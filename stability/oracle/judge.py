@@ -144,9 +144,10 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
             if programme is not None and programme.usable:
                 compared += 1
                 # The energy is strongly convex: a gap of that size allows for no larger distance.
-                allowed = np.sqrt(2 * programme.gap) + (_AGREE_COULOMB if contact.follows_pressure else _AGREE)
-                distance = {"convex: displacement": programme.displacement, "convex: force": programme.force}
-                worse({name: value / allowed for name, value in distance.items()})
+                far = np.sqrt(2 * programme.gap)
+                near = _AGREE_COULOMB if contact.follows_pressure else _AGREE
+                worse({"convex: displacement": programme.displacement / (near + far)})
+                worse({"convex: force": programme.force / (near + far * max(1.0, programme.stiffening))})
             else:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
             if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
