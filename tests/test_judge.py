@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import csv
 import os
 import sys
 from dataclasses import replace
@@ -13,6 +14,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
+from stability.oracle import __main__ as command  # noqa: E402
 from stability.oracle import convex, statics  # noqa: E402
 from stability.oracle.body import Body, Mesh  # noqa: E402
 from stability.oracle.conditions import contact_of  # noqa: E402
@@ -524,3 +526,35 @@ def test_scenes_can_be_drawn_again():
         one, two = trial(seed), trial(seed)
         assert one.scene == two.scene
         assert one.mesh is None or np.array_equal(one.mesh.points, two.mesh.points)
+
+
+# ---- the command
+
+
+def test_the_command(tmp_path):
+    """Some scenes in two processes: exit code 0, a table, one row per scene."""
+    assert command.main(["--first", "2", "--scenes", "6", "--jobs", "2", "--out", str(tmp_path)]) == 0
+    with (tmp_path / "oracle.csv").open(newline="", encoding="utf-8") as file:
+        assert [int(row["seed"]) for row in csv.DictReader(file)] == [2, 3, 4, 5, 6, 7]
+    assert f"| {RIGHT} |" in (tmp_path / "oracle.txt").read_text(encoding="utf-8")
+
+
+def test_one_scene(tmp_path, capsys):
+    """A scene by its number, with its file and its figures."""
+    assert command.main(["--only", "2", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "scene_2" / "scene.toml").exists()
+    assert "equilibrium" in capsys.readouterr().out
+
+
+def test_what_dies_is_counted(monkeypatch, tmp_path, capsys):
+    """A process that ends without an answer is no right answer, and the next scenes are tried."""
+    monkeypatch.setattr(command.sys, "executable", "/bin/false")
+    assert command.main(["--scenes", "3", "--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().out.count("exit code 1") == 3
+
+
+def test_what_is_wrong_is_counted(monkeypatch, tmp_path, capsys):
+    """Any other error than bad input is no outcome, whatever raises it."""
+    monkeypatch.setattr("stability.oracle.worker.solution_of", lambda path: 1 / 0)
+    assert command.main(["--only", "2", "--out", str(tmp_path)]) == 1
+    assert "ZeroDivisionError" in capsys.readouterr().out

@@ -130,26 +130,26 @@ def _work(first: int, stop: int, stride: int, found: queue.Queue[Row | None]) ->
     """Let worker processes examine every ``stride``-th scene; one that dies or is stuck costs its scene only."""
     while first < stop:
         command = [sys.executable, "-m", "stability.oracle.worker", str(first), str(stop), str(stride)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        assert process.stdout is not None
-        lines: queue.Queue[str] = queue.Queue()
-        reader = threading.Thread(target=_read, args=(process.stdout, lines), daemon=True)
-        reader.start()
-        limit = _START
-        while True:
-            try:
-                text = lines.get(timeout=limit)
-            except queue.Empty:
-                process.kill()
-                text = ""
-            if not text:
-                break
-            if "row" in (message := json.loads(text)):
-                found.put(Row(**message["row"]))
-                first, limit = first + stride, _LIMIT
-        code = process.wait()
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+            assert process.stdout is not None
+            lines: queue.Queue[str] = queue.Queue()
+            reader = threading.Thread(target=_read, args=(process.stdout, lines), daemon=True)
+            reader.start()
+            limit, reason = _START, ""
+            while not reason:
+                try:
+                    text = lines.get(timeout=limit)
+                except queue.Empty:
+                    process.kill()
+                    reason = f"took longer than {limit:.0f} s"
+                    continue
+                if not text:
+                    reason = f"exit code {process.wait()}"
+                elif "row" in (message := json.loads(text)):
+                    found.put(Row(**message["row"]))
+                    first, limit = first + stride, _LIMIT
+            reader.join()
         if first < stop:
-            reason = f"took longer than {limit:.0f} s" if code == -9 else f"exit code {code}"
             found.put(Row(first, CRASHED, "process died", note=reason))
             first += stride
     found.put(None)
