@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from stability.oracle.body import Body
-from stability.oracle.conditions import Contact, Origin, free_dofs
+from stability.oracle.conditions import Contact, Origin, free_dofs, interior
 from stability.oracle.elements import Array, Ints
 
 try:
@@ -58,6 +58,23 @@ def condense(body: Body, contact: Contact, step: int) -> Condensed:
 
 
 @dataclass(frozen=True)
+class Minimum:
+    """The minimum of the energy.
+
+    Attributes:
+        displacement: of the unknowns of ``Condensed``.
+        pressure: contact pressure of every contact node, from the multipliers of the programme.
+        primal: the energy.
+        dual: a lower bound of it.
+    """
+
+    displacement: Array
+    pressure: Array
+    primal: float
+    dual: float
+
+
+@dataclass(frozen=True)
 class Programme:
     """What the programme says of an answer.
 
@@ -85,6 +102,45 @@ def compare(
     reduced = condense(body, contact, step)
     if not reduced.dofs.size:
         return None
+    ours, matrix, load = u.ravel()[reduced.dofs], reduced.stiffness, reduced.load
+    idle = not ours.any() and not load.any()  # right if nothing has to move
+    if idle and not contact.gap.any() and not origin.u_t.any():
+        return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
+    length = float(np.abs(ours).max()) or float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
+    found = minimise(body, contact, step, reduced, bound, origin, compliance, length)
+    if found is None:
+        return None
+    theirs, stiff = found.displacement, float(np.abs(np.diag(matrix)).max())
+    away = ours - theirs
+    if idle:
+        energy, force = stiff * length**2, stiff * length
+    else:
+        energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
+        force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()))
+    distance = np.sqrt(max(0.0, float(away @ matrix @ away)))
+    gap = abs(found.primal - found.dual) / energy
+    return Programme(
+        displacement=distance / np.sqrt(energy),
+        distance=distance,
+        force=float(np.abs(matrix @ away).max()) / force,
+        # |K a| <= sqrt(max K_ii) sqrt(a K a)
+        stiffening=np.sqrt(stiff * energy) / force,
+        gap=gap,
+        usable=gap <= _USABLE,
+    )
+
+
+def minimise(
+    body: Body,
+    contact: Contact,
+    step: int,
+    reduced: Condensed,
+    bound: Array,
+    origin: Origin,
+    compliance: tuple[float, float],
+    length: float,
+) -> Minimum | None:
+    """The minimum for a given friction bound, None where CVXOPT fails; ``length`` is the size of displacements."""
     place = np.full(2 * len(body.x), -1)
     place[reduced.dofs] = np.arange(len(reduced.dofs))
     fixed = np.nan_to_num(body.prescribed(step))
@@ -99,15 +155,9 @@ def compare(
             shift[known] += direction[known, axis] * fixed[dofs[known]]
         return rows, shift
 
-    answer = u.ravel()[reduced.dofs]
-    stiff = float(np.abs(np.diag(reduced.stiffness)).max())
-    length = max(float(np.abs(answer).max()), float(np.abs(reduced.load).max()) / stiff)
-    if length == 0:  # nothing loads the body and nothing moves: right if nothing has to
-        length = max(float(np.abs(contact.gap).max()), float(np.abs(origin.u_t).max()))
-        if length == 0:
-            return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
     # In units of their own: u = length v, forces in stiff * length.
-    matrix, load = reduced.stiffness / stiff, reduced.load / stiff / length
+    stiff = float(np.abs(np.diag(reduced.stiffness)).max())
+    length = max(length, float(np.abs(reduced.load).max()) / stiff)
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
     gap = (contact.gap - normal_shift) / length
     start = (origin.u_t - compliance[1] * origin.shear - tangent_shift) / length
@@ -118,15 +168,14 @@ def compare(
     rub = np.flatnonzero(acts_t)
     layer_n, layer_t = compliance[0] > 0, compliance[1] > 0
     # Unknowns: v, then the square root of the layers' energies, then the moduli of the slips.
-    sizes = [len(load), len(one) * layer_n, len(two) * layer_n, len(rub) * layer_t, len(rub)]
-    ends = np.cumsum([0, *sizes])
+    ends = np.cumsum([0, len(reduced.load), len(one) * layer_n, len(two) * layer_n, len(rub) * layer_t, len(rub)])
     v, p, q, m, t = (slice(a, b) for a, b in pairwise(ends))
     quadratic = np.zeros((ends[-1], ends[-1]))
-    quadratic[v, v] = matrix
+    quadratic[v, v] = reduced.stiffness / stiff
     for block in (p, q, m):
         quadratic[block, block] = np.eye(block.stop - block.start)
     linear = np.zeros(ends[-1])
-    linear[v] = -load
+    linear[v] = -reduced.load / stiff / length
     linear[t] = contact.weight[rub] * bound[rub] / stiff / length
     rows = np.zeros((len(one) + 2 * len(rub), ends[-1]))
     limits = np.zeros(len(rows))
@@ -146,35 +195,50 @@ def compare(
     found = _solve(quadratic, linear, rows, limits, equal, gap[two])
     if found is None:
         return None
-    best, primal, dual = found
-    theirs, ours = best[v], answer / length
-    away = ours - theirs
-    if not load.any() and not ours.any():
-        energy = force = 1.0
-    else:
-        energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(primal))
-        force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()))
-    squared = max(0.0, float(away @ matrix @ away))
-    return Programme(
-        displacement=np.sqrt(squared / energy),
-        distance=length * np.sqrt(stiff * squared),
-        force=float(np.abs(matrix @ away).max()) / force,
-        # |K a| <= sqrt(max K_ii) sqrt(a K a), and max K_ii is 1 in these units.
-        stiffening=np.sqrt(energy) / force,
-        gap=abs(primal - dual) / energy,
-        usable=abs(primal - dual) <= _USABLE * energy,
-    )
+    best, (pushing, holding), primal, dual = found
+    pressure = np.zeros(len(contact.nodes))
+    pressure[one], pressure[two] = pushing[: len(one)], holding
+    unit = stiff * length
+    return Minimum(length * best[v], pressure * unit / contact.weight, primal * unit * length, dual * unit * length)
+
+
+def coulomb_state(
+    body: Body, contact: Contact, step: int, origin: Origin, pressure: Array
+) -> tuple[Array, Array] | None:
+    """Displacement (nodes, 2) and pressure of a solution with Coulomb friction, if a fixed point iteration finds one.
+
+    Args:
+        body: the body.
+        contact: its contact nodes.
+        step: the load step.
+        origin: where friction counts from.
+        pressure: where the iteration begins.
+    """
+    reduced = condense(body, contact, step)
+    length = float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
+    for _ in range(100):
+        found = minimise(body, contact, step, reduced, contact.bound(pressure), origin, (0.0, 0.0), length)
+        if found is None:
+            return None
+        change = np.abs(found.pressure - pressure).max()
+        if change <= 1e-8 * np.abs(pressure).max():
+            u = np.nan_to_num(body.prescribed(step))
+            u[reduced.dofs] = found.displacement
+            return interior(body, contact, step, u.reshape(-1, 2)[contact.nodes]), found.pressure
+        pressure = (pressure + found.pressure) / 2
+    return None
 
 
 def _solve(
     quadratic: Array, linear: Array, rows: Array, limits: Array, equal: Array, values: Array
-) -> tuple[Array, float, float] | None:
-    """Minimise x P x / 2 + q x over G x <= h and A x = b: (x, primal, dual)."""
+) -> tuple[Array, tuple[Array, Array], float, float] | None:
+    """Minimise x P x / 2 + q x over G x <= h and A x = b: (x, the multipliers of both, primal, dual)."""
     if not len(limits):  # linear equations
         blocks = np.block([[quadratic, equal.T], [equal, np.zeros((len(equal), len(equal)))]])
-        best = np.linalg.lstsq(blocks, np.concatenate([-linear, values]), rcond=None)[0][: len(linear)]
+        solution = np.linalg.lstsq(blocks, np.concatenate([-linear, values]), rcond=None)[0]
+        best, holding = solution[: len(linear)], solution[len(linear) :]
         value = float(best @ quadratic @ best / 2 + linear @ best)
-        return best, value, value
+        return best, (limits, holding), value, value
     matrix = cvxopt.matrix
     options = {"show_progress": False, "abstol": 1e-14, "reltol": 1e-12, "feastol": 1e-11, "maxiters": 60}
     arguments = [matrix(quadratic), matrix(linear), matrix(rows), matrix(limits)]
@@ -186,5 +250,6 @@ def _solve(
         except (ValueError, ArithmeticError):
             continue
         if found["x"] is not None and found["dual objective"] is not None:
-            return np.array(found["x"]).ravel(), float(found["primal objective"]), float(found["dual objective"])
+            best, pushing, holding = (np.array(found[name]).ravel() for name in "xzy")
+            return best, (pushing, holding), float(found["primal objective"]), float(found["dual objective"])
     return None

@@ -248,8 +248,33 @@ def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
     if answer.outcome == NOT_HELD:
         kind = DENIED if statics.held(body, contact, step) else NO_BALANCE
         return Verdict(kind, answer.outcome)
-    room = statics.slack(body, contact, step)
+    room, pressure = statics.slack(body, contact, step)
     if room <= 1e-6:
         return Verdict(NO_BALANCE, answer.outcome)
-    kind = DOUBTFUL if contact.follows_pressure else DENIED
-    return Verdict(kind, answer.outcome, note=f"contact forces balance the loads with {room:.1e} of them to spare")
+    note = f"contact forces balance the loads with {room:.1e} of them to spare"
+    if not contact.follows_pressure:
+        return Verdict(DENIED, answer.outcome, note=note)
+    # Balance is not enough where the bound follows the pressure: a solution is.
+    if convex.cvxopt is not None and _solution_exists(body, contact, step, answer, pressure):
+        return Verdict(DENIED, answer.outcome, note=f"{note}; and here is a solution")
+    return Verdict(DOUBTFUL, answer.outcome, note=note)
+
+
+def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pressure: Array) -> bool:
+    """Whether the oracle finds a solution with Coulomb friction of its own, from the load step before."""
+    counts = np.bincount(contact.nodes, minlength=len(body.x))[contact.nodes]
+    if (counts > 1).any() or not free_dofs(body, step).reshape(-1, 2)[contact.nodes].all():
+        return False  # what such a node carries is not told by its force alone
+    origin = Origin(np.zeros(len(pressure)), np.zeros(len(pressure)))
+    if step > 0:
+        table = answer.steps[step - 1].table
+        if (order := _rows(body, contact, table)) is None:
+            return False
+        origin = Origin(table["u_t"][order], table["shear"][order])
+    if (found := convex.coulomb_state(body, contact, step, origin, pressure)) is None:
+        return False
+    u, pressure = found
+    inner = (body.load(step) - body.stiffness @ u.ravel()).reshape(-1, 2)[contact.nodes]
+    shear = (inner * contact.tangent).sum(axis=1) / contact.weight
+    said = Tractions(pressure, shear, np.full(len(pressure), "unknown"))
+    return max(violations(body, contact, step, u, said, origin, (0.0, 0.0)).values()) <= 1

@@ -31,21 +31,22 @@ def held(body: Body, contact: Contact, step: int) -> bool:
     return bool(np.sum(values > 1e-7 * values[0]) == motions.shape[1]) if values.size else False
 
 
-def slack(body: Body, contact: Contact, step: int) -> float:
-    """How far contact forces that balance the loads can stay inside all their limits, as a share of the resultant.
+def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
+    """How far contact forces that balance the loads can stay inside all their limits, as a share of the loads.
 
-    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one on the edge.
+    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one on the edge.  And the
+    contact pressure that leaves so much.
     """
     motions = free_motions(body, step)
     count = motions.shape[1]
+    nodes = len(contact.nodes)
     if count == 0:
-        return 1.0
+        return 1.0, np.zeros(nodes)
     resultant = motions.T @ body.load(step)
     scale = float(np.abs(body.load(step)).sum())
     if scale == 0:
-        return 0.0
+        return 0.0, np.zeros(nodes)
     moves = motions.reshape(-1, 2, count)[contact.nodes]
-    nodes = len(contact.nodes)
     share = contact.weight / contact.weight.sum()
     # Unknowns: normal forces, tangential forces (over the scale), the room.
     balance = np.zeros((count, 2 * nodes + 1))
@@ -88,4 +89,6 @@ def slack(body: Body, contact: Contact, step: int) -> float:
         bounds=bounds,
         method="highs",
     )
-    return float(-found.fun) if found.status == 0 else -1.0
+    if found.status != 0:
+        return -1.0, np.zeros(nodes)
+    return float(-found.fun), found.x[:nodes] * scale / contact.weight
