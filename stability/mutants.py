@@ -189,17 +189,16 @@ class Trials:
     def try_one(self, mutant: Mutant) -> Fate:
         """Run tests against a copy with the mistake in it."""
         begin = time.monotonic()
-        named = [f"tests/test_{name}.py" for name in mutant.tests]
-        everything = [*named, *(file for file in self._files if file not in named)]
+        named = mutant.named
         stages: list[tuple[str, int, list[str]]] = []
         if mutant.idea in self._recorded:
             ranks, test = self._recorded[mutant.idea]
             stages.append(("test", ranks, [test]))
         if named:
             stages.append(("files", mutant.ranks, named))
-        stages.append(("suite", mutant.ranks, everything))
+        stages.append(("suite", mutant.ranks, self._files))
         if mutant.ranks == 1:
-            stages.append(("suite", 2, everything))
+            stages.append(("suite", 2, self._files))
         with copied() as copy:
             mutant.spoil(copy.code / "signorini_fx")
             for limit, ranks, arguments in stages:
@@ -294,7 +293,7 @@ def table(fates: dict[str, Fate]) -> str:
     noticed = sum(fate.fate != SURVIVES for fate in fates.values())
     equal = sum(bool(m.equivalent) and fates[m.idea].fate == SURVIVES for m in MUTANTS)
     lines = [
-        f"{len(fates)} mutants: {noticed} noticed, {equal} equivalent, {len(fates) - noticed - equal} survive{"s" * (len(fates) - noticed - equal == 1)}.",
+        f"Of {len(fates)} mutants {noticed} are noticed, {equal} equivalent, {len(fates) - noticed - equal} survive.",
         "",
         "| mistake | place | ranks | noticed by |",
         "|---|---|---|---|",
@@ -358,7 +357,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         def work(mutant: Mutant) -> None:
             fate = trials.try_one(mutant)
             record.add(mutant, fate)
-            print(f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}", flush=True)
+            told = f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}"
+            print(told, flush=True)
 
         # Several ranks need the machine for themselves.
         for several in (True, False):
