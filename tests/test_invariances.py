@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
-from signorini_fx.scene import CoulombFriction, TrescaFriction, parse_scene
+from signorini_fx.results import Status
+from signorini_fx.scene import CoulombFriction, SurfaceTraction, TrescaFriction, parse_scene
 
 LAWS = [{"bound": 1.5}, {"coefficient": 0.3}, {}]
 
@@ -39,6 +40,20 @@ def test_units(law, length, stress):
         close(ours[name] / unit, theirs[name])
     energies = [energy(solution) for solution in (there, here)]
     assert energies[0] == pytest.approx(energies[1] * stress * length**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("stress", [1e-12, 1.0, 1e9])
+@pytest.mark.parametrize(
+    ("push", "status"),
+    [(0.9, Status.CONVERGED), (1.1, Status.SLIDES)],
+    ids=["held", "pushed away"],
+)
+def test_statics_have_no_unit(push, status, stress):
+    """A block that friction with F g = 1.5 on a length of 3 holds against a push of 4.5, in any unit of stress."""
+    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", stress_unit=stress)
+    aside = SurfaceTraction(boundary="top", x=1.5 * push * stress)
+    free = scene.model_copy(update={"displacement": (), "traction": (*scene.traction, aside)})
+    assert alone(free, check=False).status is status
 
 
 def skew(law, *, mirrored=False, cell="quadrilateral"):
