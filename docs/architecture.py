@@ -141,6 +141,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
             "errors, outcomes, ranks, versions",
             (
                 "errors",
+                "magnitudes",
                 "requirements",
                 "results",
                 "parallel",

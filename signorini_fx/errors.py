@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 # What a terminal shows of a message: a file or a mistake may be of any length, and there may be any number of them.
-_MOST_LINES, _LONGEST_LINE = 20, 2_500
+_MOST_LINES, _LONGEST_LINE = 20, 1_000
 
 
 class SignoriniError(Exception):

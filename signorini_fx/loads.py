@@ -16,6 +16,7 @@ from signorini_fx import forms, parallel
 from signorini_fx.assembly import action, assemble, measure
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import Expression, sample
+from signorini_fx.magnitudes import LARGEST
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
@@ -154,17 +155,17 @@ def rigid_resultant(
 
 
 def check_finite(cases: tuple[LoadCase, ...]) -> None:
-    """Whether all loads and prescribed displacements are finite; collective.
+    """Whether all loads and prescribed displacements are finite, and not so large that their squares are not; collective.
 
     Raises:
         SceneError: an expression is not.
     """
     problems = []
-    if not all(np.isfinite(case.start.norm()) for case in cases):
-        problems.append(("displacement", "an expression is not finite somewhere on its boundary"))
-    elif not all(np.isfinite(case.load.norm()) for case in cases):
-        problems.append(
-            ("traction, body_force", "an expression is not finite somewhere on its boundary or in the body")
-        )
+    largest = PETSc.NormType.NORM_INFINITY
+    where = f"an expression is not finite, or larger than {LARGEST:g}, somewhere on its boundary"
+    if not all(case.start.norm(largest) <= LARGEST for case in cases):
+        problems.append(("displacement", where))
+    elif not all(case.load.norm(largest) <= LARGEST**2 for case in cases):  # stresses times lengths
+        problems.append(("traction, body_force", f"{where} or in the body"))
     if problems:
         raise SceneError(problems)
