@@ -164,7 +164,19 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
         Layer(
             "Ground",
             "errors, outcomes, ranks, versions",
-            ("errors", "requirements", "results", "parallel", "launcher", "options", "compat", "petsc_c"),
+            (
+                "errors",
+                "magnitudes",
+                "requirements",
+                "results",
+                "parallel",
+                "terminal",
+                "launcher",
+                "options",
+                "petsc_start",
+                "compat",
+                "petsc_c",
+            ),
         ),
     ),
 )

@@ -23,6 +23,7 @@ from signorini_fx.linalg import choice
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import coarser_scenes
+from signorini_fx.options import refuse_mistyped
 from signorini_fx.refinement import check_divisible
 from signorini_fx.results import Timings
 from signorini_fx.scene import (
@@ -120,7 +121,9 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     Raises:
         SceneError: the scene does not fit its mesh.
         MeshError: the mesh cannot be had.
+        OptionsError: PETSc does not take an option that the user has set.
     """
+    refuse_mistyped(comm)
     for coarse in coarser_scenes(scene, scene.solver.levels):
         _validated(coarse, comm)
     d, law, data = _validated(scene, comm)

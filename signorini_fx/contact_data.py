@@ -13,6 +13,7 @@ from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, Regular
 from signorini_fx.discretisation import Body
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import sample
+from signorini_fx.magnitudes import LARGEST
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 
 # gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
@@ -70,11 +71,11 @@ def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], p
     points = np.zeros((3, int(np.count_nonzero(here))))
     points[:2] = boundary.x[here].T
     values = sample(value, points)
-    bad = np.flatnonzero(~np.isfinite(values) | (values < minimum))
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST) | (values < minimum))
     error = None
     if bad.size:
         x, y = points[:2, bad[0]]
-        wanted = "finite" if minimum == -np.inf else "finite and not negative"
+        wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
         error = SceneError([(path, f"is {values[bad[0]]:g} at ({x:g}, {y:g}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)
     return values

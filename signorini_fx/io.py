@@ -18,7 +18,6 @@ from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
 from signorini_fx.contact_table import ContactTable, contact_table
-from signorini_fx.errors import OutputError
 from signorini_fx.material import shear_energy_density, stress
 from signorini_fx.result_folder import SUMMARY, ResultFolder, cannot_be_written
 from signorini_fx.results import as_rows
@@ -59,15 +58,9 @@ def write_results(
     Raises:
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
-    comm = solution.comm
-    if not isinstance(folder, ResultFolder):
-        folder = ResultFolder(comm, folder)
-    try:
-        summary = _write(solution, folder, fields=fields, pictures=pictures)
-    except OutputError:
-        folder.discard()
-        raise
-    folder.commit(_FILES)
+    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
+        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        claimed.commit(_FILES)
     return summary
 
 

@@ -17,6 +17,7 @@ from signorini_fx import forms, parallel
 from signorini_fx.assembly import action, assemble, measure
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import Expression, sample
+from signorini_fx.magnitudes import LARGEST
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
@@ -193,17 +194,16 @@ def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.boo
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
-    """Whether all loads and prescribed displacements are finite; collective.
+    """Whether all loads and prescribed displacements are finite, with finite squares; collective.
 
     Raises:
         SceneError: an expression is not.
     """
     problems = []
-    if parallel.any_rank(comm, not all(np.isfinite(load.start).all() for load in loads)):
-        problems.append(("displacement", "an expression is not finite somewhere on its boundary"))
-    elif parallel.any_rank(comm, not all(np.isfinite(load.forces).all() for load in loads)):
-        problems.append(
-            ("traction, body_force", "an expression is not finite somewhere on its boundary or in the body")
-        )
+    where = f"an expression is not finite, or larger than {LARGEST:g}, somewhere on its boundary"
+    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST).all() for load in loads)):
+        problems.append(("displacement", where))
+    elif parallel.any_rank(comm, not all((np.abs(load.forces) <= LARGEST**2).all() for load in loads)):
+        problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
     if problems:
         raise SceneError(problems)

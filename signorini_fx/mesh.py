@@ -9,14 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import ValidationError
-from scipy.spatial import ConvexHull
+from pydantic import TypeAdapter, ValidationError
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from signorini_fx import compat, mesh_formats, meshes, parallel
@@ -83,7 +83,11 @@ class TaggedMesh(TaggedMeshBase):
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
         x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
         low, high = x.min(axis=0), x.max(axis=0)
-        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        try:
+            corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        except QhullError:
+            extents = " by ".join(f"{extent:g}" for extent in high - low)
+            raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
         return float(pdist(corners).max())
 
 
@@ -135,19 +139,8 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
     Raises:
         SceneError: unknown generator, or parameters that it refuses.
     """
-    generate: Callable[..., TaggedMesh] = _generator(name).generate
-    try:
-        return generate(comm, **parameters)
-    except ValidationError as error:
-        known = ", ".join(list(inspect.signature(generate).parameters)[1:])
-        raise SceneError([_parameter_problem(detail, known) for detail in error.errors()]) from None
-
-
-def _parameter_problem(detail: Any, known: str) -> tuple[str, str]:
-    """Path and sentence for a parameter that a generator refuses, with those that it knows."""
-    path = f"mesh.parameters.{'.'.join(map(str, detail['loc']))}"
-    unknown = detail["type"] == "unexpected_keyword_argument"
-    return path, plain_message(detail) + (f"; there are: {known}" if unknown else "")
+    generate: Callable[..., TaggedMesh] = _generator(name, parameters).generate
+    return generate(comm, **parameters)
 
 
 def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
@@ -156,7 +149,7 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     Raises:
         SceneError: the generator has no function ``coarser(parameters, factor)``.
     """
-    coarser = getattr(_generator(name), "coarser", None)
+    coarser = getattr(_generator(name, parameters), "coarser", None)
     if coarser is None:
         raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
     result: dict[str, Any] = coarser(dict(parameters), factor)
@@ -169,7 +162,7 @@ def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, A
     Raises:
         SceneError: unknown generator.
     """
-    triangles = getattr(_generator(name), "triangles", None)
+    triangles = getattr(_generator(name, parameters), "triangles", None)
     return None if triangles is None else triangles(dict(parameters))
 
 
@@ -179,7 +172,7 @@ def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any
     Raises:
         SceneError: unknown generator.
     """
-    known = inspect.signature(_generator(name).generate).parameters
+    known = inspect.signature(_generator(name, parameters).generate).parameters
     return {**parameters, "order": 2} if "order" in known else None
 
 
@@ -217,12 +210,32 @@ def read_mesh(
     return _from_gmsh(comm, build)
 
 
-def _generator(name: str) -> Any:
-    """The module of a generator."""
+def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
+    """The module of a generator, which takes these parameters.
+
+    Raises:
+        SceneError: there is none of this name, or it refuses parameters: all that are wrong.
+    """
     known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
     if name not in known:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
-    return importlib.import_module(f"signorini_fx.meshes.{name}")
+    module = importlib.import_module(f"signorini_fx.meshes.{name}")
+    generate = inspect.unwrap(module.generate)
+    types = get_type_hints(generate, include_extras=True)
+    names = [key for key, one in inspect.signature(generate).parameters.items() if one.kind is one.KEYWORD_ONLY]
+    problems: list[tuple[str, str]] = []
+    for key, value in parameters.items():
+        path = f"mesh.parameters.{key}"
+        if key not in names:
+            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
+            continue
+        try:
+            TypeAdapter(types[key]).validate_python(value)
+        except ValidationError as error:
+            problems += [(path, plain_message(detail)) for detail in error.errors()]
+    if problems:
+        raise SceneError(problems)
+    return module
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:

@@ -6,6 +6,7 @@ meshio is asked format by format, for its own ``meshio.read`` ends the process w
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,7 +50,7 @@ def read_file(
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
-    if not file.is_file():
+    if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     return in_the_plane(reader(file), str(file), boundaries, regions, data)
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -32,6 +33,7 @@ from pydantic import (
     model_validator,
 )
 
+from signorini_fx import magnitudes
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import Expression
 
@@ -47,6 +49,13 @@ def _shown(given: Any) -> str:
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
+def _bounded(number: float) -> float:
+    wrong = magnitudes.complaint(number)
+    if wrong is not None:
+        raise ValueError(f"{wrong}, got {number:g}")
+    return number
+
+
 def _value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
@@ -58,7 +67,7 @@ def _value(given: Any) -> Any:
             number = math.inf
         if not math.isfinite(number):
             raise ValueError("the number must be finite")
-        return number
+        return _bounded(number)
     if isinstance(given, str):
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
@@ -82,7 +91,7 @@ def _number_or_auto(given: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
     if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
         raise ValueError(f"a positive number or 'auto' is wanted, got {_shown(given)}")
-    return given
+    return given if given == "auto" else _bounded(given)
 
 
 def _count_or_auto(given: Any) -> Any:
@@ -91,8 +100,8 @@ def _count_or_auto(given: Any) -> Any:
     return given
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
 
@@ -360,7 +369,7 @@ class SolverSettings(_Model):
     sigma: Automatic = "auto"
     initial_contact: Box | Literal["auto", "all"] | Value = "auto"
     gamma_first: Automatic = "auto"
-    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(_bounded)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
     linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
@@ -525,7 +534,9 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     return scene
 
 
-_LARGEST_FILE = 5_000_000
+_LARGEST_FILE = 1_000_000
+# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
+_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
 
 
 def read_scene_text(path: Path) -> str:
@@ -535,7 +546,7 @@ def read_scene_text(path: Path) -> str:
         SceneError: the file cannot be read as text, or has no end.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
@@ -559,6 +570,9 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
     Raises:
         SceneError: syntax error with line and column, or every mistake of the content at once.
     """
+    if found := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
     try:
         data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
@@ -566,7 +580,8 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
     for table, entries in (overrides or {}).items():
-        data[table] = {**(data.get(table) or {}), **entries}
+        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
+            data[table] = {**said, **entries}
     return parse_scene(data, str(path), path.parent)
 
 
@@ -589,22 +604,28 @@ def plain_message(detail: Any) -> str:
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
+        case {"type": "model_type"}:
+            return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
     return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
 
 
+# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
+_MOST_GUESSES = 50
+
+
 def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
     """One entry a path: where pydantic tried several types, what each of them would have wanted."""
     found: dict[str, list[str]] = {}
-    for detail in error.errors():
-        path, message = _problem(detail, data)
+    for number, detail in enumerate(error.errors()):
+        path, message = _problem(detail, data, guess=number < _MOST_GUESSES)
         found.setdefault(path, []).append(message)
     return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
 
 
-def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
+def _problem(detail: Any, data: Mapping[str, Any], *, guess: bool) -> tuple[str, str]:
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
     path = ""
     node: Any = data
@@ -620,7 +641,7 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
     given = detail.get("input")
-    if detail["type"] == "extra_forbidden":
+    if detail["type"] == "extra_forbidden" and guess:
         message += _meant(str(detail["loc"][-1]))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"

@@ -62,8 +62,11 @@ def solve(
     Raises:
         SceneError: the scene does not fit its mesh.
         MeshError: the mesh cannot be had.
+        OptionsError: PETSc does not take an option that the user has set.
+        MachineError: a form cannot be compiled.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
+    options.refuse_mistyped(comm)
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
