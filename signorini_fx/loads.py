@@ -46,7 +46,7 @@ def load_resultant(cases: tuple[LoadCase, ...], step: int) -> npt.NDArray[np.flo
     return sum((case.factors[step] * case.resultant for case in cases), np.zeros(3))
 
 
-def _ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
+def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
     """A scene value as a UFL coefficient; a callable is interpolated at the nodes."""
     mesh = space.mesh
     if isinstance(value, float):
@@ -96,13 +96,13 @@ def compile_load(
         return None
     terms = []
     for body in bodies:
-        force = ufl.as_vector([_ufl_value(v, space) for v in (body.x, body.y)])
+        force = ufl.as_vector([ufl_value(v, space) for v in (body.x, body.y)])
         terms.append(forms.body_force_form(force, z, degree))
     ds = measure(mesh, [facets[load.boundary] for load in tractions], {"quadrature_degree": degree})
     for number, load in enumerate(tractions, start=1):
-        traction = ufl.as_vector([_ufl_value(v, space) for v in (load.x, load.y)])
+        traction = ufl.as_vector([ufl_value(v, space) for v in (load.x, load.y)])
         if not is_zero(load.pressure):
-            traction -= _ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
+            traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
         terms.append(forms.traction_form(traction, z, ds(number)))
     names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
     return inventory.compile(" + ".join(names), lambda: fem.form(sum(terms[1:], terms[0])))
