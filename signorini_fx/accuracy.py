@@ -11,18 +11,21 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.error_estimates import Errors
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import curved_parameters, load_mesh, triangle_parameters
+from signorini_fx.mesh import TaggedMesh, curved_parameters, load_mesh, triangle_parameters
 from signorini_fx.nested import scene_on
-from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
+from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, price_list
+from signorini_fx.pressure_error import corners_of_error
 from signorini_fx.quantities import ContactState
-from signorini_fx.refinement import check_divisible, mark, refine
+from signorini_fx.refinement import cells_at, check_divisible, mark, refine
 from signorini_fx.results import Status
 from signorini_fx.scene import Accuracy, MeshGenerator, Scene
 from signorini_fx.solution import Solution
@@ -43,6 +46,8 @@ _REGULARISATION_SHARE = 0.2
 _LARGEST_JUMP = 4.0
 # ... and where meshes are compared at least so much: small changes tell little.
 _SMALLEST_JUMP = 1.5
+# The slowest that the pressure's error at a corner is taken to fall with h, and the divisions between two solves.
+_CORNER_RATE, _CORNER_DIVISIONS = 0.25, 4
 # Of the squared error at least half is refined, or there would be many meshes; and not much more than is worth it.
 _BULK = (0.5, 0.75)
 
@@ -55,13 +60,13 @@ class Solved:
         solution: how it ended.
         task: the contact problem; None without one.
         level: what the mesh is worth; None where it has no solution.
-        squares: squared error of each owned cell, shape (cells,).
+        errors: what is estimated on the mesh; None where it has no solution.
     """
 
     solution: Solution
     task: Task | None
     level: LevelResult | None
-    squares: npt.NDArray[np.float64] | None
+    errors: Errors | None
 
 
 def solve_to_accuracy(
@@ -105,7 +110,7 @@ def solve_to_accuracy(
         rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
         solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        first = {"energy": level.energy, "pressure": pressure_error(level.table)}
+        first = {"energy": level.energy, "pressure": level.pressure}
         estimate = getattr(rows[-2], goal.of) if rows else first.get(goal.of)
         error = inf if estimate is None else estimate * _SAFETY.get(goal.of, _UNSURE)
         enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
@@ -166,6 +171,7 @@ class Meshes:
         how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
         self.replaced = f"degree {scene.element.degree}, {how}" if other else ""
         self._given, self._comm = scene, comm
+        self._of: Literal["energy", "pressure", "force"] = "force" if goal.of in ("zone", "peak") else goal.of
         self.degree = scene.element.degree
         self._coarsest, self._divisions = self._coarsest_factor(), 1
         self.seconds = 0.0
@@ -207,9 +213,12 @@ class Meshes:
         if self.adaptive or not self._generated:
             cells = None
             if self.adaptive:
-                assert solved.squares is not None
-                cells = mark(self._comm, solved.squares, float(np.clip(1 - excess**-2, *_BULK)))
+                assert solved.errors is not None
+                squares = solved.errors.squares[self._of]
+                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *_BULK)))
             tagged = refine(solved.solution.discretisation.tagged, cells)
+            if self._of == "pressure" and self.adaptive:
+                tagged = self._divide_corners(tagged, solved, excess)
             self.scene = self.scene.model_copy(update={"mesh": tagged})
         else:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
@@ -217,6 +226,19 @@ class Meshes:
             mesh = self._scene().mesh
             self.scene = self.scene.model_copy(update={"mesh": mesh})
         self.seconds = time.perf_counter() - begin
+
+    def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
+        """Divide the cells at corners in contact several times, where they hold the error of the pressure.
+
+        There it falls so slowly with h, and so few cells are divided, that a solve for each division would be a waste.
+        """
+        assert solved.level is not None
+        corners = corners_of_error(solved.level.table)
+        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / _CORNER_RATE - 1, 0, _CORNER_DIVISIONS))):
+            if not len(corners):
+                break
+            tagged = refine(tagged, cells_at(tagged, corners))
+        return tagged
 
     def raise_gamma(self, task: Task, left: float, excess: float) -> None:
         """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
@@ -260,7 +282,7 @@ def _prepared(scene: Scene, goal: Accuracy) -> tuple[Scene, bool]:
     if goal.refinement != "auto":
         return scene, goal.refinement == "adaptive"
     # The other estimates compare meshes point by point, which those that differ from place to place do not bear well.
-    if goal.of not in ("energy", "pressure"):
+    if goal.of not in ("energy", "pressure", "force"):
         return scene, False
     element = scene.element.model_copy(update={"degree": 2})
     if isinstance(scene.mesh, MeshGenerator):

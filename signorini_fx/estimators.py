@@ -59,8 +59,8 @@ class StressRecovery:
         self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * ufl.dx))
         mass = compiled("stress mass", lambda: fem.form(weight * product * ufl.dx))
         self._parts = [(cells, self._projection(mass, cells)) for cells in _materials(d)]
-        self._factors, residual = _traction_residual(d, sigma, cellwise)
-        self._residual = None if residual is None else compiled("traction residual", lambda: fem.form(residual))
+        self._factors, residual = _boundary_residual(d, self._displacement, sigma, cellwise)
+        self._residual = None if residual is None else compiled("boundary residual", lambda: fem.form(residual))
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Let the forms look at these cells only (local numbers, ghosts included)."""
@@ -124,10 +124,11 @@ def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
     return [d.tagged.cells(str(material.region)) for material in d.scene.material]
 
 
-def _traction_residual(d: Discretisation, sigma: Any, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
+def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
     """The squared residual of the traction, times h over the stiffness, of each cell.
 
-    Only where the traction is known: not in contact, and of prescribed displacements the components that are free.
+    Only where the traction is known: not in contact, and of prescribed displacements the components that are free.  Of
+    the others it is the displacement that may differ, between the nodes: its square, times the stiffness over h.
 
     Returns:
         Constants with their values for each load step, and the form; None where there is no such boundary.
@@ -146,33 +147,44 @@ def _traction_residual(d: Discretisation, sigma: Any, z: Any) -> tuple[list[tupl
     size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     index_map = mesh.topology.index_map(2)
     count = index_map.size_local + index_map.num_ghosts
+    stiffness = d.lame[0] + 2 * d.lame[1]
     size.x.array[:] = mesh.h(2, np.arange(count, dtype=np.int32)) if count else 0.0
     factors = {
         k: (fem.Constant(mesh, default_scalar_type(1.0)), load.factors or (1.0,) * scene.steps)
-        for k, load in enumerate(scene.traction)
+        for k, load in enumerate(effects)
     }
-    values = {k: _traction(load, d.space, n) for k, load in enumerate(scene.traction)}
     ds = measure(mesh, [known[bits == kind] for kind in kinds], {})
     terms = []
     for number, kind in enumerate(kinds, start=1):
-        residual = -sigma * n
-        for k in values:
-            if kind >> k & 1:
-                residual += factors[k][0] * values[k]
-        for k, effect in enumerate(scene.displacement, start=len(scene.traction)):
-            if kind >> k & 1:
+        residual, away = -sigma * n, []
+        for k, effect in enumerate(effects):
+            if not kind >> k & 1:
+                continue
+            factor = factors[k][0]
+            if isinstance(effect, SurfaceTraction):
+                residual += factor * _traction(effect, d.space, n)
+            else:
                 residual = _free(effect, residual, n)
-        density = size / (d.lame[0] + 2 * d.lame[1]) * ufl.inner(residual, residual)
-        terms.append(_BOUNDARY_SHARE * density * z * ds(number, metadata={"quadrature_degree": _degree(d, kind)}))
+                away += _away(effect, y, factor, n, d.space)
+        density = _BOUNDARY_SHARE * size / stiffness * ufl.inner(residual, residual)
+        density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
+        terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, kind)}))
     return list(factors.values()), sum(terms[1:], terms[0]) if terms else None
 
 
 def _degree(d: Discretisation, kind: int) -> int:
+    """Quadrature degree on facets of one kind."""
     varying = any(
-        kind >> k & 1 and not all(isinstance(value, float) for value in (load.x, load.y, load.pressure))
-        for k, load in enumerate(d.scene.traction)
+        kind >> k & 1 and not all(isinstance(value, float) for value in _values(effect))
+        for k, effect in enumerate([*d.scene.traction, *d.scene.displacement])
     )
     return _FINE_DEGREE if varying else 2 * d.scene.element.degree
+
+
+def _values(effect: SurfaceTraction | PrescribedDisplacement) -> list[Any]:
+    """What an effect prescribes."""
+    more = effect.pressure if isinstance(effect, SurfaceTraction) else effect.normal
+    return [value for value in (effect.x, effect.y, more) if value is not None]
 
 
 def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
@@ -180,6 +192,16 @@ def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
     if effect.normal is not None:
         return residual - ufl.inner(residual, n) * n
     return ufl.as_vector((residual[0] if effect.x is None else 0.0, residual[1] if effect.y is None else 0.0))
+
+
+def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fem.FunctionSpace) -> list[Any]:
+    """How far the displacement is from what an expression prescribes, component by component."""
+    pairs = [(effect.x, y[0]), (effect.y, y[1]), (effect.normal, ufl.inner(y, n))]
+    return [
+        factor * ufl_value(value, space) - component
+        for value, component in pairs
+        if value is not None and not isinstance(value, float)
+    ]
 
 
 def _traction(load: SurfaceTraction, space: fem.FunctionSpace, n: Any) -> Any:

@@ -80,6 +80,11 @@ def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
     return groups
 
 
+def load_degree(space: fem.FunctionSpace) -> int:
+    """Quadrature degree of the loads."""
+    return 2 * int(space.element.basix_element.degree) + 2
+
+
 def compile_load(
     loads: list[Load],
     space: fem.FunctionSpace,
@@ -89,7 +94,7 @@ def compile_load(
 ) -> fem.Form | None:
     """The terms of L that the loads list, compiled together."""
     mesh = space.mesh
-    degree = 2 * space.element.basix_element.degree + 2
+    degree = load_degree(space)
     bodies = [load for load in loads if isinstance(load, BodyForce)]
     tractions = [load for load in loads if isinstance(load, SurfaceTraction)]
     if not bodies and not tractions:
