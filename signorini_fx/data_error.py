@@ -20,14 +20,14 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.contact_table import ContactTable
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.expressions import sample
-from signorini_fx.loads import is_zero, load_degree, ufl_value
+from signorini_fx.loads import is_zero, load_degree, traction_degree, ufl_value
 from signorini_fx.pressure_error import on_facets
 from signorini_fx.scene import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
 
 Floats = npt.NDArray[np.float64]
 
-# Quadrature of loads that vary: 21 points along a facet, 100 in a cell.
-_FACET_DEGREE, _CELL_DEGREE = 40, 18
+# Quadrature to compare with: 31 points along a facet, 100 in a cell.
+_FACET_DEGREE, _CELL_DEGREE = 60, 18
 # Points between two nodes.
 _POINTS = 32
 # What the nodes themselves say of a smooth function between them is no error of the data: its deviation from a line is
@@ -84,16 +84,15 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (2,))))
-    coarse = load_degree(d.space)
     ds = measure(mesh, [d.tagged.facets(load.boundary) for load in loads if isinstance(load, SurfaceTraction)], {})
     number, terms = 0, []
     for load in loads:
         factor = fem.Constant(mesh, default_scalar_type((load.factors or (1.0,) * d.scene.steps)[step]))
         value = ufl.as_vector([ufl_value(v, d.space) for v in (load.x, load.y)])
-        fine, dx = _CELL_DEGREE, ufl.dx
+        fine, coarse, dx = _CELL_DEGREE, load_degree(d.space), ufl.dx
         if isinstance(load, SurfaceTraction):
             number += 1
-            fine, dx = _FACET_DEGREE, ds(number)
+            fine, coarse, dx = _FACET_DEGREE, traction_degree(load, d.space), ds(number)
             if not is_zero(load.pressure):
                 value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
         density = factor * ufl.inner(value, z)

@@ -25,12 +25,14 @@ class Errors:
     Attributes:
         energy: of the displacement, energy norm, data included.
         pressure: of the contact pressure, L2(Gamma_c), data included; None without contact.
+        inside: of the contact pressure but beside corners, data left out.
         data: loads and friction that the mesh misses.
         squares: what each owned cell has in the square of the error, by quantity, shape (cells,).
     """
 
     energy: float
     pressure: float | None
+    inside: float
     data: float
     squares: dict[str, Floats]
 
@@ -56,19 +58,22 @@ def estimate_errors(d: Discretisation, displacement: PETSc.Vec, energy: float, t
     body = (StressRecovery(d).squares(displacement, step) + missed.squares) / size if energy > 0 else 0 * missed.squares
     forces = missed.forces / missed.total if missed.total > 0 else missed.forces
     data, error = total(forces), float(np.sqrt(total(body)))
-    contact, pressed = np.zeros_like(body), pressure_square(table)
+    contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
-        np.add.at(contact, contact_cells(d), on_facets(d.boundary, table, interval_squares(table)) / pressed)
+        for squares, corners in ((contact, True), (inside, False)):
+            intervals = interval_squares(table, corners=corners)
+            np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
     # An error in the body reaches the contact pressure with its square, as it does every functional.
-    local = total(contact)
-    shares = [squares / whole for squares, whole in ((body, error**2), (contact, local)) if whole > 0]
+    local, rest = total(contact), total(inside)
+    shares = [squares / whole for squares, whole in ((body, error**2), (inside, rest), (forces, data)) if whole > 0]
     return Errors(
         energy=error + data,
         pressure=float(np.sqrt(local + error**4)) + data if pressed > 0 else None,
+        inside=float(np.sqrt(rest)),
         data=data,
         squares={
             "energy": body + data * forces,
             "pressure": contact + error**2 * body + data * forces,
-            "force": sum(shares, np.zeros_like(body)) + (forces / data if data > 0 else forces),
+            "force": sum(shares, np.zeros_like(body)),
         },
     )

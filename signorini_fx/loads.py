@@ -22,6 +22,9 @@ from signorini_fx.scene import BodyForce, PrescribedDisplacement, Scene, Surface
 from signorini_fx.supports import fixed_dofs
 
 
+_VARYING_DEGREE = 20
+
+
 @dataclass(frozen=True)
 class LoadCase:
     """The loads and prescribed displacements that share one list of load factors.
@@ -81,8 +84,14 @@ def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
 
 
 def load_degree(space: fem.FunctionSpace) -> int:
-    """Quadrature degree of the loads."""
+    """Quadrature degree of loads in the body, and of constant tractions."""
     return 2 * int(space.element.basix_element.degree) + 2
+
+
+def traction_degree(load: SurfaceTraction, space: fem.FunctionSpace) -> int:
+    """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
+    varies = not all(isinstance(value, float) for value in (load.x, load.y, load.pressure))
+    return _VARYING_DEGREE if varies else load_degree(space)
 
 
 def compile_load(
@@ -103,12 +112,13 @@ def compile_load(
     for body in bodies:
         force = ufl.as_vector([ufl_value(v, space) for v in (body.x, body.y)])
         terms.append(forms.body_force_form(force, z, degree))
-    ds = measure(mesh, [facets[load.boundary] for load in tractions], {"quadrature_degree": degree})
+    ds = measure(mesh, [facets[load.boundary] for load in tractions], {})
     for number, load in enumerate(tractions, start=1):
         traction = ufl.as_vector([ufl_value(v, space) for v in (load.x, load.y)])
         if not is_zero(load.pressure):
             traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
-        terms.append(forms.traction_form(traction, z, ds(number)))
+        rule = {"quadrature_degree": traction_degree(load, space)}
+        terms.append(forms.traction_form(traction, z, ds(number, metadata=rule)))
     names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
     return inventory.compile(" + ".join(names), lambda: fem.form(sum(terms[1:], terms[0])))
 

@@ -25,18 +25,25 @@ _CORNER = 1.0
 _MUCH = 0.2
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
 _TURN = 0.4
+# Smaller angles are round-off.
+_STRAIGHT = 1e-7
 
 
-def interval_squares(table: ContactTable) -> list[Floats]:
+def interval_squares(table: ContactTable, *, corners: bool = True) -> list[Floats]:
     """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length.
+
+    Args:
+        table: the contact boundary.
+        corners: whether to take the intervals at corners for what they are; False: without them, for what does not
+            depend on so small a part of the boundary.
 
     Returns:
         One array for each chain of the table, shape (nodes - 1,).
     """
-    return [_squares(table, chain) for chain in table.chains]
+    return [_squares(table, chain, corners=corners) for chain in table.chains]
 
 
-def _squares(table: ContactTable, chain: range) -> Floats:
+def _squares(table: ContactTable, chain: range, *, corners: bool) -> Floats:
     rows = slice(chain.start, chain.stop)
     c = table.columns
     h, pressure = np.diff(c["s"][rows]), c["pressure"][rows]
@@ -48,7 +55,11 @@ def _squares(table: ContactTable, chain: range) -> Floats:
     squares[1:] += _KINKS / 2 * h[1:] ** 3 * kinks
     for corner, interval in _corners(table, chain):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
-        squares[interval] = max(squares[interval], _CORNER * h[interval] ** 3 * kinks[inside - 1])
+        beside = inside if interval == corner else inside - 1  # the next interval
+        if corners:
+            squares[interval] = max(squares[interval], _CORNER * h[interval] ** 3 * kinks[inside - 1])
+        else:
+            squares[[interval, beside]] = 0.0
     return squares
 
 
@@ -81,6 +92,37 @@ def _turning(x: Floats, y: Floats) -> Floats:
     """Angle from each interval to the next, radians, shape (nodes - 2,)."""
     angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def polygon_error(table: ContactTable, modulus: float) -> float:
+    """How much straight facets in place of a curved contact boundary matter, relative to the contact pressure.
+
+    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and a slope is
+    worth the modulus in pressure.
+
+    Args:
+        table: the contact boundary on a mesh whose facets were not divided.
+        modulus: stress per strain of the plane.
+    """
+    c = table.columns
+    turns = []
+    for chain in table.chains:
+        rows = slice(chain.start, chain.stop)
+        angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
+        near = pressed[1:-1] | pressed[:-2] | pressed[2:]
+        turns += angle[near & (angle > _STRAIGHT) & (angle <= _TURN)].tolist()
+    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
+    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns and square > 0 else 0.0
+
+
+def peak_of(table: ContactTable) -> tuple[float, float]:
+    """The largest pressure, and the spacing of the nodes where it is; (0, 0) without contact."""
+    pressure, s = table.columns["pressure"], table.columns["s"]
+    row = int(np.argmax(pressure)) if pressure.size else 0
+    for chain in table.chains:
+        if row in chain and pressure[row] > 0 and len(chain) > 1:
+            return float(pressure[row]), float(np.diff(s[max(row - 1, chain.start) : min(row + 2, chain.stop)]).min())
+    return 0.0, 0.0
 
 
 def pressure_error(table: ContactTable) -> float | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.contact_table import ContactTable
+from signorini_fx.pressure_error import peak_of
 
 # How errors fall with h.  The square-root ends of the contact zone limit all but the peak; measured on the paper's
 # first example against an overkill solution.  Rates seen on two or three meshes scatter more than they tell: where an
@@ -28,6 +29,13 @@ from signorini_fx.contact_table import ContactTable
 _RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
 _ENERGY_RATES = (0.5, 3.0)
 _MEMORY_OF_CHANGES = 3
+# What a polygon leaves of energy, pressure and force, times ``LevelResult.polygon`` to a power, and of the largest
+# pressure; measured on a seal with round lips (demos/studies/effectivity.py).
+_POLYGON = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
+_POLYGON_PEAK = 0.5
+# The largest pressure has no limit if it grows like h^-0.05 or faster on so many meshes one after the other, each finer
+# there, and hardly less on the last.
+_FINER, _GROWING, _GROWTH, _LASTING = 1.3, 2, 0.05, 0.6
 # An error that falls by less than this from mesh to mesh is not believed to fall at all.
 _SLOWEST = 0.95
 # Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.
@@ -53,7 +61,10 @@ class LevelResult:
         status: how it ended.
         energy: estimated discretisation error, relative in the energy norm, data included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
+        inside: the same but beside corners, data left out.
         data: the part of the loads and of friction that the mesh misses.
+        polygon: what straight facets of a curved contact boundary are worth, which no refinement makes smaller;
+            ``pressure_error.polygon_error``.
         regularisation: error that the regularisation leaves, relative in the energy norm; 0 without regularisation.
         pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
@@ -71,12 +82,14 @@ class LevelResult:
     status: str
     energy: float
     pressure: float | None
+    inside: float
     data: float
     regularisation: float
     pressure_regularisation: float
     iteration: float
     table: ContactTable
     force: npt.NDArray[np.float64]
+    polygon: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -116,6 +129,27 @@ class Price:
     regularisation: float
     iteration: float
     predicted: bool = False
+
+
+def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
+    """What a mesh is worth if its straight facets stand for a curved boundary."""
+    more = {name: share * polygon**power for name, (share, power) in _POLYGON.items()}
+    pressure = None if level.pressure is None else level.pressure + more["pressure"]
+    return replace(
+        level, energy=level.energy + more["energy"], pressure=pressure, data=level.data + more["force"], polygon=polygon
+    )
+
+
+def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
+    """Whether the largest pressure has no limit: it grew by as much, or nearly, each time the mesh was made finer."""
+    seen = [peak_of(level.table) for level in levels]
+    steps = [
+        np.log(fine / coarse) / np.log(h / smaller)
+        for (coarse, h), (fine, smaller) in pairwise(seen)
+        if coarse > 0 and fine > 0 and smaller < h / _FINER
+    ]
+    last = steps[-_GROWING:]
+    return len(last) == _GROWING and min(last) > _GROWTH and bool(last[-1] > _LASTING * last[0])
 
 
 def peak_memory(comm: MPI.Comm) -> float:
@@ -158,6 +192,10 @@ def price_list(
             fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
             errors = {name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in _RATE}
             errors["force"] = _force_error(levels[: index + 1])
+            if errors["peak"] is not None:
+                errors["peak"] += level.data + _POLYGON_PEAK * level.polygon
+        if grows_for_ever(levels[: index + 1]):
+            errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
         if change is not None and level.pressure is not None:
@@ -198,8 +236,8 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
 def _force_error(levels: Sequence[LevelResult]) -> float | None:
     """Error of contact and friction force on the last mesh, from how they changed on the way to it.
 
-    A force is wrong by no more than falls as fast as the displacement or, if that is slower, as the pressure does;
-    mostly it falls much faster.
+    A force is an average: it is wrong by what falls like the square of the error of the displacement or, if that falls
+    less, of the pressure; a corner matters little to it.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.force))
@@ -207,10 +245,9 @@ def _force_error(levels: Sequence[LevelResult]) -> float | None:
         return None
     told = []
     for coarse in levels[-1 - _MEMORY_OF_CHANGES : -1]:
-        left = [fine.energy / coarse.energy if coarse.energy > 0 else 0.0]
-        if fine.pressure and coarse.pressure:
-            left.append(fine.pressure / coarse.pressure)
-        share = float(np.clip(max(left), 0.0, _SLOWEST))
+        pairs = ((coarse.energy, fine.energy), (coarse.inside, fine.inside))
+        share = max((after / before for before, after in pairs if before > 0), default=0.0) ** 2
+        share = float(np.clip(share, 0.0, _SLOWEST))
         told.append(float(np.linalg.norm(fine.force - coarse.force)) / size * share / (1 - share))
     return max(told) + fine.data
 

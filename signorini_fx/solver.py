@@ -172,6 +172,7 @@ def _level_result(
         status=solution.status.value,
         energy=errors.energy,
         pressure=errors.pressure,
+        inside=errors.inside,
         data=errors.data,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,

@@ -6,6 +6,7 @@ friction that jump between nodes.  Scenes are small, so that hundreds of runs ta
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,15 +14,19 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.errors import SignoriniError
-from signorini_fx.estimators import StressRecovery
-from signorini_fx.mesh import TaggedMesh, load_mesh, tag_boundaries
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.errors import ConvergenceError, SignoriniError
+from signorini_fx.mesh import TaggedMesh, tag_boundaries
 from signorini_fx.reference import EXACT, Reference
 from signorini_fx.refinement import mark, refine
-from signorini_fx.scene import MeshGenerator, Scene, SolverSettings
-from signorini_fx.solver import solve
+from signorini_fx.scene import Scene, SolverSettings
+from signorini_fx.solver import solve, solve_level
+from signorini_fx.work_precision import work_of
 
 NEAR = 1e-9
+QUANTITIES = ("energy", "pressure", "force")
+# Of the rivals that are divided where the error is: meshes and unknowns, at most.
+MESHES, LARGEST = 24, 6_000
 
 
 @dataclass(frozen=True)
@@ -258,8 +263,8 @@ def touching(mesh: Any, points: Any) -> Any:
     return np.flatnonzero(found).astype(np.int32)
 
 
-def reference(one: RandomScene, halvings: int, unknowns: int) -> tuple[Reference, dict[str, float]]:
-    """A solution on strongly graded triangles of degree 2, and how far it moved in the last two refinements.
+def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> tuple[Reference, dict[str, float]]:
+    """A solution on strongly graded triangles of degree 2, and its distance to one with a quarter of the unknowns.
 
     Args:
         one: the scene.
@@ -269,17 +274,58 @@ def reference(one: RandomScene, halvings: int, unknowns: int) -> tuple[Reference
     tagged = one.body.mesh()
     for _ in range(halvings):
         tagged = refine(tagged, touching(tagged.mesh, one.points))
-    scene = on(one, 1.0, 2)
-    found = []
-    while True:
-        solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
-        found.append(solution)
-        if solution.discretisation.dofs >= unknowns:
-            break
-        squares = StressRecovery(solution.discretisation).squares(solution.displacement.x.petsc_vec)
-        cells = mark(MPI.COMM_SELF, squares, 0.7)
+    scene, found, history = on(one, 1.0, 2), [], History()
+    while not found or found[-1].discretisation.dofs < unknowns:
+        solved = solve_level(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history, None, len(found))
+        if solved.errors is None:
+            raise ConvergenceError(solved.solution)
+        found.append(solved.solution)
+        squares = [solved.errors.squares[of] for of in ("energy", "pressure")]
+        cells = [mark(MPI.COMM_SELF, own / own.sum(), 0.6) for own in squares]
         near = touching(tagged.mesh, one.points)
-        tagged = refine(tagged, np.unique(np.concatenate((cells, near))).astype(np.int32))
+        tagged = refine(tagged, np.unique(np.concatenate((*cells, near))).astype(np.int32))
     fine = Reference(found[-1])
-    own = fine.errors(found[-3])
-    return fine, {name: own[name] for name in ("energy", "pressure", "force")}
+    dofs = found[-1].discretisation.dofs
+    coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.discretisation.dofs / 4)))
+    own = fine.errors(coarse)
+    return fine, {name: own[name] for name in QUANTITIES}
+
+
+def rivals(one: RandomScene, fine: Reference) -> list[dict[str, Any]]:
+    """Runs on many meshes, each with its errors and its price: degree 1 and 2, uniform, and divided where the error is.
+
+    A uniform mesh is solved once, from a cold start; what leads to a mesh that is divided belongs to its price.
+    """
+    found = []
+    for degree in (1, 2):
+        for factor in (4.0, 2.0, 1.0, 0.5, 0.25, *([0.125] if degree == 1 else [])):
+            begin = time.process_time()
+            solution = solve(on(one, factor, degree), MPI.COMM_SELF, check=False)
+            seconds = time.process_time() - begin
+            if solution.converged:
+                price = {"work": work_of(solution), "seconds": seconds}
+                found.append({"method": f"P{degree}, {solution.discretisation.dofs}", **price, **fine.errors(solution)})
+        for of in ("energy", "pressure"):
+            found += _divided(one, fine, degree, of)
+    return found
+
+
+def _divided(one: RandomScene, fine: Reference, degree: int, of: str) -> list[dict[str, Any]]:
+    """Meshes divided where the error of this quantity is, each from the contact state of the one before."""
+    scene, tagged, state = on(one, 1.0, degree), one.body.mesh(2.0), None
+    history, work, seconds, found = History(), 0.0, 0.0, []
+    for number in range(MESHES):
+        begin = time.process_time()
+        solved = solve_level(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history, state, number)
+        if solved.errors is None:
+            break
+        solution, state = solved.solution, solved.solution.contact
+        dofs = solution.discretisation.dofs
+        work += solved.level.linear_solves * dofs
+        tagged = refine(tagged, mark(MPI.COMM_SELF, solved.errors.squares[of], 0.6))
+        seconds += time.process_time() - begin
+        name = f"P{degree}, divided for the {of}, {dofs}"
+        found.append({"method": name, "work": work, "seconds": seconds, **fine.errors(solution)})
+        if dofs > LARGEST:
+            break
+    return found
