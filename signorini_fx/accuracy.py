@@ -114,7 +114,7 @@ def solve_to_accuracy(
     polygon = 0.0
     while True:
         before = time.perf_counter()
-        solved = meshes.first(solve_on) if not levels else solve_on(meshes.scene, state, len(levels))
+        solved = meshes.solve(solve_on, state, len(levels))
         solution, task, level = solved.solution, solved.task, solved.level
         if level is None or task is None:
             return replace(solution, levels=tuple(levels))
@@ -212,6 +212,13 @@ class Meshes:
         self._of: Literal["energy", "pressure", "force"] = "force" if goal.of in ("zone", "peak") else goal.of
         self._given, self.adaptive, self.polygonal = self._plan.scene, self._plan.adaptive, self._plan.polygonal
         how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
+        self._regularised = self._given
+        settings = self._given.solver
+        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
+        if goal.of == "pressure" and automatic:
+            # The regularisation blurs the pressure at a corner, over a length that hardly depends on the mesh.
+            solver = settings.model_copy(update={"algorithm": "exact"})
+            self._given = self._given.model_copy(update={"solver": solver})
         self.degree = self._given.element.degree
         self.replaced = f"degree {self.degree}, {how}" if self._plan.replaced else ""
         self._generated = isinstance(self._given.mesh, MeshGenerator)
@@ -240,6 +247,30 @@ class Meshes:
                     raise
             self._coarsest /= 2
             self.scene = self._scene()
+
+    def solve(
+        self,
+        solve_on: Callable[[Scene, ContactState | None, int], Solved],
+        state: ContactState | None,
+        number: int,
+    ) -> Solved:
+        """Solve on the mesh that is due, with the regularisation that the scene allows for if there is no way without."""
+        if self._given.solver == self._regularised.solver:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        try:
+            solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+            if solved.level is not None or solved.task is None:
+                return solved
+        except SceneError:
+            solved = None
+        self._given, given = self._regularised, self._given
+        self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
+        try:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        except SceneError:
+            if solved is not None:
+                return solved
+            raise
 
     def jump(self, excess: float, rate: float, *, compared: bool) -> float:
         """How many times finer the next mesh is, for an error that is ``excess`` times too large."""

@@ -37,7 +37,9 @@ class Errors:
     squares: dict[str, Floats]
 
 
-def estimate_errors(d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int) -> Errors:
+def estimate_errors(
+    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int, compliance: float
+) -> Errors:
     """Estimate what is wrong on a mesh; collective.
 
     Args:
@@ -46,6 +48,7 @@ def estimate_errors(d: Discretisation, displacement: PETSc.Vec, energy: float, t
         energy: strain energy of the solution.
         table: the contact boundary.
         step: the load step.
+        compliance: 1 / gamma_1 of the regularisation; 0 without.
     """
     assert d.boundary is not None
     comm = d.tagged.mesh.comm
@@ -61,7 +64,7 @@ def estimate_errors(d: Discretisation, displacement: PETSc.Vec, energy: float, t
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
-            intervals = interval_squares(table, corners=corners)
+            intervals = interval_squares(table, corners=corners, blur=compliance * d.scene.young)
             np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
     # An error in the body reaches the contact pressure with its square, as it does every functional.
     local, rest = total(contact), total(inside)

@@ -18,9 +18,11 @@ Floats = npt.NDArray[np.float64]
 # The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
 # that where it ends like a square root, as contact zones do.
 _KINKS = 1 / 33
-# At a corner it is h^3 [p']^2 in the last interval, for exponents from 0.55 to 0.8 and quadratic elements 0.4 to 0.8
-# times that (demos/studies/effectivity.py).
-_CORNER = 1.0
+# At a corner it is about half of h^3 [p']^2 in the last interval, for quadratic elements and exponents of the stress
+# from 0.55 to 0.8: 0.4 to 0.8 times that.
+_CORNER = 0.5
+# The pressure is square integrable if it grows like r^-a with a < 1/2.
+_STEEPEST = 0.49
 # A corner with this share of the squared error is refined for its own sake.
 _MUCH = 0.2
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
@@ -29,24 +31,26 @@ _TURN = 0.4
 _STRAIGHT = 1e-7
 
 
-def interval_squares(table: ContactTable, *, corners: bool = True) -> list[Floats]:
+def interval_squares(table: ContactTable, *, corners: bool = True, blur: float = 0.0) -> list[Floats]:
     """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length.
 
     Args:
         table: the contact boundary.
         corners: whether to take the intervals at corners for what they are; False: without them, for what does not
             depend on so small a part of the boundary.
+        blur: length up to which the regularisation blurs the pressure at a corner; 0 without.
 
     Returns:
         One array for each chain of the table, shape (nodes - 1,).
     """
-    return [_squares(table, chain, corners=corners) for chain in table.chains]
+    return [_squares(table, chain, blur, corners=corners) for chain in table.chains]
 
 
-def _squares(table: ContactTable, chain: range, *, corners: bool) -> Floats:
+def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -> Floats:
     rows = slice(chain.start, chain.stop)
     c = table.columns
-    h, pressure = np.diff(c["s"][rows]), c["pressure"][rows]
+    s, pressure = c["s"][rows], c["pressure"][rows]
+    h = np.diff(s)
     squares = np.zeros(h.size)
     if h.size < 2:
         return squares
@@ -57,10 +61,41 @@ def _squares(table: ContactTable, chain: range, *, corners: bool) -> Floats:
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
         beside = inside if interval == corner else inside - 1  # the next interval
         if corners:
-            squares[interval] = max(squares[interval], _CORNER * h[interval] ** 3 * kinks[inside - 1])
+            away = slice(corner, None) if interval == corner else slice(corner, None, -1)
+            squares[interval] = max(
+                squares[interval],
+                _CORNER * h[interval] ** 3 * kinks[inside - 1],
+                _singular(np.abs(s[away] - s[corner]), pressure[away], blur),
+            )
         else:
             squares[[interval, beside]] = 0.0
     return squares
+
+
+def _singular(r: Floats, pressure: Floats, blur: float) -> float:
+    """Squared error beside a corner if the pressure is K r^-a there, as the nodes farther away say.
+
+    Args:
+        r: distance of the nodes from the corner, which is the first.
+        pressure: at these nodes.
+        blur: up to this distance the regularisation blurs the pressure; 0 without.
+    """
+    # Neighbouring nodes of quadratic elements tell different things, every second one the same.
+    even = np.arange(2, r.size, 2)
+    near = even[r[even] >= 2 * max(r[1], blur)]
+    if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
+        return 0.0
+    first, second = near[:2]
+    a = min(np.log(pressure[first] / pressure[second]) / np.log(r[second] / r[first]), _STEEPEST)
+    h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
+    k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
+    square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))
+    total = h * (square + start**2 + start * slope + slope**2 / 3)
+    if blur > h:
+        inner = slice(1, int(np.searchsorted(r, blur)) + 1)
+        missing = k * (r[inner] / h) ** -a - pressure[inner]
+        total += float(np.dot(missing[:-1] ** 2 + missing[1:] ** 2, np.diff(r[inner])) / 2)
+    return float(max(0.0, total))
 
 
 def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:

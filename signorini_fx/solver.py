@@ -111,7 +111,9 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     if not solution.converged or task is None:
         return Solved(solution, task, None, None)
     d, energy = solution.discretisation, solution.steps[-1].strain_energy
-    errors = estimate_errors(d, task.displacement(), energy, solution.table, len(solution.steps) - 1)
+    data = task.problem.data
+    compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+    errors = estimate_errors(d, task.displacement(), energy, solution.table, len(solution.steps) - 1, compliance)
     return Solved(solution, task, _level_result(number, solution, task, history.iterations[before:], errors), errors)
 
 

@@ -263,8 +263,8 @@ def touching(mesh: Any, points: Any) -> Any:
     return np.flatnonzero(found).astype(np.int32)
 
 
-def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> tuple[Reference, dict[str, float]]:
-    """A solution on strongly graded triangles of degree 2, and its distance to one with a quarter of the unknowns.
+def reference(one: RandomScene, halvings: int = 30, unknowns: int = 100_000) -> tuple[Reference, dict[str, float]]:
+    """A solution on strongly graded triangles of degree 2, and its distance to one with half of the unknowns.
 
     Args:
         one: the scene.
@@ -286,7 +286,7 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
         tagged = refine(tagged, np.unique(np.concatenate((*cells, near))).astype(np.int32))
     fine = Reference(found[-1])
     dofs = found[-1].discretisation.dofs
-    coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.discretisation.dofs / 4)))
+    coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.discretisation.dofs / 2)))
     own = fine.errors(coarse)
     return fine, {name: own[name] for name in QUANTITIES}
 
