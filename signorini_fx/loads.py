@@ -48,6 +48,9 @@ class AppliedLoad:
         return values
 
 
+_VARYING_DEGREE = 20
+
+
 @dataclass(frozen=True)
 class LoadCase:
     """The right-hand side that an ``AppliedLoad`` becomes.
@@ -70,7 +73,7 @@ def load_resultant(cases: tuple[LoadCase, ...], step: int, size: int) -> npt.NDA
     return sum((case.factors[step] * case.resultant for case in cases), np.zeros(size))
 
 
-def _ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
+def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
     """A scene value as a UFL coefficient; a callable is interpolated at the nodes."""
     mesh = space.mesh
     if isinstance(value, float):
@@ -102,6 +105,17 @@ def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
         if isinstance(load, PrescribedDisplacement) or not is_zero(*values):
             groups.setdefault(load.factors or (1.0,) * scene.steps, []).append(load)
     return groups
+
+
+def load_degree(space: fem.FunctionSpace) -> int:
+    """Quadrature degree of loads in the body, and of constant tractions."""
+    return 2 * int(space.element.basix_element.degree) + 2
+
+
+def traction_degree(load: SurfaceTraction, space: fem.FunctionSpace) -> int:
+    """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
+    varies = not all(isinstance(value, float) for value in (load.x, load.y, load.pressure))
+    return _VARYING_DEGREE if varies else load_degree(space)
 
 
 def applied_load(
@@ -136,21 +150,22 @@ def _compile(
 ) -> tuple[str, fem.Form | None]:
     """The terms of L that the loads list, compiled together, and their name."""
     mesh = space.mesh
-    degree = 2 * space.element.basix_element.degree + 2
+    degree = load_degree(space)
     bodies = [load for load in loads if isinstance(load, BodyForce)]
     tractions = [load for load in loads if isinstance(load, SurfaceTraction)]
     if not bodies and not tractions:
         return "", None
     terms = []
     for body in bodies:
-        force = ufl.as_vector([_ufl_value(v, space) for v in (body.x, body.y)])
+        force = ufl.as_vector([ufl_value(v, space) for v in (body.x, body.y)])
         terms.append(forms.body_force_form(force, z, degree))
-    ds = measure(mesh, [facets[load.boundary] for load in tractions], {"quadrature_degree": degree})
+    ds = measure(mesh, [facets[load.boundary] for load in tractions], {})
     for number, load in enumerate(tractions, start=1):
-        traction = ufl.as_vector([_ufl_value(v, space) for v in (load.x, load.y)])
+        traction = ufl.as_vector([ufl_value(v, space) for v in (load.x, load.y)])
         if not is_zero(load.pressure):
-            traction -= _ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
-        terms.append(forms.traction_form(traction, z, ds(number)))
+            traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
+        rule = {"quadrature_degree": traction_degree(load, space)}
+        terms.append(forms.traction_form(traction, z, ds(number, metadata=rule)))
     names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
     name = " + ".join(names)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))

@@ -27,7 +27,7 @@ from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase, p
 # Boundaries and regions.
 _Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
 # Midside nodes farther off than this share of the body's size make a side curved.
-_STRAIGHT = 1e-9
+STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -107,20 +107,25 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     match scene.mesh:
         case TaggedMesh():
             tagged = scene.mesh
-        case MeshFile(file=file, boundaries=boundaries, regions=regions, data=data):
-            tagged = read_mesh(file, comm, boundaries, regions, data)
+        case MeshFile():
+            tagged = load_file(scene.mesh, comm)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
             raise TypeError(f"no mesh: {scene.mesh!r}")
-    if scene.element.degree == 1 and _curvature(tagged) > _STRAIGHT * tagged.size:
+    if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even turn without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         raise SceneError([("element.degree", message)])
     return tagged
 
 
-def _curvature(tagged: TaggedMesh) -> float:
+def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
+    """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
+    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree)
+
+
+def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
     mesh = tagged.mesh
     if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
@@ -182,6 +187,8 @@ def read_mesh(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
 
@@ -192,6 +199,8 @@ def read_mesh(
             positive where both ends of an exterior facet of the boundary are.
         regions: the same for cells with all their corners.
         data: the cell data that numbers refer to; None: the only one.
+        halvings: how often all cells are divided into four, of a .geo on the true shape.
+        degree: of the geometry, as in ``mesh_formats.read_file``.
 
     Raises:
         MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
@@ -199,7 +208,7 @@ def read_mesh(
     """
 
     def build() -> _Names:
-        arrays = mesh_formats.read_file(file, boundaries, regions, data)
+        arrays = mesh_formats.read_file(file, boundaries, regions, data, halvings, degree)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "

@@ -17,6 +17,7 @@ import numpy as np
 
 from signorini_fx import abaqus, gmsh_files
 from signorini_fx.errors import MeshError
+from signorini_fx.mesh_halving import halved, straightened
 from signorini_fx.mesh_arrays import LINES, Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane, plain
 
 # Name of a boundary or region -> its tags.
@@ -34,14 +35,21 @@ def read_file(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
 ) -> MeshArrays:
     """A plane mesh from a file, the format by its suffix.
+
+    A .geo is meshed again, on the true shape; other meshes are divided as they are, on their own curved sides.
 
     Args:
         file: .msh or .geo (gmsh), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
         boundaries: names for boundaries, by a number in the cell data or by a rule (see ``in_the_plane``).
         regions: the same for parts of the body.
         data: the cell data that numbers refer to.
+        halvings: how often all cells are divided into four.
+        degree: of the geometry: 1: straight sides; 2 (.geo only): nodes between the corners as well; None: as the file
+            has it.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is no plane mesh of one kind of cell.
@@ -52,7 +60,15 @@ def read_file(
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
-    return in_the_plane(reader(file), str(file), boundaries, regions, data)
+    if file.suffix.lower() == ".geo":
+        raw = gmsh_files.read_gmsh(file, halvings, degree)
+        return in_the_plane(raw, str(file), boundaries, regions, data)
+    mesh = in_the_plane(reader(file), str(file), boundaries, regions, data)
+    if degree == 1:
+        mesh = straightened(mesh)
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
 
 
 def write_file(mesh: MeshArrays, file: Path) -> None:

@@ -36,6 +36,7 @@ class Status(Enum):
     TOO_LARGE = "deformation too large for linear elasticity"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
+    OUT_OF_REACH = "accuracy out of reach"
 
     @property
     def advice(self) -> str:
@@ -79,6 +80,10 @@ _ADVICE = {
     Status.BUDGET: (
         "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "
         "see the price list for what is missing; raise the budget, or ask for less"
+    ),
+    Status.OUT_OF_REACH: (
+        "the result is a certified solution, less accurate than asked for, and no finer mesh would have the accuracy: "
+        "the events of the history say why"
     ),
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -22,6 +21,7 @@ from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.deformation import Deformation, deformation_of
 from signorini_fx.discretisation import Discretisation, discretise
+from signorini_fx.error_estimates import Errors, estimate_errors
 from signorini_fx.errors import ConvergenceError, MeshError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.findings import Finding, result_findings, scene_findings
@@ -118,9 +118,11 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     solution, task = _solve_mesh(scene, comm, history, state)
     if not solution.converged or task is None:
         return Solved(solution, task, None, None)
-    squares = StressRecovery(solution.discretisation).squares(task.displacement())
-    level = _level_result(number, solution, task, history.iterations[before:], squares)
-    return Solved(solution, task, level, squares)
+    d, energy = solution.discretisation, solution.steps[-1].strain_energy
+    data = task.problem.data
+    compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+    errors = estimate_errors(d, task.displacement(), energy, solution.table, len(solution.steps) - 1, compliance)
+    return Solved(solution, task, _level_result(number, solution, task, history.iterations[before:], errors), errors)
 
 
 # Coarser meshes that are tried where nothing else has helped.
@@ -148,7 +150,7 @@ def _level_result(
     solution: Solution,
     task: Task,
     own: list[IterationRecord],
-    squares: npt.NDArray[np.float64],
+    errors: Errors,
 ) -> LevelResult:
     """What a mesh is worth and what it took; two back substitutions, collective.
 
@@ -157,13 +159,12 @@ def _level_result(
         solution: the solution on it.
         task: its contact problem.
         own: the linear solves on this mesh.
-        squares: estimated squared error of each owned cell.
+        errors: what is estimated on it.
     """
     seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
     size = np.sqrt(2 * solution.steps[-1].strain_energy)
-    recovered = float(np.sqrt(parallel.global_sum(solution.comm, squares.sum())))
     regularisation = pressure_regularisation = 0.0
     data = task.problem.data
     if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
@@ -181,7 +182,10 @@ def _level_result(
         seconds=seconds,
         memory=peak_memory(solution.comm),
         status=solution.status.value,
-        energy=recovered / size if size > 0 else 0.0,
+        energy=errors.energy,
+        pressure=errors.pressure,
+        inside=errors.inside,
+        data=errors.data,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),

@@ -1,0 +1,82 @@
+"""Everything that is estimated on one mesh, by quantity and by cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.contact_table import ContactTable
+from signorini_fx.data_error import contact_cells, data_error
+from signorini_fx.discretisation import Discretisation
+from signorini_fx.estimators import StressRecovery
+from signorini_fx.pressure_error import interval_squares, on_facets, pressure_square
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is estimated on one mesh; all errors are relative.
+
+    Attributes:
+        energy: of the displacement, energy norm, data included.
+        pressure: of the contact pressure, L2(Gamma_c), data included; None without contact.
+        inside: of the contact pressure but beside corners, data left out.
+        data: loads and friction that the mesh misses.
+        squares: what each owned cell has in the square of the error, by quantity, shape (cells,).
+    """
+
+    energy: float
+    pressure: float | None
+    inside: float
+    data: float
+    squares: dict[str, Floats]
+
+
+def estimate_errors(
+    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int, compliance: float
+) -> Errors:
+    """Estimate what is wrong on a mesh; collective.
+
+    Args:
+        d: the discretisation.
+        displacement: all displacement dofs, up to a rigid motion.
+        energy: strain energy of the solution.
+        table: the contact boundary.
+        step: the load step.
+        compliance: 1 / gamma_1 of the regularisation; 0 without.
+    """
+    assert d.boundary is not None
+    comm = d.tagged.mesh.comm
+
+    def total(squares: Floats) -> float:
+        return float(parallel.global_sum(comm, squares.sum()))
+
+    missed = data_error(d, table, step)
+    size = 2 * energy
+    body = (StressRecovery(d).squares(displacement, step) + missed.squares) / size if energy > 0 else 0 * missed.squares
+    forces = missed.forces / missed.total if missed.total > 0 else missed.forces
+    data, error = total(forces), float(np.sqrt(total(body)))
+    contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
+    if pressed > 0:
+        for squares, corners in ((contact, True), (inside, False)):
+            intervals = interval_squares(table, corners=corners, blur=compliance * d.scene.young)
+            np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
+    # An error in the body reaches the contact pressure with its square, as it does every functional.
+    local, rest = total(contact), total(inside)
+    shares = [squares / whole for squares, whole in ((body, error**2), (inside, rest), (forces, data)) if whole > 0]
+    return Errors(
+        energy=error + data,
+        pressure=float(np.sqrt(local + error**4)) + data if pressed > 0 else None,
+        inside=float(np.sqrt(rest)),
+        data=data,
+        squares={
+            "energy": body + data * forces,
+            "pressure": contact + error**2 * body + data * forces,
+            "force": sum(shares, np.zeros_like(body)),
+        },
+    )
