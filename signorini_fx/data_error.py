@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.assembly import assemble, facet_entities, measure
-from signorini_fx.boundary import ContactBoundary
 from signorini_fx.contact_table import ContactTable
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.expressions import sample
@@ -66,7 +65,8 @@ def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
     np.add.at(forces, cells, on_facets(d.boundary, table, friction))
     np.add.at(squares, cells, d.scene.young * on_facets(d.boundary, table, [own**2 for own in gap]))
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-    loads: float = d.external_forces(step).norm(PETSc.NormType.NORM_1)
+    forces_of_step = sum(load.factors[step] * load.forces for load in d.applied)
+    loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 
 
@@ -89,10 +89,10 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
     for load in loads:
         factor = fem.Constant(mesh, default_scalar_type((load.factors or (1.0,) * d.scene.steps)[step]))
         value = ufl.as_vector([ufl_value(v, d.space) for v in (load.x, load.y)])
-        fine, coarse, dx = _CELL_DEGREE, load_degree(d.space), ufl.dx
+        fine, coarse, dx = _CELL_DEGREE, load_degree(d.scene.element.degree), ufl.dx
         if isinstance(load, SurfaceTraction):
             number += 1
-            fine, coarse, dx = _FACET_DEGREE, traction_degree(load, d.space), ds(number)
+            fine, coarse, dx = _FACET_DEGREE, traction_degree(load, d.scene.element.degree), ds(number)
             if not is_zero(load.pressure):
                 value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
         density = factor * ufl.inner(value, z)

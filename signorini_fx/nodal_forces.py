@@ -22,8 +22,8 @@ from petsc4py import PETSc
 from signorini_fx import compat, forms, parallel
 from signorini_fx.assembly import assemble, facet_entities
 from signorini_fx.discretisation import reduced_degree
+from signorini_fx.loads import compile_loads, load_degree, traction_degree
 from signorini_fx.expressions import Expression, sample
-from signorini_fx.loads import compile_load
 from signorini_fx.mesh import TaggedMesh
 from signorini_fx.results import Inventory
 from signorini_fx.scene import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction
@@ -111,7 +111,7 @@ class NodalForces:
 
     def external(self, step: int, scale: float = 1.0) -> Array:
         """L of a load step times ``scale``, shape (owned nodes, 2)."""
-        scene, degree = self.scene, 2 * self.scene.element.degree + 2
+        scene, degree = self.scene, load_degree(self.scene.element.degree)
         total = self._zero()
         compiled = np.zeros((self.owned, 2))
         for load in scene.loads:
@@ -122,7 +122,8 @@ class NodalForces:
             if any(hasattr(value, "ufl_shape") for value in values):
                 compiled += factor * self._compiled(load)
             elif isinstance(load, SurfaceTraction):
-                for facets in self._facets(load.boundary, *_interval_rule(degree)):
+                rule = _interval_rule(traction_degree(load, scene.element.degree))
+                for facets in self._facets(load.boundary, *rule):
                     at = self._positions(facets)
                     x, y, pressure = (self._values(value, facets, at) for value in values)
                     length = np.linalg.norm(facets.moment, axis=2, keepdims=True)
@@ -253,7 +254,7 @@ class NodalForces:
         import ufl
 
         facets = {} if not isinstance(load, SurfaceTraction) else {load.boundary: self.tagged.facets(load.boundary)}
-        form = compile_load([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
+        _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
         assert form is not None
         return np.array(assemble(form).getArray().reshape(-1, 2))
 
