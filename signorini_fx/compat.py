@@ -62,4 +62,12 @@ def has_vtx() -> bool:
     return bool(dolfinx.common.has_adios2)
 
 
-__all__ = ["VERSION", "geometry_cells", "geometry_degree", "geometry_element", "gmsh_model_to_mesh", "has_vtx", "interpolation_points"]
+__all__ = [
+    "VERSION",
+    "geometry_cells",
+    "geometry_degree",
+    "geometry_element",
+    "gmsh_model_to_mesh",
+    "has_vtx",
+    "interpolation_points",
+]

@@ -90,9 +90,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = lame_coefficients(scene, tagged)
         reduced = reduced_degree(scene, mesh)
-        exact = forms.elastic_degree(
-            mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh)
-        )
+        exact = forms.elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
         terms = forms.elastic_forms(y, z, *lame, exact, reduced)
         names = ("elasticity", "reduced volumetric elasticity")
         elastic = tuple(

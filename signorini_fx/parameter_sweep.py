@@ -105,9 +105,7 @@ def sweep(
         solves, problem = history.linear_solves - before, task.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)
         points.append(
-            SweepPoint(
-                value, status, contact, solves, own, task.promised, discretisation, problem, x, load, task.rest
-            )
+            SweepPoint(value, status, contact, solves, own, task.promised, discretisation, problem, x, load, task.rest)
         )
         if status is Status.CONVERGED:
             task.first_sets, task.first_iteration = task.problem.sets, 1

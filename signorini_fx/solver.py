@@ -28,8 +28,8 @@ from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
-from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.nodal_forces import NodalForces
+from signorini_fx.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.quantities import ContactState, functionals
 from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings

@@ -24,8 +24,8 @@ from pydantic import BaseModel
 from scenes import alone, example1
 
 import signorini_fx
-from signorini_fx.certificate import JUDGED, REPORTED
 from signorini_fx import cli, meshes, scene
+from signorini_fx.certificate import JUDGED, REPORTED
 from signorini_fx.checks import check_scene
 from signorini_fx.io import write_results
 from signorini_fx.results import Status

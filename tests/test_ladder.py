@@ -11,7 +11,6 @@ from signorini_fx import resting, solver, strategy, task
 from signorini_fx.algorithms import descent, ladder
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import History
-from signorini_fx.complementarity import ActiveSets
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings
@@ -277,7 +276,7 @@ def test_a_limit_that_is_asked_for_is_kept():
     assert ours.history.events == []
 
 
-# --- trifles -----------------------------------------------------------------------------------------------------------
+# --- trifles ----------------------------------------------------------------------------------------------------------
 
 
 def test_no_load_no_motion():

@@ -23,8 +23,8 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx import cli, parallel, plots, pyvista_pictures, report
+from signorini_fx.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.io import write_results
 from signorini_fx.mesh import tag_boundaries
