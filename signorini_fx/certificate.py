@@ -18,7 +18,7 @@ quadrature degrees, and loads given as UFL expressions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,9 @@ class Law:
         if not self.regularised:
             return "the unregularised law"
         return f"the regularised law, gamma_n = {self.gamma_n:.3g}, gamma_t = {self.gamma_t:.3g}"
+
+
+UNREGULARISED = Law()
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ class Certificate:
     penetration: float = 0.0
     complementarity: float = 0.0
     stick_slip: float = 0.0
-    law: Law = field(default_factory=Law)
+    law: Law = UNREGULARISED
     strain_energy: float = 0.0
     potential_energy: float = 0.0
 
@@ -172,7 +175,7 @@ def certify(
     displacement: fem.Function,
     tractions: Tractions | None,
     *,
-    law: Law | None = None,
+    law: Law = UNREGULARISED,
     step: int = 0,
     scale: float = 1.0,
     before: Before | None = None,
@@ -184,7 +187,7 @@ def certify(
         tagged: its mesh.
         displacement: y.
         tractions: pressure and shear at the contact nodes; None for a scene without contact.
-        law: the contact law that the method promises; None: the unregularised one.
+        law: the contact law that the method promises.
         step: the load step, from 0.
         scale: factor of all loads and prescribed displacements.
         before: the end of the load step before; None for the first one.
@@ -206,12 +209,12 @@ def certify(
     force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * modulus * _norm(comm, y))
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     residual = internal - external
-    found = {
+    found: dict[str, Any] = {
         "supports": _share(_largest(comm, np.abs(y - prescribed)[fixed]), length),
         "displacement": far / tagged.size,
     }
     rest: dict[str, Any] = {
-        "law": law or Law(),
+        "law": law,
         "strain_energy": strain_energy,
         "potential_energy": strain_energy - float(work),
     }
@@ -232,7 +235,6 @@ def certify(
     equilibrium = max(
         _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
     )
-    law = rest["law"]
     u_n, u_t = nodes.traces(y)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
     if before is not None:

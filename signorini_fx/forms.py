@@ -18,8 +18,8 @@ def elastic_degree(cell: str, degree: int, geometry: int) -> int:
     """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals, where the
-    integrand is rational, that of the products of all polynomials in it.  UFL estimates the same; it stands here because
-    the certificate integrates without UFL.
+    integrand is rational, that of the products of all polynomials in it.  UFL estimates the same; it stands here
+    because the certificate integrates without UFL.
     """
     return 2 * (degree - 1) + 2 * (geometry - 1) if cell == "triangle" else 2 * (degree + geometry)
 

@@ -274,17 +274,17 @@ def _either_way(
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
     needed = ways[0][1] is unsymmetric
-    for place, (name, way) in enumerate(ways):
-        if place > needed and not (s.fallbacks and task.gave_up(status)):
+    task.monolithic = False
+    status = ways[0][1]()
+    for place, (name, way) in enumerate(ways[1:], start=1):
+        settled = status in (Status.CONVERGED, Status.SINGULAR)
+        if settled or (place > needed and not (s.fallbacks and task.gave_up(status))):
             break
-        if place > 0:
-            task.history.add(f"{status.value}: {name} from the same start")
-            state.copy(newton.x)
-            problem.sets = sets
+        task.history.add(f"{status.value}: {name} from the same start")
+        state.copy(newton.x)
+        problem.sets = sets
         task.monolithic = False
         status = way()
-        if status in (Status.CONVERGED, Status.SINGULAR):
-            break
     return status
 
 

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.certificate import Law
+from signorini_fx.certificate import UNREGULARISED, Law
 from signorini_fx.complementarity import (
     ActiveSets,
     FrictionLaw,
@@ -167,7 +167,7 @@ class Task:
     def promised(self) -> Law:
         """The contact law that the answer promises to meet: without regularisation, or with the gamma in force."""
         if self.augmented or self.settings.algorithm in ("alm", "exact"):
-            return Law()
+            return UNREGULARISED
         return Law(self.problem.data.gamma_n, self.problem.data.gamma_t)
 
     def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:

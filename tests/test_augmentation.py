@@ -92,3 +92,44 @@ def test_random_gammas(name, coulomb, share_n, share_t):
 def test_many_random_gammas(name, coulomb, share_n, share_t):
     """The same, more of them."""
     same_as_exact(name, coulomb, share_n, share_t)
+
+
+def wedge(angle, coefficient, load, **solver):
+    """A wedge in a groove with oblique flanks, held sideways at its top, where two contact nodes are."""
+    friction = {"law": "coulomb", "coefficient": coefficient}
+    return parse_scene(
+        {
+            "mesh": {"generator": "wedge", "parameters": {"nx": 4, "ny": 8, "angle": angle}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "top", "x": 0.0}],
+            "traction": [{"boundary": "top", "y": -20.0, "x": load}],
+            "contact": [{"boundary": side, "friction": friction} for side in ("left", "right")],
+            "solver": solver,
+        }
+    )
+
+
+@settings(FEW, max_examples=20)
+@given(
+    angle=st.floats(5, 40),
+    coefficient=st.sampled_from([0.0, 0.1, 0.2]),
+    load=st.floats(-30, 30),
+    share=st.floats(-2, 2).map(lambda power: 10**power),
+)
+def test_a_contact_node_with_a_support_across_its_normal(angle, coefficient, load, share):
+    """Its multipliers settle in the free direction, whatever gamma; penalty with a large gamma agrees."""
+    ours = alone(wedge(angle, coefficient, load, algorithm="alm"))
+    penalty = alone(wedge(angle, coefficient, load))
+    assert np.any(ours.contact.boundary.free.sum(axis=1) == 1)
+    gamma = share * 1e5 * 5000.0 / ours.discretisation.tagged.size
+    again = alone(wedge(angle, coefficient, load, algorithm="alm", gamma_n=gamma, gamma_t=gamma))
+    largest = ours.contact.pressure.max()
+    forces = [
+        contact.boundary.nodal_forces(contact.pressure, contact.shear) * contact.boundary.free
+        for contact in (ours.contact, penalty.contact, again.contact)
+    ]
+    size = np.abs(forces[0]).max()
+    np.testing.assert_allclose(forces[2], forces[0], rtol=0, atol=1e-6 * size)
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=2e-3 * size)
+    closed = ours.contact.pressure > 1e-6 * largest
+    assert np.abs((ours.contact.u_n - ours.contact.gap)[closed]).max() < 1e-6 * np.abs(ours.displacement.x.array).max()

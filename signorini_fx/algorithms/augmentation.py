@@ -3,9 +3,10 @@
 For fixed sets an update takes an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness that
 the contact nodes meet.  The limit is the same for every gamma, but with a small one an iterate changes by little
 although it is far from the limit, and the two multipliers have a gamma each.  So a change alone does not say that the
-iteration is done: what is left is the change times r / (1 - r), with r as seen or as k and gamma would have it at most,
+iteration is done: what is left is the change times r / (1 - r), with r as seen or as the largest k would have it,
 whichever is smaller; and the displacement has to meet the conditions of the limit itself.  Where a multiplier is slow
-its gamma is raised, to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is lowered.
+its gamma is raised, to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is
+lowered.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Augmentation:
         changes: the last changes of pressure and shear in the norm of L2(Gamma_c), stresses; nan: not known.
         slow: which of the two were slow at the last update.
         left: relative error of the multipliers that is left.
-        violation: largest penetration and elastic slip that is left, relative to the displacements of the contact nodes.
+        violation: largest penetration and elastic slip left, relative to the displacements of the contact nodes.
     """
 
     newton: SemismoothNewton

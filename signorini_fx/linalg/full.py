@@ -145,7 +145,7 @@ class FullSystem:
         kept = moved is not None and moved <= _LAG
         if kept and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
-            # The residual itself, against the forces: its preconditioned norm does not say whether Newton's method ends.
+            # The residual itself, against the forces: the preconditioned norm does not tell whether Newton ends.
             if not self._symmetric:
                 ksp.setPCSide(PETSc.PC.Side.RIGHT)
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
