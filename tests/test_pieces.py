@@ -75,6 +75,25 @@ def test_cells_that_share_no_nodes():
         find_pieces(boxes_mesh(MPI.COMM_SELF, boxes).mesh)
 
 
+@pytest.mark.mpi
+def test_fewer_cells_than_ranks():
+    """A rank without cells takes part, and says the same."""
+    mesh = boxes_mesh(WORLD, [Box("only", 0.0, 0.0, 2.0, 1.0, 1, 1)])
+    scene = scene_on(
+        mesh,
+        displacement=[{"boundary": "left only", "x": 0.0}],
+        traction=[{"boundary": "top only", "y": -5.0}],
+        contact=[{"boundary": "bottom only", "gap": 0.01}],
+    )
+    solution = solve(scene, WORLD, check=False)
+    pieces, deformation = solution.discretisation.motions.pieces, solution.steps[-1].deformation
+    assert pieces.cells.tolist() == [1]
+    assert all(other is solution.status for other in WORLD.allgather(solution.status))
+    assert all(other == deformation for other in WORLD.allgather(deformation))
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_allclose(solution.contact.forces[0], [0.0, 10.0], atol=1e-9)
+
+
 # --- motions without strain ------------------------------------------------------------------------------------------
 
 
