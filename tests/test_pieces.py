@@ -299,6 +299,62 @@ def test_a_chain_on_a_foundation(seed):
     np.testing.assert_allclose(contact_force + friction_force, [0.0, press[0] + 1.5 * press[1]], atol=1e-8)
 
 
+def dense_of(d, law):
+    """The stiffness of the whole body, and rows that contact adds: normals, and tangents where there is friction."""
+    rows = np.arange(d.dofs, dtype=np.int32)
+    matrix, boundary = d.stiffness.getValues(rows, rows), d.boundary
+    held = [boundary.normal, boundary.tangent] if law else [boundary.normal]
+    traces = np.zeros((len(held) * boundary.size, d.dofs))
+    for number, direction in enumerate(held):
+        for component in range(2):
+            here = (np.arange(boundary.size) + number * boundary.size, 2 * boundary.nodes + component)
+            traces[here] = direction[:, component] * boundary.free[:, component]
+    return matrix, traces
+
+
+def random_chain(seed):
+    """Boxes apart and joined, supports and contact at random: their mesh on some ranks, and the effects."""
+    rng = np.random.default_rng(1000 + seed)
+    boxes, joined, supports = random_bodies(rng)
+    friction = {"friction": {"law": "tresca", "bound": 5.0}} if seed % 2 else {}
+    chosen = [box.name for box in boxes if rng.random() < 0.8] or [boxes[0].name]
+    effects = {
+        "displacement": [support for support in supports if not support["boundary"].startswith("bottom")],
+        "contact": [{"boundary": f"bottom {name}", **friction} for name in chosen],
+        "traction": [{"boundary": f"top {box.name}", "y": -float(rng.uniform(0.5, 2.0))} for box in boxes],
+    }
+    return lambda comm: scene_on(boxes_mesh(comm, boxes, joined=joined), **effects)
+
+
+def regular(scene):
+    """Whether the matrix of all unknowns, with contact and stick at every node, has no null space."""
+    d = discretise(scene, scene.mesh, Timings())
+    matrix, traces = dense_of(d, law=scene.has_friction)
+    values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)
+    return values[0] > 1e-9 * values[-1]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("seed", range(24))
+def test_random_chains_are_held_or_not(seed):
+    """Held is what no singular matrix denies; where a solution is found, it is in equilibrium."""
+    scene_of = random_chain(seed)
+    held = regular(scene_of(MPI.COMM_SELF))
+    solution = solve(scene_of(WORLD), WORLD, check=False)
+    assert (solution.status is not Status.NOT_HELD) == held
+    if not held:
+        assert solution.history.linear_solves == 0
+        warnings = [f.message for f in solution.findings if f.level == "warning"]
+        assert any("nothing holds" in message for message in warnings)
+    if solution.converged:
+        assert solution.certificate.equilibrium < 1e-9
+
+
+def test_the_chains_above_are_of_both_kinds():
+    """Held and not held, neither of them seldom."""
+    assert 6 <= sum(regular(random_chain(seed)(MPI.COMM_SELF)) for seed in range(24)) <= 18
+
+
 def test_a_mesh_of_ones_own_in_pieces():
     """Also a dolfinx mesh made in Python is looked at."""
     mesh = boxes_mesh(MPI.COMM_SELF, [UPPER, LOWER]).mesh
