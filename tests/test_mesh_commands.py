@@ -37,7 +37,7 @@ def squares(tmp_path):
 
 
 def test_mesh_info(capsys, squares):
-    """Counts, size, quality, names, and what would hurt: nodes that coincide, cells joined by a hinge, unnamed facets."""
+    """Counts, size, quality, names, and what would hurt: a hinge, nodes that coincide, facets without a name."""
     code, out, err = run(capsys, "mesh-info", squares)
     assert (code, err) == (0, "")
     for text in (

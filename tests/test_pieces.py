@@ -7,16 +7,18 @@ alone as a body of one piece.
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
+from dolfinx import fem
 from mpi4py import MPI
 from scenes import rectangle, table_of
 
+from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import discretise
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import tag_boundaries
 from signorini_fx.pieces import MOST_PIECES, find_pieces
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.solver import contact_task, from_rest, solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)
@@ -235,6 +237,30 @@ def test_the_cases_above_are_of_all_kinds():
         bodies = [random_piece(rng, f"b{k}", 3.0 * k) for k in range(int(rng.integers(2, 5)))]
         counts.append(sum(not (e["displacement"] or e["contact"]) for _, e in bodies))
     assert 4 <= sum(count == 0 for count in counts) <= 14
+
+
+@pytest.mark.mpi
+def test_each_piece_comes_to_rest_by_itself():
+    """Pieces drop by their own gaps, also where one of them rests already, or cannot drop."""
+    boxes = [Box(f"b{k}", 3.0 * k, 0.0, 2.0, 1.0, 3, 2) for k in range(4)]
+    gaps = [0.01, 0.2, 0.0, 0.05]
+    mesh = boxes_mesh(WORLD, boxes)
+    contact = [{"boundary": f"bottom b{k}", "gap": gap} for k, gap in enumerate(gaps)]
+    contact[3]["kind"] = "bilateral"
+    scene = scene_on(
+        mesh,
+        displacement=[{"boundary": f"left b{k}", "x": 0.0} for k in range(4)],
+        contact=contact,
+        traction=[{"boundary": f"top b{k}", "y": -1.0} for k in range(4)],
+    )
+    d = discretise(scene, mesh, Timings())
+    rest = contact_task(d, d.boundary, History()).rest
+    np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
+    np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
+    field = fem.Function(d.space)
+    field = from_rest(d, rest, field.x.petsc_vec)
+    lowest = d.boundary.traces(field.x.array.reshape(-1, 2)[d.boundary.nodes])[0]
+    np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
 
 
 # --- pieces joined at corners ----------------------------------------------------------------------------------------
