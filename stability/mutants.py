@@ -162,7 +162,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact_data.py",
-        "_AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size",
+        "_AUTOMATIC_GAMMA * scene.young / body.tagged.size",
         "_AUTOMATIC_GAMMA * scene.young",
         "automatic gamma without its length",
     ),
@@ -224,8 +224,8 @@ MUTANTS = (
     ),
     Mutant(
         "loads.py",
-        "load.axpy(-1.0, action(elastic, prescribed, blocks))",
-        "load.axpy(1.0, action(elastic, prescribed, blocks))",
+        "load.axpy(-1.0, action(elastic",
+        "load.axpy(1.0, action(elastic",
         "lifting, sign",
     ),
     Mutant(
@@ -365,10 +365,31 @@ MUTANTS = (
     ),
     Mutant(
         "holding.py",
-        "bounds=[(None if sign else 0.0, None) for sign in bilateral]",
-        "bounds=[(None, None) for sign in bilateral]",
+        "bounds=[(None if sign else 0.0, None) for sign in here.bilateral]",
+        "bounds=[(None, None) for sign in here.bilateral]",
         "statics: the foundation may pull",
     ),
+    Mutant(
+        "holding.py", "here = self.assembly == number", "here = self.assembly >= 0", "statics: pieces hold one another"
+    ),
+    # Pieces, motions without strain, deformation.
+    Mutant("rigid.py", "gram += rows.T @ rows", "pass", "hinges do not hold"),
+    Mutant("rigid.py", "piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])", "pass", "one piece moves"),
+    Mutant(
+        "resting.py",
+        "motion += 0.0 if moved is None else free @ moved",
+        "motion = motion if moved is None else free @ moved",
+        "only the last piece comes to rest",
+    ),
+    Mutant(
+        "linalg/choice.py",
+        'if wanted != "krylov" and not d.motions.held_by(',
+        "if False and not d.motions.held_by(",
+        "condenses a loose piece",
+    ),
+    Mutant("solver.py", "if deformation.largest >", "if deformation.gradient >", "a body may travel"),
+    Mutant("solver.py", "if deformation.largest >", "if deformation.displacement >", "a body may be strained at will"),
+    Mutant("findings.py", "and turned > _TURNED", "", "heights on flat boundaries"),
     Mutant(
         "quantities.py",
         "(np.abs(shear) - contact.bound, stress)",
