@@ -369,9 +369,6 @@ MUTANTS = (
         "bounds=[(None, None) for sign in here.bilateral]",
         "statics: the foundation may pull",
     ),
-    Mutant(
-        "holding.py", "here = self.assembly == number", "here = self.assembly >= 0", "statics: pieces hold one another"
-    ),
     # Pieces, motions without strain, deformation.
     Mutant("rigid.py", "gram += rows.T @ rows", "pass", "hinges do not hold"),
     Mutant("rigid.py", "piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])", "pass", "one piece moves"),
