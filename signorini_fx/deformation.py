@@ -47,9 +47,8 @@ def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
     pieces = body.motions.pieces
     squares, areas = _squares(body, displacement)
     of_cell = pieces.of_cell[: areas.size]
-    sums = [np.bincount(of_cell, values, minlength=pieces.count) for values in (squares * areas, areas)]
-    total = parallel.global_sum(body.comm, np.array(sums))
-    gradient = float(np.sqrt(total[0] / total[1]).max())
+    total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
+    gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
     moved = np.linalg.norm(displacement.x.array.reshape(-1, 2), axis=1)
     assembly = pieces.assembly[body.motions.piece]
     share = 0.0
@@ -76,8 +75,11 @@ def _squares(body: Body, displacement: fem.Function) -> tuple[npt.NDArray[np.flo
 
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :2].astype(np.float64)
     y = displacement.x.array.reshape(-1, 2)[space.dofmap.list[owned]]
-    jacobian = np.einsum("kn,cnj->cjk", slopes(compat.geometry_degree(mesh)), x)
-    reference = np.einsum("kn,cnj->cjk", slopes(body.scene.element.degree), y)
-    areas = np.abs(np.linalg.det(jacobian))
-    gradient = reference @ np.linalg.inv(jacobian)
-    return (gradient**2).sum(axis=(1, 2)), areas
+    # Derivatives along the reference cell, (cells, component, direction); inverted by hand: there are many.
+    jacobian = x.transpose(0, 2, 1) @ slopes(compat.geometry_degree(mesh)).T
+    reference = y.transpose(0, 2, 1) @ slopes(body.scene.element.degree).T
+    (a, b), (c, d) = jacobian[:, 0].T, jacobian[:, 1].T
+    determinant = a * d - b * c
+    along, across = reference[:, :, 0], reference[:, :, 1]
+    squares = (along * d[:, None] - across * c[:, None]) ** 2 + (across * a[:, None] - along * b[:, None]) ** 2
+    return squares.sum(axis=1) / determinant**2, np.abs(determinant)

@@ -67,7 +67,8 @@ def scene_findings(
     """
     scene = body.scene
     found = [*_pieces(body), *_locking(body), *_equilibrium(body, law)]
-    moved = max(_displacement_scale(body, step) for step in range(scene.steps))
+    # Without an estimate all that counts is whether anything acts at all.
+    moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
         found += _large_displacements(body, moved)
     if body.boundary is not None and data is not None:
@@ -280,8 +281,8 @@ def _load_on(body: Body, step: int) -> tuple[_Rows, _Rows]:
     nodal = np.asarray(forces).reshape(-1, 2)
     work = motions.free.T @ motions.resultant(nodal, body.comm)
     assembly = motions.pieces.assembly[motions.piece[: len(nodal)]]
-    sizes = np.bincount(assembly, np.linalg.norm(nodal, axis=1), minlength=int(motions.pieces.assembly.max()) + 1)
-    return work, parallel.global_sum(body.comm, sizes)
+    sizes = np.linalg.norm(nodal, axis=1, keepdims=True)
+    return work, parallel.sums_by(body.comm, assembly, sizes, int(motions.pieces.assembly.max()) + 1).ravel()
 
 
 def _null_space(rows: _Rows) -> _Rows:
@@ -459,6 +460,12 @@ def _large_displacements(body: Body, moved: float) -> list[Finding]:
         "no small deformation; check the units of E and of the loads"
     )
     return [Finding("warning", "material, traction, body_force, displacement", message)]
+
+
+def _acts(body: Body) -> bool:
+    """Whether there is a load or a prescribed displacement in any load step; collective."""
+    acting = [load for load in body.applied if any(load.factors)]
+    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))
 
 
 def _displacement_scale(body: Body, step: int) -> float:

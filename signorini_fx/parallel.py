@@ -38,6 +38,20 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     return total
 
 
+def sums_by(
+    comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
+) -> npt.NDArray[np.float64]:
+    """Sums over the ranks of values, shape (n, d), by the numbers 0 to count - 1 that they have, shape (n,).
+
+    Returns:
+        The sums, shape (count, d), the same on every rank.
+    """
+    total = np.zeros((count, values.shape[1]))  # a float on a rank without values too, where bincount gives integers
+    for column in range(values.shape[1]):
+        total[:, column] = np.bincount(numbers, values[:, column], minlength=count)
+    return global_sum(comm, total)
+
+
 def any_rank(comm: MPI.Comm, condition: bool) -> bool:
     """Whether ``condition`` holds on any rank."""
     return bool(comm.allreduce(bool(condition), op=MPI.LOR))

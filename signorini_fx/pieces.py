@@ -102,11 +102,11 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
             "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
         )
     of_cell = names[local]
-    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :2].astype(np.float64)
+    x, corners = mesh.geometry.x[:, :2].astype(np.float64), compat.geometry_cells(mesh)
     bounds, numbers = np.empty((count, 2, 2)), np.empty(count, dtype=np.int64)
     for piece in range(count):
         here = of_cell == piece
-        bounds[piece] = parallel.global_bounds(comm, x[here].reshape(-1, 2))
+        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x[corners[here].ravel()])
         numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(here[:owned])))
     if count == 1:
         none = np.empty((0, 2))

@@ -66,10 +66,7 @@ class RigidMotions:
         """
         owned = slice(forces.shape[0])
         work = np.einsum("ij,ijk->ik", forces, self._modes(owned))
-        total = np.zeros((self.pieces.count, 3))
-        for k in range(3):
-            total[:, k] = np.bincount(self.piece[owned], work[:, k], minlength=self.pieces.count)
-        return parallel.global_sum(comm, total.ravel())
+        return parallel.sums_by(comm, self.piece[owned], work, self.pieces.count).ravel()
 
     def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
         """The assemblies that can move: number, their columns of ``free`` and their rows."""
@@ -143,8 +140,7 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
     if pieces.count > 1:
         piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])
     sums = np.column_stack((np.ones(x[owned].shape[0]), x[owned]))
-    total = np.stack([np.bincount(piece[owned], column, minlength=pieces.count) for column in sums.T], axis=1)
-    total = parallel.global_sum(comm, total)
+    total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
     centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
     length = np.hypot(*(pieces.bounds[:, 1] - pieces.bounds[:, 0]).T)
     none = np.zeros((3 * pieces.count, 0))

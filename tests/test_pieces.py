@@ -7,16 +7,18 @@ alone as a body of one piece.
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
+from dolfinx import fem
 from mpi4py import MPI
 from scenes import rectangle, table_of
 
+from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import discretise
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import tag_boundaries
 from signorini_fx.pieces import MOST_PIECES, find_pieces
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.solver import contact_task, from_rest, solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)
@@ -73,6 +75,25 @@ def test_cells_that_share_no_nodes():
     boxes = [Box(str(k), float(k), 0.0, 1.0, 1.0, 1, 1) for k in range(MOST_PIECES + 1)]
     with pytest.raises(MeshError, match=r"falls into 201 pieces .* do not share their nodes"):
         find_pieces(boxes_mesh(MPI.COMM_SELF, boxes).mesh)
+
+
+@pytest.mark.mpi
+def test_fewer_cells_than_ranks():
+    """A rank without cells takes part, and says the same."""
+    mesh = boxes_mesh(WORLD, [Box("only", 0.0, 0.0, 2.0, 1.0, 1, 1)])
+    scene = scene_on(
+        mesh,
+        displacement=[{"boundary": "left only", "x": 0.0}],
+        traction=[{"boundary": "top only", "y": -5.0}],
+        contact=[{"boundary": "bottom only", "gap": 0.01}],
+    )
+    solution = solve(scene, WORLD, check=False)
+    pieces, deformation = solution.discretisation.motions.pieces, solution.steps[-1].deformation
+    assert pieces.cells.tolist() == [1]
+    assert all(other is solution.status for other in WORLD.allgather(solution.status))
+    assert all(other == deformation for other in WORLD.allgather(deformation))
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_allclose(solution.contact.forces[0], [0.0, 10.0], atol=1e-9)
 
 
 # --- motions without strain ------------------------------------------------------------------------------------------
@@ -153,6 +174,10 @@ def test_a_piece_that_nothing_holds(linear_algebra, algorithm, gap):
     solution = solve(scene, WORLD, check=False)
     assert solution.status is Status.NOT_HELD
     assert solution.history.linear_solves == 0
+    assert solution.linear_algebra.startswith("full")  # the interior of such a body has no inverse
+    (warning,) = [f.message for f in solution.findings if f.level == "warning"]
+    assert warning.startswith("nothing holds piece 2 of 2 (16 cells, x[0] 0.5 to 1.5, x[1] 0 to 1)")
+    assert "translations and rotations" in warning
 
 
 def random_piece(rng, name, place):
@@ -218,6 +243,30 @@ def test_the_cases_above_are_of_all_kinds():
     assert 4 <= sum(count == 0 for count in counts) <= 14
 
 
+@pytest.mark.mpi
+def test_each_piece_comes_to_rest_by_itself():
+    """Pieces drop by their own gaps, also where one of them rests already, or cannot drop."""
+    boxes = [Box(f"b{k}", 3.0 * k, 0.0, 2.0, 1.0, 3, 2) for k in range(4)]
+    gaps = [0.01, 0.2, 0.0, 0.05]
+    mesh = boxes_mesh(WORLD, boxes)
+    contact = [{"boundary": f"bottom b{k}", "gap": gap} for k, gap in enumerate(gaps)]
+    contact[3]["kind"] = "bilateral"
+    scene = scene_on(
+        mesh,
+        displacement=[{"boundary": f"left b{k}", "x": 0.0} for k in range(4)],
+        contact=contact,
+        traction=[{"boundary": f"top b{k}", "y": -1.0} for k in range(4)],
+    )
+    d = discretise(scene, mesh, Timings())
+    rest = contact_task(d, d.boundary, History()).rest
+    np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
+    np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
+    field = fem.Function(d.space)
+    field = from_rest(d, rest, field.x.petsc_vec)
+    lowest = d.boundary.traces(field.x.array.reshape(-1, 2)[d.boundary.nodes])[0]
+    np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
+
+
 # --- pieces joined at corners ----------------------------------------------------------------------------------------
 
 
@@ -278,6 +327,62 @@ def test_a_chain_on_a_foundation(seed):
     assert solution.certificate.holds
     contact_force, friction_force = solution.contact.forces
     np.testing.assert_allclose(contact_force + friction_force, [0.0, press[0] + 1.5 * press[1]], atol=1e-8)
+
+
+def dense_of(d, law):
+    """The stiffness of the whole body, and rows that contact adds: normals, and tangents where there is friction."""
+    rows = np.arange(d.dofs, dtype=np.int32)
+    matrix, boundary = d.stiffness.getValues(rows, rows), d.boundary
+    held = [boundary.normal, boundary.tangent] if law else [boundary.normal]
+    traces = np.zeros((len(held) * boundary.size, d.dofs))
+    for number, direction in enumerate(held):
+        for component in range(2):
+            here = (np.arange(boundary.size) + number * boundary.size, 2 * boundary.nodes + component)
+            traces[here] = direction[:, component] * boundary.free[:, component]
+    return matrix, traces
+
+
+def random_chain(seed):
+    """Boxes apart and joined, supports and contact at random: their mesh on some ranks, and the effects."""
+    rng = np.random.default_rng(1000 + seed)
+    boxes, joined, supports = random_bodies(rng)
+    friction = {"friction": {"law": "tresca", "bound": 5.0}} if seed % 2 else {}
+    chosen = [box.name for box in boxes if rng.random() < 0.8] or [boxes[0].name]
+    effects = {
+        "displacement": [support for support in supports if not support["boundary"].startswith("bottom")],
+        "contact": [{"boundary": f"bottom {name}", **friction} for name in chosen],
+        "traction": [{"boundary": f"top {box.name}", "y": -float(rng.uniform(0.5, 2.0))} for box in boxes],
+    }
+    return lambda comm: scene_on(boxes_mesh(comm, boxes, joined=joined), **effects)
+
+
+def regular(scene):
+    """Whether the matrix of all unknowns, with contact and stick at every node, has no null space."""
+    d = discretise(scene, scene.mesh, Timings())
+    matrix, traces = dense_of(d, law=scene.has_friction)
+    values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)
+    return values[0] > 1e-9 * values[-1]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("seed", range(24))
+def test_random_chains_are_held_or_not(seed):
+    """Held is what no singular matrix denies; where a solution is found, it is in equilibrium."""
+    scene_of = random_chain(seed)
+    held = regular(scene_of(MPI.COMM_SELF))
+    solution = solve(scene_of(WORLD), WORLD, check=False)
+    assert (solution.status is not Status.NOT_HELD) == held
+    if not held:
+        assert solution.history.linear_solves == 0
+        warnings = [f.message for f in solution.findings if f.level == "warning"]
+        assert any("nothing holds" in message for message in warnings)
+    if solution.converged:
+        assert solution.certificate.equilibrium < 1e-9
+
+
+def test_the_chains_above_are_of_both_kinds():
+    """Held and not held, neither of them seldom."""
+    assert 6 <= sum(regular(random_chain(seed)(MPI.COMM_SELF)) for seed in range(24)) <= 18
 
 
 def test_a_mesh_of_ones_own_in_pieces():
