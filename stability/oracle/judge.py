@@ -118,7 +118,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
     def worse(found: Mapping[str, float]) -> None:
         for name, value in found.items():
-            figures[name] = max(figures.get(name, 0.0), float(value))
+            figures[name] = max(figures.get(name, 0.0), np.inf if np.isnan(value) else float(value))
 
     if len(answer.steps) != body.steps:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
