@@ -103,8 +103,7 @@ def compare(
     if not reduced.dofs.size:
         return None
     ours, matrix, load = u.ravel()[reduced.dofs], reduced.stiffness, reduced.load
-    idle = not ours.any() and not load.any()  # right if nothing has to move
-    if idle and not contact.gap.any() and not origin.u_t.any():
+    if not any(values.any() for values in (ours, load, contact.gap, origin.u_t)):  # nothing moves, and nothing has to
         return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
     length = float(np.abs(ours).max()) or float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
     found = minimise(body, contact, step, reduced, bound, origin, compliance, length)
@@ -112,11 +111,10 @@ def compare(
         return None
     theirs, stiff = found.displacement, float(np.abs(np.diag(matrix)).max())
     away = ours - theirs
-    if idle:
-        energy, force = stiff * length**2, stiff * length
-    else:
-        energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
-        force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()))
+    # Where the contact does not move at all, what the loads could do to it sets the scale.
+    force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max())) or stiff * length
+    energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
+    energy = max(energy, float(np.abs(load).max()) ** 2 / stiff) or stiff * length**2
     distance = np.sqrt(max(0.0, float(away @ matrix @ away)))
     gap = abs(found.primal - found.dual) / energy
     return Programme(

@@ -49,11 +49,9 @@ _AUTOMATIC_GAMMA = 1e5
 
 @dataclass(frozen=True)
 class Step:
-    """A load step as a user gets it: the contact table, and the gamma that the package reports."""
+    """A load step as a user gets it: the contact table."""
 
     table: Mapping[str, npt.NDArray[Any]]
-    gamma_n: float
-    gamma_t: float
 
 
 @dataclass(frozen=True)
@@ -65,6 +63,7 @@ class Answer:
         place: where displacements are given, shape (n, 2).
         displacement: of the last load step, shape (n, 2).
         steps: load steps, as far as they went.
+        gamma: gamma_1 and gamma_2 that the package reports, of the last load step.
         events: what the run said of fall-backs.
         regularisation_error: what path-following says that gamma leaves, relative, in the energy norm.
     """
@@ -73,6 +72,7 @@ class Answer:
     place: Array
     displacement: Array
     steps: Sequence[Step]
+    gamma: tuple[float, float]
     events: Sequence[str] = ()
     regularisation_error: float | None = None
 
@@ -118,7 +118,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
     def worse(found: Mapping[str, float]) -> None:
         for name, value in found.items():
-            figures[name] = max(figures.get(name, 0.0), float(value))
+            figures[name] = max(figures.get(name, 0.0), np.inf if np.isnan(value) else float(value))
 
     if len(answer.steps) != body.steps:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
@@ -135,12 +135,10 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         told = table["u_n"][:, None] * contact.normal + table["u_t"][:, None] * contact.tangent
         u = answer.displacement[last] if number == body.steps - 1 else interior(body, contact, number, told)
         worse(_table(body, contact, table, u, origin))
-        laws = _promised(body, contact, step, answer, worse)
-        found = [violations(body, contact, number, u, said, origin, compliance) for compliance in laws]
-        best = int(np.argmin([max(each.values()) for each in found]))
-        worse(found[best])
+        law = _promised(body, contact, number, u, said, answer, worse)
+        worse(violations(body, contact, number, u, said, origin, law))
         if convex.cvxopt is not None:
-            programme = convex.compare(body, contact, number, u, contact.bound(said.pressure), origin, laws[best])
+            programme = convex.compare(body, contact, number, u, contact.bound(said.pressure), origin, law)
             if programme is not None and programme.usable:
                 compared += 1
                 # The energy is strongly convex: a gap of that size allows for no larger distance.
@@ -173,24 +171,30 @@ def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said:
     return found
 
 
-def _promised(body: Body, contact: Contact, step: Step, answer: Answer, worse: Any) -> list[tuple[float, float]]:
-    """The compliance of the law that the method promises; two where a fall-back has a say."""
+def _promised(
+    body: Body, contact: Contact, number: int, u: Array, said: Tractions, answer: Answer, worse: Any
+) -> tuple[float, float]:
+    """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
     solver = body.scene.get("solver", {})
     algorithm = solver.get("algorithm", "auto")
-    limit = (0.0, 0.0)
-    if algorithm in ("alm", "exact"):
-        return [limit]
-    regularised = (1 / step.gamma_n, 1 / step.gamma_t)
-    if any("augmented Lagrangian" in event for event in answer.events):
-        return [limit]
+    if algorithm in ("alm", "exact") or any("augmented Lagrangian" in event for event in answer.events):
+        return 0.0, 0.0
+    automatic = _AUTOMATIC_GAMMA * body.young / body.size
+    asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
+    asked = [automatic if gamma == "auto" else gamma for gamma in asked]
     if algorithm != "path-following":
-        automatic = _AUTOMATIC_GAMMA * body.young / body.size
-        for name, told in (("gamma_n", step.gamma_n), ("gamma_t", step.gamma_t)):
-            asked = solver.get(name, "auto")
-            asked = automatic if asked == "auto" else asked
-            worse({name: abs(told / asked - 1) / 1e-9})
-        return [regularised]
-    return [regularised]
+        for name, told, gamma in zip(("gamma_n", "gamma_t"), answer.gamma, asked, strict=True):
+            worse({name: abs(told / gamma - 1) / 1e-9})
+        return 1 / asked[0], 1 / asked[1]
+    if number == body.steps - 1:
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
+    # What it found in an earlier step is not told: one gamma for all nodes, and the ratio that was asked for.
+    u_n = (u[contact.nodes] * contact.normal).sum(axis=1)
+    most = int(np.argmax(np.abs(said.pressure)))
+    if said.pressure[most] == 0:
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
+    soft = (u_n - contact.gap)[most] / said.pressure[most]
+    return soft, soft * asked[0] / asked[1]
 
 
 def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:

@@ -27,20 +27,16 @@ def answer_of(solution: Solution) -> Answer:
     """What a user gets of it."""
     space = solution.displacement.function_space
     names = [effect.boundary for effect in solution.scene.contact]
-    steps = []
-    for step in solution.steps:
-        if step.contact is None:
-            continue
-        soft_n, soft_t = step.contact.compliance
-        gammas = [1 / soft if soft > 0 else np.inf for soft in (soft_n, soft_t)]
-        steps.append(Step(contact_table(step.contact, names).columns, *gammas))
+    tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
+    told = solution.parameters
     return Answer(
         outcome=solution.status.value,
         place=space.tabulate_dof_coordinates()[:, :2].copy(),
         displacement=solution.displacement.x.array.reshape(-1, 2).copy(),
-        steps=steps,
+        steps=[Step(table.columns) for table in tables],
+        gamma=(told.get("gamma_n", np.inf), told.get("gamma_t", np.inf)),
         events=tuple(map(str, solution.history.events)),
-        regularisation_error=solution.parameters.get("regularisation_error"),
+        regularisation_error=told.get("regularisation_error"),
     )
 
 
