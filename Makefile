@@ -37,7 +37,7 @@ bench:      ## measure
 stability:  ## try to break the solver, and say how it fared (results/stability)
 	./env python3 -m stability
 
-mutants:    ## put small mistakes into a copy of the package, and say which the tests do not notice (an hour)
+mutants:    ## put small mistakes into copies of the package, and say which the tests do not notice (docs/mutants.md)
 	./env python3 -m stability.mutants
 
 docs: $(SPHINX)  ## make HTML of README and docs/ (build/docs/docs/index.html)

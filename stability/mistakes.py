@@ -176,7 +176,7 @@ MUTANTS = (
         'automatic if settings.gamma_t == "auto" else settings.gamma_t',
         'automatic if settings.gamma_t == "auto" else settings.gamma_n',
         "gamma_t of the scene ignored",
-        tests=("algorithms",),
+        tests=("strategy::test_path_following_keeps_the_ratio_of_gammas",),
     ),
     Mutant(
         "contact_data",
@@ -377,7 +377,7 @@ MUTANTS = (
         "problem.accept(self.x, problem.wanted, snes.getTolerances()[0])",
         "True",
         "sets that were forced count as found",
-        tests=("ladder",),
+        tests=("strategy::test_sets_that_are_forced_are_no_solution",),
     ),
     Mutant(
         "ssn",

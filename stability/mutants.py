@@ -5,7 +5,7 @@
 The mistakes are listed in ``stability/mistakes.py``.  Each is tried on the number of ranks that it names, against the
 test that noticed it the last time (the table of docs/mutants.md says which), then against the tests that it names, then
 against quick ones about everything, then against the whole quick suite; the first failure ends the trial.  A test
-counts only if it passes on the code as it is.  What is noticed by no test survives; that is right only for a mutant with
+counts only if it passes on the code as it is.  What no test notices survives; that is right only for a mutant with
 a reason why it changes no result.
 
 An interrupted run goes on where it was, as long as neither package nor tests have changed.  A run of the whole list

@@ -11,6 +11,7 @@ from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings
+from signorini_fx.scene import SurfaceTraction
 from signorini_fx.solver import contact_task
 
 
@@ -80,3 +81,20 @@ def test_path_following_has_no_unit(length):
     here, there = (alone(scene) for scene in scenes)
     ours, theirs = ([record.gamma_n for record in solution.history.outer] for solution in (there, here))
     np.testing.assert_allclose(np.array(ours) * length, theirs, rtol=1e-6)
+
+
+@pytest.mark.parametrize("push", [0.5, 0.9])
+def test_sets_that_are_forced_are_no_solution(push):
+    """One stick node alone holds the body, with more than its bound: its sets come back, and something else must help.
+
+    A block on its foundation that is pushed aside; nodes on its left slip against the push.
+    """
+    bound = 0.2
+    scene = example1(bound=bound, nx=2, ny=1, gamma=1e6)
+    pushed = SurfaceTraction(boundary="left", x=3 * bound * push)
+    solution = alone(scene.model_copy(update={"displacement": (), "traction": (*scene.traction, pushed)}))
+    assert solution.history.outer[0].status == Status.CYCLING.value
+    assert solution.converged
+    assert np.abs(solution.contact.shear).max() <= bound * (1 + 1e-9)
+    _, friction = solution.contact.forces
+    assert friction[0] == pytest.approx(-3 * bound * push, rel=1e-6)
