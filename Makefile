@@ -40,7 +40,7 @@ stability:  ## try to break the solver, and say how it fared (results/stability)
 oracle:     ## judge 2,000 random scenes by a program that shares no code with the package (results/oracle, minutes)
 	./env python3 -m stability.oracle
 
-mutants:    ## put small mistakes into a copy of the package, and say which the tests do not notice (an hour)
+mutants:    ## put small mistakes into copies of the package, and say which the tests do not notice (docs/mutants.md)
 	./env python3 -m stability.mutants
 
 docs: $(SPHINX)  ## make HTML of README and docs/ (build/docs/docs/index.html)

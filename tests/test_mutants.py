@@ -1,8 +1,10 @@
 """The list of mistakes fits the code; pieces of code are found by their syntax; the table is read as it is written."""
 
 import ast
+import contextlib
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -103,3 +105,81 @@ def test_table_is_read_as_it_is_written(tmp_path, monkeypatch):
     found = mutants.recorded_tests()
     assert len(found) == len(MUTANTS) - 2
     assert found[MUTANTS[0].idea] == (2, "tests/test_ranks.py::test_a[x | y - z]")
+
+
+class Scripted:
+    """A copy whose tests end as they are told to."""
+
+    cache = None
+    code = ROOT
+    collected = "tests/test_a.py::test_x\ntests/test_a.py::test_x[1 - 2]\ntests/test_ranks.py::test_y\n"
+
+    def __init__(self, *answers):
+        self.answers, self.calls = [(0, self.collected), *answers], []
+
+    def pytest(self, ranks, arguments, limit):
+        self.calls.append((ranks, limit, list(arguments)))
+        return self.answers.pop(0)
+
+
+def trial(monkeypatch, answers, *, ranks=1, recorded=None, near=False):
+    """The fate of a mutant whose tests end like that, and what was run for it."""
+    copy = Scripted(*answers)
+    monkeypatch.setattr(mutants, "copied", lambda cache=None: contextlib.nullcontext(copy))
+    mistake = SimpleNamespace(
+        idea="a mistake", ranks=ranks, named=["tests/test_a.py::test_x"], spoil=lambda package: None
+    )
+    fate = mutants.Trials(copy, recorded or {}, near=near).try_one(mistake)
+    return (fate.fate, fate.by, fate.ranks), [(ranks, limit) for ranks, limit, _ in copy.calls[1:]]
+
+
+PASSED, FAILED = (0, "1 passed"), (1, "F\nFAILED tests/test_a.py::test_x[1 - 2] - assert 1 - 2\n")
+STUCK = (1, "tests/test_ranks.py::test_y: rank 0 waits in vain for the others\n")
+
+
+@pytest.mark.parametrize(
+    ("answers", "options", "fate", "runs"),
+    [
+        ([FAILED], {}, (NOTICED, "tests/test_a.py::test_x[1 - 2]", 1), [(1, "files")]),
+        ([STUCK], {"ranks": 3}, (NOTICED, "tests/test_ranks.py::test_y", 3), [(3, "files")]),
+        ([(None, "x\nKilled\n")], {}, (LIMIT, "Killed", 1), [(1, "files")]),
+        ([PASSED, PASSED], {"near": True}, (SURVIVES, "", 1), [(1, "files"), (1, "files")]),
+        (
+            [PASSED, PASSED, PASSED, FAILED],
+            {},
+            (NOTICED, "tests/test_a.py::test_x[1 - 2]", 2),
+            [(1, "files"), (1, "files"), (1, "suite"), (2, "suite")],
+        ),
+        ([(5, "none"), PASSED], {"ranks": 2}, (SURVIVES, "", 2), [(2, "files"), (2, "suite")]),
+        (
+            [PASSED, FAILED],
+            {"recorded": {"a mistake": (2, "tests/test_ranks.py::test_y")}},
+            (NOTICED, "tests/test_a.py::test_x[1 - 2]", 1),
+            [(2, "test"), (1, "files")],
+        ),
+        (
+            [FAILED],
+            {"recorded": {"a mistake": (1, "gone")}},
+            (NOTICED, "tests/test_a.py::test_x[1 - 2]", 1),
+            [(1, "files")],
+        ),
+    ],
+)
+def test_trial(monkeypatch, answers, options, fate, runs):
+    """From near to far until something fails; the longest name that fits is the test's."""
+    assert trial(monkeypatch, answers, **options) == (fate, runs)
+
+
+def test_a_trial_that_says_nothing(monkeypatch):
+    """pytest's own errors are no proof of anything."""
+    with pytest.raises(SystemExit, match="pytest ended with 4"):
+        trial(monkeypatch, [(4, "no such option")])
+
+
+def test_tests_that_fail_anyway():
+    """What they noticed does not count."""
+    copy = Scripted(FAILED)
+    trials = mutants.Trials(copy, {}, near=False)
+    fates = [Fate(NOTICED, f"tests/test_a.py::{name}", 1, 1.0) for name in ("test_x", "test_x[1 - 2]")]
+    assert trials.wrong(fates) >= {(1, "tests/test_a.py::test_x[1 - 2]")}
+    assert trials.wrong([Fate(SURVIVES, "", 1, 1.0)]) == set()

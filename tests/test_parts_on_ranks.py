@@ -11,7 +11,7 @@ from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.descent import _Line
+from signorini_fx.algorithms.descent import _Line, natural_sets
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import discretise
 from signorini_fx.estimators import StressRecovery
@@ -61,8 +61,19 @@ def test_slope_of_the_energy(t):
         task = contact_task(d, d.boundary, History())
         return _Line.of(task.newton, task.data, field(d, 1.0, 2.0), field(d, -3.0, 1.0)).slope(t)
 
+    def work_of_the_residual(d):
+        task = contact_task(d, d.boundary, History())
+        problem, p = task.problem, field(d, -3.0, 1.0)
+        x = field(d, 1.0, 2.0)
+        x.axpy(t, p)
+        problem.set_data(task.data)
+        residual = x.duplicate()
+        problem._imbalance(x, natural_sets(*problem.traces(x), task.data), residual)
+        return float(residual.dot(p))
+
     together, alone = both(slope)
     assert together == pytest.approx(alone, rel=1e-10)
+    assert both(work_of_the_residual) == pytest.approx((alone, alone), rel=1e-10)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -75,11 +86,26 @@ def test_error_estimate(cell, degree):
     assert alone > 0
 
 
-def test_resultant():
+@pytest.mark.parametrize(("step", "factor"), [(0, 1.0), (1, 0.5)])
+def test_resultant(step, factor):
     """Of the loads on a body that is free, about its middle: 20 on a unit length, downwards, in the middle."""
-    together, alone = both(lambda d: np.round(d.cases[0].resultant, 9).tolist(), FREE)
+    steps = FREE.model_copy(update={"traction": (FREE.traction[0].model_copy(update={"factors": (1.0, 0.5)}),)})
+
+    def resultant(d):
+        system = contact_task(d, d.boundary, History()).system
+        system.set_step(step)
+        return np.round(system.resultant, 9).tolist()
+
+    together, alone = both(resultant, steps)
     assert together == pytest.approx(alone, abs=1e-8)
-    assert alone == pytest.approx([0.0, -20.0, 0.0], abs=1e-8)
+    assert alone == pytest.approx([0.0, -20.0 * factor, 0.0], abs=1e-8)
+
+
+def test_condensing_is_for_one_rank():
+    """A mesh that one rank condenses, several do not."""
+    d = discretised(example1(bound=1.5, nx=120, ny=20), WORLD)
+    kind = contact_task(d, d.boundary, History()).linear_algebra
+    assert same_on_all_ranks(kind).startswith("condensed" if WORLD.size == 1 else "full: more than one rank")
 
 
 SUPPORTS = {"none": (), "left": ("left",), "both": ("left", "right")}

@@ -84,11 +84,14 @@ def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_mean_tangential_displacement(degree):
     """It is an integral over the boundary, of which the nodes of degree 2 have different shares."""
-    solution = alone(example1(bound=1.5, nx=6, ny=2, degree=degree))
+    symmetric = example1(bound=1.5, nx=6, ny=2, degree=degree)
+    left, right = symmetric.displacement
+    solution = alone(symmetric.model_copy(update={"displacement": (left.model_copy(update={"x": 0.001}), right)}))
     tagged = solution.discretisation.tagged
     tag = tagged.boundaries["bottom"]
     ds = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)(tag)
     integral = fem.assemble_scalar(fem.form(solution.displacement[0] * ds))
+    assert integral > 1e-4
     assert solution.contact.mean_tangential_displacement == pytest.approx(integral / 3.0, rel=1e-10)
 
 
@@ -116,3 +119,11 @@ def test_displacement_of_a_body_that_comes_to_rest(friction):
     np.testing.assert_allclose(u_n, contact.u_n, rtol=0, atol=1e-10)
     np.testing.assert_allclose(u_t, contact.u_t, rtol=0, atol=1e-10)
     assert np.abs(u_n - contact.gap)[contact.in_contact].max() < 1e-6
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_arc_length(degree):
+    """Nodes come in order along the boundary, those inside facets too, and count from its beginning."""
+    columns = alone(example1(bound=1.5, nx=6, ny=2, degree=degree)).table.columns
+    np.testing.assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
+    np.testing.assert_allclose(columns["s"], columns["x"], atol=1e-12)
