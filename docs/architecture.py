@@ -142,6 +142,8 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
             (
                 "errors",
                 "magnitudes",
+                "csv_text",
+                "compilation",
                 "requirements",
                 "results",
                 "parallel",

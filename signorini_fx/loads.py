@@ -155,7 +155,7 @@ def rigid_resultant(
 
 
 def check_finite(cases: tuple[LoadCase, ...]) -> None:
-    """Whether all loads and prescribed displacements are finite, and not so large that their squares are not; collective.
+    """Whether all loads and prescribed displacements are finite, and their squares too; collective.
 
     Raises:
         SceneError: an expression is not.
