@@ -167,6 +167,8 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
             (
                 "errors",
                 "magnitudes",
+                "csv_text",
+                "compilation",
                 "requirements",
                 "results",
                 "parallel",

@@ -24,9 +24,9 @@ _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "
 def main(arguments: Sequence[str]) -> int:
     """Read a file within limits, and write what is in it as arrays, or what is wrong."""
     file, arrays, complaint, seconds, memory, halvings, degree = arguments
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
-    resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    _limit(resource.RLIMIT_CORE, 0, 0)
+    _limit(resource.RLIMIT_CPU, int(seconds), int(seconds) + 5)
+    _limit(resource.RLIMIT_AS, int(memory), int(memory))
     try:
         _read(file, arrays, int(halvings), int(degree))
     except Exception as error:
@@ -34,6 +34,14 @@ def main(arguments: Sequence[str]) -> int:
         Path(complaint).write_text(reason.replace(f"'{file}', ", ""), encoding="utf-8")
         return REFUSED
     return 0
+
+
+def _limit(which: int, soft: int, hard: int) -> None:
+    """Set a limit, or keep the one that there is where it is tighter and may not be raised."""
+    _, there = resource.getrlimit(which)
+    if there != resource.RLIM_INFINITY:
+        soft, hard = min(soft, there), min(hard, there)
+    resource.setrlimit(which, (soft, hard))
 
 
 def _read(file: str, arrays: str, halvings: int, degree: int) -> None:

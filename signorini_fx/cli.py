@@ -221,6 +221,7 @@ def _on_ranks(run: Callable[[], int]) -> int:
         code = run()
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
     except SignoriniError as error:  # these come on all ranks alike
+        _forget_petsc_options()
         return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
     except KeyboardInterrupt as interruption:
         if comm.rank == 0:
@@ -235,6 +236,16 @@ def _on_ranks(run: Callable[[], int]) -> int:
         return end(EXIT_CRASH)
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _forget_petsc_options() -> None:
+    """At its end PETSc lists options that nobody has used, and obeys others: not after an error that comes before."""
+    if "petsc4py.PETSc" in sys.modules:
+        from petsc4py import PETSc
+
+        options = PETSc.Options()
+        for name in options.getAll():
+            options.delValue(name)
 
 
 def _refused_by_petsc(error: Exception) -> SignoriniError | None:

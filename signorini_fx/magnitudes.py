@@ -6,8 +6,7 @@ which reaches from 1e-308 to 1e308.
 
 from __future__ import annotations
 
-LARGEST = 1e60
-SMALLEST = 1 / LARGEST
+LARGEST, SMALLEST = 1e60, 1e-60
 
 
 def complaint(number: float, *, positive: bool = False) -> str | None:

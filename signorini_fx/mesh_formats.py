@@ -184,6 +184,7 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
     def read(file: Path) -> RawMesh:
         module = _meshio(kind)
         try:
+            _check_data_files(file, kind)
             if kind == "xdmf" and (several := _grids(file)):
                 return _read_grids(file, several)
             found = module.read(str(file))
@@ -206,6 +207,57 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
         return raw
 
     return read
+
+
+# What arrays in a file of HDF5 may take: so much, and so many bytes for each byte of the file (they may be compressed).
+_BASE_BYTES, _BYTES_PER_BYTE = 1 << 30, 200
+
+
+def _check_data_files(file: Path, kind: str) -> None:
+    """Whether a file and those that it names hold their data themselves: none elsewhere, none without an end.
+
+    Raises:
+        ValueError: one does not.
+    """
+    named = {file.name: "HDF"} if kind == "med" else dict[str, str]()
+    if kind == "xdmf":
+        for item in ElementTree.parse(file).getroot().iter():
+            form = item.get("Format", item.get("format", "XML")).upper()
+            if item.tag.endswith("DataItem") and form != "XML":
+                named[(item.text or "").strip().partition(":")[0]] = form
+            elif item.tag.endswith("include") and item.get("href"):
+                raise ValueError("it includes another file: put everything into one")
+    for name, form in named.items():
+        if not name or Path(name).name != name:
+            raise ValueError(f"it names the file {name!r}: its data must be in a file beside it")
+        if not os.path.isfile(file.with_name(name)):
+            raise ValueError(f"there is no regular file {name!r} beside it, which it names")
+        if form == "HDF":
+            _check_hdf5(file.with_name(name))
+
+
+def _check_hdf5(file: Path) -> None:
+    import h5py
+
+    largest = _BASE_BYTES + _BYTES_PER_BYTE * file.stat().st_size
+    with h5py.File(file) as data:
+        groups, seen = [data["/"]], set()
+        while groups:
+            group = groups.pop()
+            if (place := h5py.h5o.get_info(group.id).addr) in seen:  # links may run in a circle
+                continue
+            seen.add(place)
+            for name in group:
+                if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+                    raise ValueError(f"{file.name}: {name!r} is in another file")
+                found = group.get(name)
+                if isinstance(found, h5py.Group):
+                    groups.append(found)
+                elif isinstance(found, h5py.Dataset):
+                    if found.external or found.is_virtual:
+                        raise ValueError(f"{file.name}: {name!r} is in another file")
+                    if found.nbytes > largest:
+                        raise ValueError(f"{file.name}: {name!r} would take {found.nbytes / 1e9:.3g} GB")
 
 
 def _grids(file: Path) -> list[ElementTree.Element]:

@@ -7,9 +7,11 @@ body is the picture that ``solve`` drew.  Every text passes ``tag``, which escap
 from __future__ import annotations
 
 import base64
+import contextlib
 import html
 import json
 import math
+import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
@@ -28,6 +30,7 @@ PAGE = "report.html"
 _LONG = 40  # rows from which on a table is folded
 _WIDE_TABLE = 8  # columns from which on print takes small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
+_LARGEST_SUMMARY = 100_000_000  # bytes; it grows with the load steps only
 _MOST_ROWS = 400  # of a table; the CSV file has all
 _VOID = frozenset({"br", "img", "meta"})
 
@@ -136,15 +139,19 @@ def read_summary(folder: Path) -> dict[str, Any]:
         ResultError: the folder is not there, no result folder, or half written.
     """
     file = folder / "summary.json"
-    if not folder.is_dir():
-        what = "is a file" if folder.exists() else "is not there"
+    if not os.path.isdir(folder):  # a name may be of any length
+        what = "is a file" if os.path.exists(folder) else "is not there"
         raise ResultError(f"{folder}: {what}: give the folder that signorini-fx solve wrote, such as results/NAME")
     if not file.is_file():
         begun = any((folder / name).exists() for name in (".part", "history.csv", "contact.csv"))
         what = "is half written, it has no summary.json yet: let solve finish, or solve again"
         raise ResultError(f"{folder}: {what if begun else 'is no result folder, it has no summary.json'}")
     try:
+        if file.stat().st_size > _LARGEST_SUMMARY:
+            raise ResultError(f"{file}: is longer than what signorini-fx solve writes: give a folder that it wrote")
         summary = json.loads(file.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ResultError(f"{file}: cannot be read: nested too deeply: solve again") from None
     except (OSError, ValueError) as error:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
@@ -473,7 +480,7 @@ def page(folder: Path) -> str:
     except FileNotFoundError as error:
         name = Path(error.filename).name
         raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
-    except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError) as error:
         raise ResultError(
             f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not belong together "
             f"({type(error).__name__}: {error}): solve again"
@@ -541,11 +548,13 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
     folder = Path(folder)
     file = folder / PAGE if file is None else Path(file)
     text = page(folder)
+    part = file.parent / f".{file.name}.part"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        part = file.with_name(f".{file.name}.part")
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
         part.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        with contextlib.suppress(OSError, ValueError):
+            part.unlink(missing_ok=True)
+        raise OutputError(f"{file}: cannot be written: {getattr(error, 'strerror', None) or error}") from None
     return file

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, TypeVar
 
+from signorini_fx.compilation import compiling
+
 T = TypeVar("T")
 
 # A violation above this share of the solution's own scale refuses the certificate.
@@ -150,10 +152,15 @@ class Inventory:
     matrices: list[str] = field(default_factory=list)
 
     def compile(self, name: str, make: Callable[[], T]) -> T:
-        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache."""
+        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache.
+
+        Raises:
+            MachineError: it cannot be compiled.
+        """
         if name not in self.forms:
             self.forms.append(name)
-        return make()
+        with compiling():
+            return make()
 
 
 @dataclass

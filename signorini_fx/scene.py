@@ -52,7 +52,7 @@ def _shown(given: Any) -> str:
 def _bounded(number: float) -> float:
     wrong = magnitudes.complaint(number)
     if wrong is not None:
-        raise ValueError(f"{wrong}, got {number:g}")
+        raise ValueError(f"{wrong}, got {_shown(number)}")
     return number
 
 
