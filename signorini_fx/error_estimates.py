@@ -17,6 +17,10 @@ from signorini_fx.pressure_error import interval_squares, on_facets, pressure_sq
 
 Floats = npt.NDArray[np.float64]
 
+# An error in the body reaches the contact pressure with its square, as it does every functional, times about this
+# (demos/studies/random_scenes.py: up to 5).
+_FAR = 2.0
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -66,17 +70,17 @@ def estimate_errors(
         for squares, corners in ((contact, True), (inside, False)):
             intervals = interval_squares(table, corners=corners, blur=compliance * d.scene.young)
             np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
-    # An error in the body reaches the contact pressure with its square, as it does every functional.
+    far = _FAR * error**2
     local, rest = total(contact), total(inside)
     shares = [squares / whole for squares, whole in ((body, error**2), (inside, rest), (forces, data)) if whole > 0]
     return Errors(
         energy=error + data,
-        pressure=float(np.sqrt(local + error**4)) + data if pressed > 0 else None,
+        pressure=float(np.hypot(np.sqrt(local), far)) + data if pressed > 0 else None,
         inside=float(np.sqrt(rest)),
         data=data,
         squares={
             "energy": body + data * forces,
-            "pressure": contact + error**2 * body + data * forces,
+            "pressure": contact + (_FAR * error) ** 2 * body + data * forces,
             "force": sum(shares, np.zeros_like(body)),
         },
     )
