@@ -119,26 +119,29 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         pressure, length = c["pressure"][rows], np.diff(c["s"][rows])
         effect = effects[str(c["boundary"][chain.start])]
 
-        def deviation(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats]:
-            """Distance from the line between the nodes, shape (intervals, points), and the second differences."""
+        def between(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats, Floats]:
+            """Values at the nodes, by how much those between differ from a line, and the second differences nearby."""
             if isinstance(value, float):
-                return np.zeros(inside.shape[1:]), np.zeros(inside.shape[1])
+                return np.full(x.shape[1], value), np.zeros(inside.shape[1:]), np.zeros(inside.shape[1])
             nodal = sample(value, x)
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
-            away = np.abs(points - nodal[:-1, None] - np.diff(nodal)[:, None] * at)
             bend = np.pad(np.abs(np.diff(nodal, 2)), 1, mode="edge") if nodal.size > 2 else np.zeros(nodal.size)
-            return away, np.maximum(bend[:-1], bend[1:])
+            return nodal, points - nodal[:-1, None] - np.diff(nodal)[:, None] * at, np.maximum(bend[:-1], bend[1:])
 
-        pressed = (pressure[:-1] != 0) | (pressure[1:] != 0)
-        away, bend = deviation(effect.gap)
-        gaps.append(np.where(pressed, np.maximum(away.max(axis=1) - _SMOOTH_LARGEST * bend, 0.0), 0.0))
+        nodal, away, bend = between(effect.gap)
+        # In contact the body follows the gap; beside it a bump may have been entered that no node has met.
+        distance = np.maximum(nodal - c["u_n"][rows], 0.0)
+        room = distance[:-1, None] + np.diff(distance)[:, None] * at
+        both = (pressure[:-1] != 0) & (pressure[1:] != 0)
+        missed = np.where(both[:, None], np.abs(away), -away - room).max(axis=1)
+        gaps.append(np.maximum(missed - _SMOOTH_LARGEST * bend, 0.0))
         missed = np.zeros(length.size)
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):
             tresca = isinstance(effect.friction, TrescaFriction)
-            away, bend = deviation(effect.friction.bound if tresca else effect.friction.coefficient)
+            _, away, bend = between(effect.friction.bound if tresca else effect.friction.coefficient)
             times = 1.0 if tresca else (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2
             sliding = np.char.startswith(c["friction"][rows].astype(str), "slip")
-            missed = np.maximum(away.mean(axis=1) - _SMOOTH_MEAN * bend, 0.0) * times * length
+            missed = np.maximum(np.abs(away).mean(axis=1) - _SMOOTH_MEAN * bend, 0.0) * times * length
             missed[~(sliding[:-1] | sliding[1:])] = 0.0
         friction.append(missed)
     return friction, gaps

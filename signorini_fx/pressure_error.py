@@ -23,6 +23,8 @@ _KINKS = 1 / 33
 _CORNER = 0.5
 # The pressure is square integrable if it grows like r^-a with a < 1/2.
 _STEEPEST = 0.49
+# A jump of the pressure is so many times larger than its changes beside it.
+_JUMP = 3.0
 # A corner with this share of the squared error is refined for its own sake.
 _MUCH = 0.2
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
@@ -57,6 +59,9 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
     kinks = np.diff(np.diff(pressure) / h) ** 2
     squares[:-1] += _KINKS / 2 * h[:-1] ** 3 * kinks
     squares[1:] += _KINKS / 2 * h[1:] ** 3 * kinks
+    jumps = _jumps(s, pressure)
+    squares[:-1] += h[:-1] * jumps**2 / 12
+    squares[1:] += h[1:] * jumps**2 / 12
     for corner, interval in _corners(table, chain):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
         beside = inside if interval == corner else inside - 1  # the next interval
@@ -70,6 +75,26 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
         else:
             squares[[interval, beside]] = 0.0
     return squares
+
+
+def _jumps(s: Floats, pressure: Floats) -> Floats:
+    """Where the pressure jumps, as it does between two materials: by how much at each inner node, shape (nodes - 2,).
+
+    From both sides it is continued to the node; what is left between is a jump if it is larger than all changes nearby.
+    A line through a jump is wrong by half of it at one end of an interval: h jump^2 / 12.
+    """
+    jumps = np.zeros(s.size - 2)
+    if s.size < 5:
+        return jumps
+    steps = np.diff(pressure)
+    slopes = steps / np.diff(s)
+    left = pressure[1:-3] + slopes[:-3] * (s[2:-2] - s[1:-3])
+    right = pressure[3:-1] + slopes[3:] * (s[2:-2] - s[3:-1])
+    size = np.abs(left - right)
+    pressed = np.lib.stride_tricks.sliding_window_view(pressure != 0, 5).all(axis=1)
+    beyond = size > _JUMP * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
+    jumps[1:-1] = np.where(pressed & beyond, size, 0.0)
+    return jumps
 
 
 def _singular(r: Floats, pressure: Floats, blur: float) -> float:

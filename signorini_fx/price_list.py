@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.contact_table import ContactTable
+from signorini_fx.error_estimates import FAR
 from signorini_fx.pressure_error import peak_of
 
 # How errors fall with h.  The square-root ends of the contact zone limit all but the peak; measured on the paper's
@@ -230,7 +231,8 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     estimate = fine.pressure or 0.0
     if uniform:
         return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (_SMOOTH_RATE / 2) - 1)))
-    return estimate * max(1.0, change / coarse.pressure) if coarse.pressure else estimate
+    times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
+    return float(np.hypot(estimate * times, FAR * fine.energy**2))
 
 
 def _force_error(levels: Sequence[LevelResult]) -> float | None:
