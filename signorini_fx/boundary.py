@@ -84,6 +84,15 @@ class ContactBoundary:
         """The norm of L2(Gamma_c) by the nodal rule, collective."""
         return float(np.sqrt(parallel.global_sum(self.comm, np.dot(self.weight, values**2))))
 
+    def scale(self, values: Nodal) -> float:
+        """The norm without the nodes where a support takes a part of the normal force; collective.
+
+        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
+        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
+        """
+        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        return self.norm(np.where(supported, 0.0, values)) or self.norm(values)
+
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""

@@ -226,7 +226,10 @@ def certify(
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
-    carried = _largest(comm, np.maximum(np.abs(pressure), np.abs(shear)))
+    # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
+    tractions_at = np.maximum(np.abs(pressure), np.abs(shear))
+    free = ~nodes.supported(fixed)
+    carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     still = _FAINT * stress / scene.young * tagged.size
@@ -337,6 +340,10 @@ class _ContactNodes:
         """W (lambda n + mu t), shape (n, 2)."""
         traction = self.pressure[:, None] * self.normal + self.shear[:, None] * self.tangent
         return self.weight[:, None] * traction
+
+    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Nodes where a support takes a part of the normal force."""
+        return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
 
     def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Nodes that cannot move along their normal, because what is free at them is across it."""

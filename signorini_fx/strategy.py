@@ -40,6 +40,8 @@ _DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # so many problems that run to their last iteration.  A fixed point with its most problems takes a fifth of them.
 PROBLEMS = 20
+# The model of the path has one pole: it is of no use where the two gammas are farther apart than this.
+_MOST_APART = 10.0
 # The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
 _AUGMENTED_SHARE = 1e-3
 
@@ -162,9 +164,10 @@ def _given_friction(task: Task, data: RegularisedData) -> Status:
         case "path-following":
             # A later load step begins with the gamma that the one before has found.
             first = START_GAMMA * task.natural_gamma if task.step == 0 else data.gamma_n
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / _MOST_APART, _MOST_APART))
             status, last, task.regularisation_error = path_following(
                 newton,
-                replace(data, gamma_n=first, gamma_t=first * data.gamma_t / data.gamma_n),
+                replace(data, gamma_n=first, gamma_t=ratio * first),
                 task.first_sets,
                 first_iteration=task.first_iteration,
                 goal=lambda: task.goal(task.x),
@@ -275,7 +278,7 @@ def _either_way(
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
     needed = ways[0][1] is unsymmetric
     task.monolithic = False
-    status = ways[0][1]()
+    status = _proved(task, ways[0][1]())
     for place, (name, way) in enumerate(ways[1:], start=1):
         settled = status in (Status.CONVERGED, Status.SINGULAR)
         if settled or (place > needed and not (s.fallbacks and task.gave_up(status))):
@@ -284,8 +287,23 @@ def _either_way(
         state.copy(newton.x)
         problem.sets = sets
         task.monolithic = False
-        status = way()
+        status = _proved(task, way())
     return status
+
+
+def _proved(task: Task, status: Status) -> Status:
+    """An outcome of Coulomb friction: that a body slides under the bound of one Tresca problem proves nothing.
+
+    The bound of such a problem is that of the pressure before.  Where the law itself allows for an equilibrium the
+    fixed point has failed, and another method may find it.
+    """
+    law = task.law
+    if status not in (Status.SLIDES, Status.OPEN) or law is None or task.data.bilateral is not None:
+        return status
+    if _no_balance(task, law) is not None:
+        return status
+    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
+    return Status.OUTER_MAX_ITERATIONS
 
 
 def _no_balance(task: Task, law: FrictionLaw) -> Status | None:

@@ -80,7 +80,7 @@ class Augmentation:
         boundary, comm = newton.problem.boundary, newton.problem.system.comm
         after = newton.shifts(data)
         changes = tuple(boundary.norm(new - old) for new, old in zip(after, before, strict=True))
-        size = sum(map(boundary.norm, after)) or sum(map(boundary.norm, before))
+        size = sum(map(boundary.scale, after)) or sum(map(boundary.scale, before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), np.abs(u_t))))

@@ -60,7 +60,8 @@ def fixed_point(
 def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
     """d_g of section 7: the new g is the pressure that the old one led to; with shifts the larger change of the two."""
     following, _ = newton.multipliers()
-    norm = newton.problem.boundary.norm
-    size = norm(following) or norm(g)  # a pressure that is gone has changed by all that it was
-    change = norm(following - g) / size if size > 0 else 0.0
+    boundary = newton.problem.boundary
+    # A pressure that is gone has changed by all that it was.
+    size = boundary.scale(following) or boundary.scale(g)
+    change = boundary.norm(following - g) / size if size > 0 else 0.0
     return change if augmentation is None else max(change, augmentation.measure(data))
