@@ -135,7 +135,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         told = table["u_n"][:, None] * contact.normal + table["u_t"][:, None] * contact.tangent
         u = answer.displacement[last] if number == body.steps - 1 else interior(body, contact, number, told)
         worse(_table(body, contact, table, u, origin))
-        law = _promised(body, contact, number, u, said, answer, worse)
+        law = _promised(body, contact, number, u, said, origin, answer, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if convex.cvxopt is not None:
             programme = convex.compare(body, contact, number, u, contact.bound(said.pressure), origin, law)
@@ -172,7 +172,7 @@ def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said:
 
 
 def _promised(
-    body: Body, contact: Contact, number: int, u: Array, said: Tractions, answer: Answer, worse: Any
+    body: Body, contact: Contact, number: int, u: Array, said: Tractions, origin: Origin, answer: Answer, worse: Any
 ) -> tuple[float, float]:
     """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
     solver = body.scene.get("solver", {})
@@ -191,10 +191,16 @@ def _promised(
     # What it found in an earlier step is not told: one gamma for all nodes, and the ratio that was asked for.
     u_n = (u[contact.nodes] * contact.normal).sum(axis=1)
     most = int(np.argmax(np.abs(said.pressure)))
-    if said.pressure[most] == 0:
-        return 1 / answer.gamma[0], 1 / answer.gamma[1]
-    soft = (u_n - contact.gap)[most] / said.pressure[most]
-    return soft, soft * asked[0] / asked[1]
+    ratio = asked[0] / asked[1]
+    if said.pressure[most] != 0:
+        soft = (u_n - contact.gap)[most] / said.pressure[most]
+        return soft, soft * ratio
+    # Given friction acts on open nodes too: those that stick tell.
+    slip = (u[contact.nodes] * contact.tangent).sum(axis=1) - origin.u_t
+    added = np.where(np.abs(said.shear) < (1 - 1e-9) * contact.bound(said.pressure), said.shear - origin.shear, 0.0)
+    most = int(np.argmax(np.abs(added)))
+    soft = slip[most] / added[most] if added[most] != 0 else 1 / answer.gamma[1]
+    return soft / ratio, soft
 
 
 def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:
