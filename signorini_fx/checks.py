@@ -594,7 +594,7 @@ def _reactions(d: _Body, law: FrictionLaw | None) -> tuple[_Rows, _Rows, _Rows]:
         return none, none, none
     modes = d.motions.at(boundary.x) * boundary.free[:, :, None]
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes) @ free
-    tangent = np.einsum("ij,ijk->ik", boundary.tangent, modes) @ free
+    tangent = np.einsum("ij,ijk->ik", boundary.tangents[:, :, 0], modes) @ free
     zero = np.zeros(boundary.size)
     coefficient, given = (zero, zero) if law is None else (law.coefficient, boundary.weight * law.given)
     edges = [normal + coefficient[:, None] * tangent, normal - coefficient[:, None] * tangent, normal]

@@ -8,6 +8,8 @@ that ask for it least.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
@@ -15,7 +17,7 @@ from scipy.optimize import linprog
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, length
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 
@@ -56,19 +58,19 @@ def hold(
         pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
         pressing = pressed and resultant.any()  # without a load a pressure is round-off
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
-    slipping = _ranked(boundary, (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
+    slipping = _ranked(boundary, ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(boundary, sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
         for share in _shares(max(_count(boundary, slipping), _count(boundary, opening))):
             kept_stick = _least(boundary, slipping, share) if slipping_counts else ~everywhere
             kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
-            stick = kept_stick | (kept_contact & able & (sets.slip == 0))
-            held = ActiveSets(following.contact | kept_contact, np.where(stick, 0, following.slip).astype(np.int8))
+            stick = kept_stick | (kept_contact & able & ~sets.slip)
+            held = replace(following, contact=following.contact | kept_contact).sticking(stick)
             if motions.held_by(boundary, held.contact, _stick(held, data)):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
     contact = following.contact | sets.contact
-    everything = ActiveSets(contact, np.where(contact & able, 0, following.slip).astype(np.int8))
+    everything = replace(following, contact=contact).sticking(contact & able)
     if motions.held_by(boundary, contact, _stick(everything, data)):
         return everything, None, True
     return sets, None, True
@@ -94,9 +96,9 @@ def fewest_ties(
         Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
     """
     along = _ranked(boundary, np.isfinite(opening) & ~sets.contact, opening)
-    across = _ranked(boundary, np.isfinite(slipping) & (sets.slip != 0), slipping)
+    across = _ranked(boundary, np.isfinite(slipping) & sets.slip, slipping)
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
-    stick = (sets.slip == 0) & np.isfinite(slipping)
+    stick = ~sets.slip & np.isfinite(slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
         tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
@@ -125,7 +127,7 @@ def balance_exists(
         return False
     modes = boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
+    tangential = np.einsum("ij,ijk->ik", boundary.tangents[:, :, 0], modes)
     zero = np.zeros(boundary.size)
     given = zero if data.bound is None else boundary.weight * data.bound
     coupling = zero if data.coupling is None else data.coupling
@@ -152,7 +154,7 @@ def balance_exists(
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    return (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
+    return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
 
 
 def _ranked(boundary: ContactBoundary, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:

@@ -13,7 +13,8 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
+from signorini_fx.complementarity import Nodal, RegularisedData, inner, project, trial_pressure
+from signorini_fx.complementarity import length as length_of
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.material import lame_parameters
 from signorini_fx.problem import ROUND_OFF
@@ -46,7 +47,7 @@ class ContactState:
         shear: mu = -sigma_T, stress.
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
-        slip: +1 on A_f,+; -1 on A_f,-; 0 on I_f.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
         slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
@@ -64,7 +65,7 @@ class ContactState:
     shear: Nodal
     bound: Nodal
     in_contact: npt.NDArray[np.bool_]
-    slip: npt.NDArray[np.int8]
+    direction: Nodal
     has_friction: bool
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
@@ -76,9 +77,8 @@ class ContactState:
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Resultants that the foundation exerts on the body: contact force, friction force, shape (2,); collective."""
-        nothing = np.zeros_like(self.pressure)
-        contact = -self.boundary.nodal_forces(self.pressure, nothing).sum(axis=0)
-        friction = -self.boundary.nodal_forces(nothing, self.shear).sum(axis=0)
+        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
+        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
         comm = self.boundary.comm
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
@@ -89,19 +89,20 @@ class ContactState:
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
         """
-        work = np.dot(self.boundary.weight, self.shear * self.xi)
+        work = np.dot(self.boundary.weight, inner(self.shear, self.xi))
         return float(parallel.global_sum(self.boundary.comm, work))
 
     @cached_property
     def mean_tangential_displacement(self) -> float:
         """Mean of tau_T y over the contact boundary, length; collective."""
         weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t), weight.sum()]))
+        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t[:, 0]), weight.sum()]))
         return float(sums[0] / sums[1])
 
     def sliding_sign(self) -> npt.NDArray[np.int8]:
         """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
-        return np.where(self.bound == 0, np.where(self.slip_length < 0, -1, 1), self.slip).astype(np.int8)
+        sign = np.where(self.bound > 0, self.direction[:, 0], np.where(self.slip_length[:, 0] < 0, -1.0, 1.0))
+        return np.sign(sign).astype(np.int8)
 
 
 @dataclass(frozen=True)
@@ -209,10 +210,10 @@ def certify(
     nodal_reaction = -nodal[boundary.nodes] / boundary.weight[:, None]
     normal, tangential = boundary.traces(nodal_reaction)
     pressure = np.where(alone, normal, contact.pressure)
-    shear = np.where(alone, tangential, contact.shear)
+    shear = np.where(alone[:, None], tangential, contact.shear)
     np.add.at(nodal, boundary.nodes, boundary.nodal_forces(contact.pressure, contact.shear))
     residual = _norm(comm, owned[~discretisation.fixed])
-    stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), np.abs(shear))))
+    stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(pressure), length_of(shear))))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = np.sqrt(2 * young * forces.strain_energy) / discretisation.tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-boundary.weight, -np.inf))
@@ -225,21 +226,23 @@ def certify(
     entered = overlap - contact.compliance[0] * (pressure - contact.lambda_hat)
     xi = contact.slip_length - contact.compliance[1] * (shear - contact.mu_hat)
     entered = np.where(boundary.prescribed(boundary.normal), 0.0, entered)
-    xi = np.where(boundary.prescribed(boundary.tangent) | (not contact.has_friction), 0.0, xi)
+    prescribed = np.column_stack([boundary.prescribed(t) for t in np.moveaxis(boundary.tangents, 2, 0)])
+    xi = np.where(prescribed | (not contact.has_friction), 0.0, xi)
     overlap, entered = (np.where(contact.bilateral, np.abs(values), values) for values in (overlap, entered))
     # A distance, or a bound, may be beyond all measure: it counts as much as what it is compared with.
     distance = np.where(contact.bilateral, 0.0, np.minimum(np.maximum(-entered, 0.0), length))
-    below = np.clip(contact.bound - np.abs(shear), 0.0, stress)
+    below = np.clip(contact.bound - length_of(shear), 0.0, stress)
+    sticking = ~(length_of(contact.direction) > 0)
     figures = {
         "penetration": (overlap, length),
         "negative_pressure": (-pressure[~contact.bilateral], stress),
         "complementarity": (np.abs(pressure * overlap), stress * length),
-        "friction_cone": (np.abs(shear) - contact.bound, stress),
-        "wrong_way_slip": (-shear * xi, stress * length),
+        "friction_cone": (length_of(shear) - contact.bound, stress),
+        "wrong_way_slip": (-inner(shear, xi), stress * length),
         "entered": (entered, length),
         "pressure_at_distance": (np.maximum(pressure, 0.0) * distance, stress * length),
-        "slip_below_bound": (below * np.abs(xi), stress * length),
-        "stick_slip": (np.abs(contact.slip_length)[(contact.slip == 0) & contact.has_friction], length),
+        "slip_below_bound": (below * length_of(xi), stress * length),
+        "stick_slip": (length_of(contact.slip_length)[sticking & contact.has_friction], length),
     }
     values = {
         name: _share(parallel.global_max(comm, max(0.0, parallel.local_max(violation))), unit)
@@ -289,7 +292,7 @@ def functionals(forces: Forces, contact: ContactState, data: RegularisedData) ->
     bound = data.friction_bound(pressure)
     overlap, slip = c.u_n - c.gap, c.slip_length
     if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
-        primal, dual = bound * np.abs(slip), pressure * overlap + shear * slip
+        primal, dual = bound * length_of(slip), pressure * overlap + inner(shear, slip)
     else:
         trial = trial_pressure(c.u_n, data)
         pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
@@ -297,8 +300,8 @@ def functionals(forces: Forces, contact: ContactState, data: RegularisedData) ->
         dual = (
             pressure * overlap
             + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
-            + shear * slip
-            + (data.mu_hat**2 - (shear - data.mu_hat) ** 2) / (2 * data.gamma_t)
+            + inner(shear, slip)
+            + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
         )
     sums = parallel.global_sum(
         contact.boundary.comm,
@@ -309,6 +312,6 @@ def functionals(forces: Forces, contact: ContactState, data: RegularisedData) ->
 
 def _smoothed_friction(slip: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
     """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
-    trial = np.abs(data.gamma_t * slip + data.mu_hat)
+    trial = length_of(data.gamma_t * slip + data.mu_hat)
     sliding = bound * (trial - bound / 2)
     return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t

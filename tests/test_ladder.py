@@ -316,8 +316,8 @@ def test_a_body_that_sinks_unhindered_is_refused():
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
     nodes = task.boundary.size
-    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
-    task.problem.sets = task.problem.following
+    task.problem.set_data(task.data, ActiveSets.of(np.zeros(nodes, dtype=bool), np.zeros((nodes, 1))))
+    task.problem.sets = task.problem.next.sets
     task.x.getArray()[:] = free.displacement.x.array
     forces = Forces.of(discretisation, free.displacement, 0)
     certificate = certify(discretisation, free.displacement, forces, task.contact())
