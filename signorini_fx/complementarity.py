@@ -8,11 +8,10 @@ The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R
 is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping point carries the direction e of its
 shear, and its shear for fixed sets is
 
-    mu = F g e + k (I - e e^T) (tau_T y + mu_hat / gamma_2),    k = F g / max(e . (tau_T y + mu_hat / gamma_2), F g / gamma_2),
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
 
-with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at mu_hat + gamma_2 tau_T y
-(the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput.
-30 (2008) 572-596, for the disc).  In R^1 the second term vanishes.
+with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
+572-596, for the disc).  In R^1 the second term vanishes.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class ActiveSets:
         return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
 
     def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
-        """The points that are in another set in ``other``; a direction that turns by less than a right angle is none."""
+        """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
         turned = inner(self.direction, other.direction) < 0
         return (self.contact != other.contact) | (self.slip != other.slip) | turned
 
@@ -106,8 +105,8 @@ class RegularisedData:
         coupling: F where the bound is F lambda(y) of the iterate itself (monolithic Coulomb friction), added to
             ``bound``, shape (n,); None where the bound is given.
         bilateral: points whose contact cannot open, shape (n,); None: there are none.
-        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total, with origin
-            zero; with load steps it acts on the increment, with mu_hat the shear of the step before.  None: zero.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
+            with origin zero; with load steps it acts on the increment, with mu_hat the shear of the step before.  None: zero.
     """
 
     gap: Nodal

@@ -325,7 +325,9 @@ class _ContactTangent:
             How many points differ from the last factorisation, None if there is none; the same on all ranks.
         """
         known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
-        differ = [1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2))) for old in known]
+        differ = [
+            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2))) for old in known
+        ]
         changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
         since = None if known[1] is None else moved
         if changed == 0:

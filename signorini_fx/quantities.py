@@ -47,7 +47,8 @@ class ContactState:
         shear: mu = -sigma_T, stress.
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
-        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on A_f,-.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+            -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
         slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.

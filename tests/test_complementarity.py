@@ -240,7 +240,8 @@ VECTOR = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
 def discs(draw):
     """(direction, u_t, mu_hat, bound) of a few points in space."""
     nodes = st.tuples(VECTOR, VECTOR, VECTOR, st.floats(0.125, 4))
-    direction, u_t, mu_hat, bound = (np.array(c) for c in zip(*draw(st.lists(nodes, min_size=1, max_size=6)), strict=True))
+    columns = zip(*draw(st.lists(nodes, min_size=1, max_size=6)), strict=True)
+    direction, u_t, mu_hat, bound = map(np.array, columns)
     return direction, u_t, mu_hat, bound
 
 
@@ -264,7 +265,7 @@ def test_projection_onto_the_disc(disc):
 
 @given(discs())
 def test_tangent_is_the_derivative_in_space(disc):
-    """For fixed sets mu is affine in tau_T y, and its derivative is the block of ``tangent``: symmetric, and positive."""
+    """For fixed sets mu is affine in tau_T y, and its derivative is the block of ``tangent``: symmetric, positive."""
     direction, u_t, mu_hat, bound = disc
     problem = in_space(u_t, mu_hat, bound)
     current = natural_sets(np.ones(bound.size), u_t, problem)
@@ -307,7 +308,7 @@ def test_the_law_does_not_depend_on_the_tangents(disc, angle):
 
 
 def test_equal_sets_are_no_solution_in_space():
-    """A point that slips on, its direction still turning: the sets repeat, the law does not hold, and the residual says so."""
+    """A point that slips on, its direction still turning: the sets repeat, and the law does not hold."""
     problem = in_space(None, np.zeros((1, 2)), np.ones(1))
     sideways = ActiveSets.of(np.array([True]), np.array([[1.0, 0.0]]), np.array([0.0]))
     u_t = np.array([[1.0, 1.0]])

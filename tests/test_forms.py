@@ -184,7 +184,8 @@ def test_normals_and_tangents(cell, angle):
     np.testing.assert_allclose(boundary.normal, outward, atol=1e-13)
     np.testing.assert_allclose(boundary.tangents[:, :, 0], np.array([[c, s], [-s, c]])[boundary.part], atol=1e-13)
     u_n, u_t = boundary.traces(boundary.x)
-    np.testing.assert_allclose(u_n[:, None] * boundary.normal + u_t * boundary.tangents[:, :, 0], boundary.x, atol=1e-13)
+    parts = u_n[:, None] * boundary.normal + u_t * boundary.tangents[:, :, 0]
+    np.testing.assert_allclose(parts, boundary.x, atol=1e-13)
 
 
 def test_nodal_forces_do_the_work_of_the_multipliers():

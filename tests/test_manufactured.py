@@ -34,7 +34,8 @@ def errors(count, cell, degree, law, **solver):
     touching, r = s_of(NUMBERS, x) > 0, r_of(NUMBERS, x)
     sliding = np.where(np.abs(r) > 1, np.sign(r), 0)
     transmits = touching | (law == "tresca")
-    wrong = np.count_nonzero(contact.in_contact != touching), np.count_nonzero((contact.direction[:, 0] != sliding) & transmits)
+    slips = (contact.direction[:, 0] != sliding) & transmits
+    wrong = np.count_nonzero(contact.in_contact != touching), np.count_nonzero(slips)
     relative = [error / size for error, size in zip(norms(found), norms(exact), strict=True)]
     return np.array([*relative, *sizes]), wrong
 

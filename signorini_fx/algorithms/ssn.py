@@ -309,7 +309,8 @@ class SemismoothNewton:
             self._last_residual = residual
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
-            if k > 0 and not problem.next.repaired and problem.next.escapes is None and residual <= snes.getTolerances()[0]:
+            sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
+            if sound and residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             return self._stop(Status.CYCLING)
         self._seen.add(fingerprint)
