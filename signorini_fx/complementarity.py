@@ -10,7 +10,8 @@ shear, and its shear for fixed sets is
 
     mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
 
-with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
+with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
+form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
 572-596, for the disc).  In R^1 the second term vanishes.
 """
 
@@ -106,7 +107,7 @@ class RegularisedData:
             ``bound``, shape (n,); None where the bound is given.
         bilateral: points whose contact cannot open, shape (n,); None: there are none.
         slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
-            with origin zero; with load steps it acts on the increment, with mu_hat the shear of the step before.  None: zero.
+            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the step before.
     """
 
     gap: Nodal

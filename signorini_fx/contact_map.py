@@ -95,7 +95,8 @@ class ContactMap:
         """The unknowns that each point touches, and B there.
 
         Returns:
-            Positions in the local part of x, shape (n, m), and B, shape (n, d, m); m is the most that a point touches, and a point that touches fewer repeats its first one with zeros.
+            Positions in the local part of x, shape (n, m), and B, shape (n, d, m); m is the most that a point
+            touches, and a point that touches fewer repeats its first one with zeros.
         """
         first, last = self.operator.getOwnershipRangeColumn()
         starts, columns, values = self.operator.getValuesCSR()
