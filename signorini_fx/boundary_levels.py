@@ -102,9 +102,7 @@ def _coarser(fine: _Level) -> _Level:
     """Every second node of each chain, its ends, and the nodes of two boundaries."""
     boundary, system = fine.boundary, fine.system
     unknowns, _ = system.contact.entries()
-    _, first, node_of, counts = np.unique(
-        unknowns[:, 0], return_index=True, return_inverse=True, return_counts=True
-    )
+    _, first, node_of, counts = np.unique(unknowns[:, 0], return_index=True, return_inverse=True, return_counts=True)
     shared = counts[node_of.ravel()] > 1
     kept: list[Indices] = []
     ranges: list[Indices] = []
