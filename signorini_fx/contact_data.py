@@ -54,7 +54,7 @@ def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: F
         gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
         sigma=np.inf if settings.sigma == "auto" else settings.sigma,
         lambda_hat=zero,
-        mu_hat=zero,
+        mu_hat=np.zeros(boundary.tangents.shape[::2]),
         bound=None if law is None else law.given,
         bilateral=bilateral_nodes(scene, boundary),
     )
@@ -84,7 +84,7 @@ def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], p
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
     """The sets of the first linear solve and its number (section 7: a solve that only makes the start has number 0)."""
     region = scene.solver.initial_contact
-    every = ActiveSets.all_in_contact(boundary.size)
+    every = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
     if isinstance(region, str):
         return every, 0
     if isinstance(region, Box):
@@ -98,4 +98,4 @@ def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int
         inside = sample(region, points) > 0
     if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
         raise SceneError([("solver.initial_contact", "holds no contact node")])
-    return ActiveSets(inside, every.slip), 1
+    return ActiveSets.of(inside, every.direction), 1

@@ -8,7 +8,7 @@ that ask for it least.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, length
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 
@@ -64,19 +64,19 @@ def hold(
         pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], 3)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
     here = loose[assembly]  # what the sets hold is left to them
-    slipping = _ranked(boundary, here & (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
+    slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
         for share in _shares(max(_count(boundary, slipping), _count(boundary, opening))):
             kept_stick = _least(boundary, slipping, share) if slipping_counts else ~everywhere
             kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
-            stick = kept_stick | (kept_contact & able & (sets.slip == 0))
-            held = ActiveSets(following.contact | kept_contact, np.where(stick, 0, following.slip).astype(np.int8))
+            stick = kept_stick | (kept_contact & able & ~sets.slip)
+            held = replace(following, contact=following.contact | kept_contact).sticking(stick)
             if motions.held_by(boundary, held.contact, _stick(held, data)):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
     contact = following.contact | (here & sets.contact)
-    everything = ActiveSets(contact, np.where(here & contact & able, 0, following.slip).astype(np.int8))
+    everything = replace(following, contact=contact).sticking(here & contact & able)
     if motions.held_by(boundary, contact, _stick(everything, data)):
         return everything, None, True
     return sets, None, True
@@ -102,10 +102,10 @@ def fewest_ties(
         Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
     """
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
-    stick = (sets.slip == 0) & np.isfinite(slipping)
+    stick = ~sets.slip & np.isfinite(slipping)
     here = motions.unheld(boundary, normal, stick)[motions.assembly_of(boundary.nodes)]
     along = _ranked(boundary, here & np.isfinite(opening) & ~sets.contact, opening)
-    across = _ranked(boundary, here & np.isfinite(slipping) & (sets.slip != 0), slipping)
+    across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
         tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
@@ -195,7 +195,7 @@ def reactions(
     """The reactions that friction bounds (stresses, and shares of the pressure) allow for; collective."""
     modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
+    tangential = np.einsum("ij,ijk->ik", boundary.tangents[:, :, 0], modes)
     two_sided = np.zeros(boundary.size) if bilateral is None else bilateral
     laws = np.column_stack((boundary.weight * bound, coefficient, two_sided, motions.assembly_of(boundary.nodes)))
     table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, laws)))
@@ -230,7 +230,7 @@ def _balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    return (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
+    return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
 
 
 def _ranked(boundary: ContactBoundary, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.certificate import Tractions
-from signorini_fx.complementarity import Nodal, RegularisedData, project, trial_pressure
+from signorini_fx.complementarity import Nodal, RegularisedData, inner, project, trial_pressure
+from signorini_fx.complementarity import length as length_of
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class ContactState:
         shear: mu = -sigma_T, stress.
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
-        slip: +1 on A_f,+; -1 on A_f,-; 0 on I_f.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+            -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
         slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
@@ -42,7 +44,7 @@ class ContactState:
     shear: Nodal
     bound: Nodal
     in_contact: npt.NDArray[np.bool_]
-    slip: npt.NDArray[np.int8]
+    direction: Nodal
     has_friction: bool
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
@@ -56,9 +58,8 @@ class ContactState:
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Resultants that the foundation exerts on the body: contact force, friction force, shape (2,); collective."""
-        nothing = np.zeros_like(self.pressure)
-        contact = -self.boundary.nodal_forces(self.pressure, nothing).sum(axis=0)
-        friction = -self.boundary.nodal_forces(nothing, self.shear).sum(axis=0)
+        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
+        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
         comm = self.boundary.comm
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
@@ -69,19 +70,20 @@ class ContactState:
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
         """
-        work = np.dot(self.boundary.weight, self.shear * self.xi)
+        work = np.dot(self.boundary.weight, inner(self.shear, self.xi))
         return float(parallel.global_sum(self.boundary.comm, work))
 
     @cached_property
     def mean_tangential_displacement(self) -> float:
         """Mean of tau_T y over the contact boundary, length; collective."""
         weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t), weight.sum()]))
+        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t[:, 0]), weight.sum()]))
         return float(sums[0] / sums[1])
 
     def sliding_sign(self) -> npt.NDArray[np.int8]:
         """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
-        return np.where(self.bound == 0, np.where(self.slip_length < 0, -1, 1), self.slip).astype(np.int8)
+        sign = np.where(self.bound > 0, self.direction[:, 0], np.where(self.slip_length[:, 0] < 0, -1.0, 1.0))
+        return np.sign(sign).astype(np.int8)
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ def functionals(elastic: float, contact: ContactState, data: RegularisedData) ->
     bound = data.friction_bound(pressure)
     overlap, slip = c.u_n - c.gap, c.slip_length
     if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
-        primal, dual = bound * np.abs(slip), pressure * overlap + shear * slip
+        primal, dual = bound * length_of(slip), pressure * overlap + inner(shear, slip)
     else:
         trial = trial_pressure(c.u_n, data)
         pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
@@ -129,8 +131,8 @@ def functionals(elastic: float, contact: ContactState, data: RegularisedData) ->
         dual = (
             pressure * overlap
             + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
-            + shear * slip
-            + (data.mu_hat**2 - (shear - data.mu_hat) ** 2) / (2 * data.gamma_t)
+            + inner(shear, slip)
+            + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
         )
     sums = parallel.global_sum(
         contact.boundary.comm,
@@ -141,6 +143,6 @@ def functionals(elastic: float, contact: ContactState, data: RegularisedData) ->
 
 def _smoothed_friction(slip: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
     """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
-    trial = np.abs(data.gamma_t * slip + data.mu_hat)
+    trial = length_of(data.gamma_t * slip + data.mu_hat)
     sliding = bound * (trial - bound / 2)
     return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t

@@ -74,7 +74,7 @@ def resting_place(
         return None
     at_nodes = boundary.free * (motions.at(boundary.nodes) @ (motions.free.T @ motion))
     u_n = np.einsum("ij,ij->i", boundary.normal, at_nodes)
-    u_t = np.einsum("ij,ij->i", boundary.tangent, at_nodes)
+    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_nodes)
     # A motion along the normals has no tangential part but for round-off.
     still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)

@@ -90,7 +90,7 @@ class RigidMotions:
         rows = np.concatenate(
             [
                 np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]),
-                np.einsum("ij,ijk->ik", boundary.tangent[stick], modes[stick]),
+                np.einsum("ij,ijk->ik", boundary.tangents[stick, :, 0], modes[stick]),
             ]
         )
         gram = parallel.global_sum(boundary.comm, rows.T @ rows)

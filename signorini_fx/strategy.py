@@ -88,7 +88,7 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
     data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
     task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
     task.monolithic = False
-    everywhere = ActiveSets.all_in_contact(task.boundary.size)
+    everywhere = ActiveSets.all_in_contact(*task.data.mu_hat.shape)
     if coulomb is None:
         status = augmented_lagrangian(
             newton,
@@ -148,9 +148,9 @@ def _stay(task: Task) -> Status:
 
 def _touch_nothing(task: Task) -> None:
     """The sets of a body that nothing was solved for: no contact, hence no traction."""
-    nodes = task.boundary.size
-    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
-    task.problem.sets = task.problem.following
+    none = np.zeros(task.boundary.size, dtype=bool)
+    task.problem.set_data(task.data, ActiveSets.of(none, np.zeros_like(task.data.mu_hat)))
+    task.problem.sets = task.problem.next.sets
 
 
 def _given_friction(task: Task, data: RegularisedData) -> Status:
@@ -212,8 +212,7 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             return status
         start, first_sets = newton.multipliers(), None
         if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
-            contact = task.problem.following.contact
-            first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
+            first_sets = ActiveSets.of(task.problem.next.sets.contact, np.zeros_like(task.data.mu_hat))
     data = replace(task.data, bound=law.given)
 
     def fixed(damping: float) -> Status:

@@ -117,8 +117,8 @@ class Task:
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
         if True not in self._exact:
-            system, boundary = rotate(self.system, self.boundary)
-            problem = ExactProblem(system, boundary, self.boundary, self.motions)
+            system = rotate(self.system, self.boundary)
+            problem = ExactProblem(system, self.boundary, self.motions)
             self._exact[True] = self._newton(problem, system.start.copy())
         return self._exact[True]
 
@@ -156,7 +156,7 @@ class Task:
             # Of the law itself: the iteration may have stopped with the bound of the pressure before.
             bound=np.zeros_like(pressure) if not data.has_friction or self.law is None else self.law.bound(pressure),
             in_contact=sets.contact,
-            slip=sets.slip,
+            direction=sets.direction,
             has_friction=data.has_friction,
             bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
             slip_length=slip_of(u_t, data),

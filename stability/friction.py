@@ -124,7 +124,7 @@ def _scene(coefficient: float, load: float = 1.0, **settings: Any) -> dict[str, 
 def _from(state: str, coefficient: float, load: float = 1.0, **settings: Any) -> Solution:
     def sets(boundary: ContactBoundary) -> ActiveSets:
         contact, slip = _SETS[state]
-        return ActiveSets(np.full(boundary.size, contact), np.full(boundary.size, slip, dtype=np.int8))
+        return ActiveSets.of(np.full(boundary.size, contact), np.full((boundary.size, 1), float(slip)))
 
     def start(boundary: ContactBoundary) -> tuple[Nodal, Nodal]:
         reaction = STIFFNESS @ STATES[state] - FORCE

@@ -285,14 +285,14 @@ class SemismoothNewton:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
         bounds = problem.friction_bounds(self.x)
-        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.following), bounds, strict=True))
+        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.next.sets), bounds, strict=True))
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
                 [
                     np.count_nonzero(sets.contact),
-                    np.count_nonzero(sets.slip > 0),
-                    np.count_nonzero(sets.slip < 0),
+                    np.count_nonzero(sets.direction[:, 0] > 0),
+                    np.count_nonzero(sets.direction[:, 0] < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
@@ -306,8 +306,8 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
-            if problem.kept:  # others would not hold the body; yet they may leave it in balance
-                balanced = problem.accept(self.x, problem.wanted, snes.getTolerances()[0])
+            if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
+                balanced = problem.accept(self.x, problem.next.wanted, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
@@ -318,12 +318,13 @@ class SemismoothNewton:
             self._last_residual = residual
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
-            if k > 0 and not problem.kept and problem.loose is None and residual <= snes.getTolerances()[0]:
+            sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
+            if sound and residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             return self._stop(Status.CYCLING)
         self._seen.add(fingerprint)
-        if problem.loose is not None:
-            return self._stop(problem.loose)
+        if problem.next.escapes is not None:
+            return self._stop(problem.next.escapes)
         return int(_SNES.CONVERGED_ITERATING)
 
     def _reason(self) -> Status:
@@ -360,5 +361,5 @@ class SemismoothNewton:
 
     def _fingerprint(self, sets: ActiveSets) -> int:
         """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
-        state = 3 * sets.contact.astype(np.int64) + sets.slip + 1
+        state = 3 * sets.contact.astype(np.int64) + np.sign(sets.direction[:, 0]).astype(np.int64) + 1
         return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.loads import LoadCase, load_resultant
@@ -29,7 +30,7 @@ class CondensedSystem:
     start: PETSc.Vec
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     cases: tuple[LoadCase, ...]
     schur: SchurComplement
     interior: tuple[PETSc.Vec, ...]
@@ -55,7 +56,7 @@ class CondensedSystem:
         condensed = np.array(
             [_condense(d.stiffness, case.load, x, kept) for case, x in zip(d.cases, interior, strict=True)]
         )
-        contact_dofs = (2 * position.ravel()[:, None] + np.arange(2)).astype(np.int32)
+        contact = ContactMap.of_nodes(d.boundary, position.ravel(), d.fixed[kept], matrix)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,
@@ -64,7 +65,7 @@ class CondensedSystem:
             start,
             np.zeros(d.motions.free.shape[0]),
             d.fixed[kept],
-            contact_dofs,
+            contact,
             d.cases,
             schur,
             interior,

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import options
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.loads import LoadCase, load_resultant
 from signorini_fx.rigid import rigid_modes
@@ -79,7 +80,7 @@ class FullSystem:
     start: PETSc.Vec
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     cases: tuple[LoadCase, ...]
     krylov: bool = False
     inexact: bool = False
@@ -93,11 +94,10 @@ class FullSystem:
     def of(cls, discretisation: Discretisation, *, krylov: bool = False) -> FullSystem:
         """The system as it was assembled, at the first load step."""
         d = discretisation
-        nodes = d.boundary.nodes if d.boundary is not None else np.empty(0, dtype=np.int32)
-        dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
+        contact = ContactMap.of_nodes(d.boundary, None, d.fixed, d.stiffness)
         resultant = np.zeros(d.motions.free.shape[0])
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, dofs, d.cases, krylov)
+        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
             d.stiffness.setBlockSize(2)
             d.stiffness.setNearNullSpace(_rigid_modes(d))

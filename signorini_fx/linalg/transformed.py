@@ -9,6 +9,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 
 
@@ -25,7 +26,7 @@ class TransformedSystem:
     load: PETSc.Vec
     start: PETSc.Vec
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     inner: ElasticSystem
 
     @property
