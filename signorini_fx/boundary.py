@@ -92,6 +92,16 @@ class ContactBoundary:
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
+    def scale(self, values: Nodal) -> float:
+        """The norm without the nodes where a support takes a part of the normal force; collective.
+
+        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
+        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
+        """
+        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
+        return self.norm(free) or self.norm(values)
+
 
 def tangents_of(normal: Nodal) -> Nodal:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
@@ -109,15 +119,6 @@ def tangents_of(normal: Nodal) -> Nodal:
     first = np.stack((1.0 + sign * x * x * a, sign * b, -sign * x), axis=1)
     second = np.stack((b, sign + y * y * a, -y), axis=1)
     return np.stack((first, second), axis=2)
-
-    def scale(self, values: Nodal) -> float:
-        """The norm without the nodes where a support takes a part of the normal force; collective.
-
-        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
-        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
-        """
-        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
-        return self.norm(np.where(supported, 0.0, values)) or self.norm(values)
 
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:

@@ -53,7 +53,7 @@ class ContactState:
     @property
     def tractions(self) -> Tractions:
         """What the contact transmits, as the certificate takes it."""
-        return Tractions(self.boundary.part, self.boundary.nodes, self.pressure, self.shear)
+        return Tractions(self.boundary.part, self.boundary.nodes, self.pressure, self.shear[:, 0])
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -18,6 +18,7 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import RegularisedData
+from signorini_fx.complementarity import length as length_of
 
 # A multiplier is slow where an update leaves more than this share of its last change.
 _SLOW = 0.1
@@ -60,7 +61,8 @@ class Augmentation:
 
     def __post_init__(self) -> None:
         problem = self.newton.problem
-        diagonal = problem.system.matrix.getDiagonal().getArray(readonly=True)[problem.system.contact_dofs]
+        unknowns, _ = problem.system.contact.entries()
+        diagonal = problem.system.matrix.getDiagonal().getArray(readonly=True)[unknowns]
         weight = problem.boundary.weight
         largest = parallel.local_max(diagonal.max(axis=1, initial=0.0) / weight)
         self._stiffness = parallel.global_max(problem.system.comm, largest)
@@ -83,10 +85,10 @@ class Augmentation:
         size = sum(map(boundary.scale, after)) or sum(map(boundary.scale, before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
-        length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), np.abs(u_t))))
+        length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
         # At its bound the shear says nothing of slip.
-        sticks = np.abs(after[1]) < data.friction_bound(after[0])
-        moved = (np.abs(after[0] - before[0]), np.abs(after[1] - before[1]) * sticks)
+        sticks = length_of(after[1]) < data.friction_bound(after[0])
+        moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
         lefts, violations, slow = [], [], []
         for change, last, gamma, one in zip(changes, self.changes, gammas, moved, strict=True):
             share = change / last if last > 0 else np.nan
