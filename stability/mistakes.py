@@ -643,7 +643,7 @@ MUTANTS = (
         "np.stack([boundary.normal, boundary.tangent], axis=2)",
         "np.stack([boundary.normal, boundary.tangent], axis=1)",
         "rotation transposed",
-        tests=("patch_anywhere::test_pressed_with_free_sides",),
+        tests=("patch_anywhere::test_full_slip",),
     ),
     Mutant(
         "rotated",
