@@ -521,12 +521,27 @@ def test_full_disk_while_pictures_are_drawn(tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-def test_errors_of_the_system_under_others():
-    """What matplotlib raises while it cleans up after a full disk hides the reason, and is not lost."""
-    cut_off = AttributeError("'Stream' object has no attribute 'pos'")
-    cut_off.__context__ = OSError(28, "No space left on device")
-    assert io._of_the_system(cut_off).errno == 28
-    assert io._of_the_system(ValueError("a mistake of ours")) is None
+def test_errors_of_the_system_under_others(tmp_path, monkeypatch):
+    """What matplotlib raises when it closes a file that a full disk has cut off hides the reason, which is said."""
+
+    def closing(file):
+        try:
+            raise OSError(28, "No space left on device")
+        finally:
+            file.pos += 1  # as matplotlib's Stream does
+
+    def draw(*arguments, **options):
+        closing(object())
+
+    solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
+    monkeypatch.setattr(plots, "deformed_mesh", draw)
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        io.write_results(solution, tmp_path / "out", fields=False)
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setattr(plots, "deformed_mesh", lambda *arguments, **options: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        io.write_results(solution, tmp_path / "out", fields=False)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.mpi
