@@ -639,6 +639,47 @@ def test_environment_without_a_home():
     assert line.endswith(": set XDG_CACHE_HOME to a folder that can be written")
 
 
+DOCKER = """#!/bin/sh
+echo "docker $*" >> "$CALLS"
+case "$1 $2" in
+    "image inspect") exec test -e "$STATE/$(echo "$3" | tr / _)" ;;
+    "pull -q") exit 1 ;;
+    import*) touch "$STATE/$(echo "$5" | tr / _)" ;;
+    build*) case "$*" in *"--network host") touch "$STATE/built" ;; *) exit 1 ;; esac ;;
+esac
+"""
+
+
+def test_docker_without_a_registry(tmp_path):
+    """Its base is made of Debian's archive, and its build has the host's network, where there is no other way."""
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    scripts = {
+        "docker": DOCKER,
+        "mmdebstrap": '#!/bin/sh\necho "mmdebstrap $*" >> "$CALLS"\nfor last; do :; done\n: > "$last"',
+    }
+    for name, script in scripts.items():
+        (tools / name).write_text(script)
+        (tools / name).chmod(0o755)
+    env = Path(__file__).parent.parent / "env"
+    environment = {"PATH": f"{tools}:{os.environ['PATH']}", "HOME": str(tmp_path), "DEBIAN": "trixie"}
+    environment |= {"CALLS": str(tmp_path / "calls"), "STATE": str(tmp_path)}
+    ended = subprocess.run(
+        [str(env), "true"], env=environment, cwd=env.parent, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
+    calls = [line.split() for line in (tmp_path / "calls").read_text().splitlines()]
+    done = [call[:2] for call in calls if call[1] not in ("info", "image")]
+    assert [" ".join(call) for call in done if call[0] == "docker"] == [
+        *("docker pull", "docker import", "docker build", "docker build", "docker run")
+    ]
+    made, imported = (next(call for call in calls if word in call[:2]) for word in ("mmdebstrap", "import"))
+    assert made[-1] == imported[-2]
+    assert imported[-1] == "docker.io/library/debian:trixie-slim"
+    assert not Path(made[-1]).exists()
+    assert "building localhost/signorini_fx:" in ended.stderr
+
+
 def test_ascii_locale_and_another_alphabet(tmp_path):
     """Folders of any name, in a locale that knows ASCII only."""
     folder = tmp_path / "größe"
