@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 import textwrap
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -196,6 +197,9 @@ def _alone(run: Callable[[], str]) -> int:
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; limits are in ulimit -a"
 
 
+_PATIENCE = 1.0  # seconds
+
+
 def _on_ranks(run: Callable[[], int]) -> int:
     """Run a command that all ranks share; every way in which it can end, in one place."""
     from signorini_fx.requirements import check_fenicsx, check_machine
@@ -227,10 +231,11 @@ def _on_ranks(run: Callable[[], int]) -> int:
         if comm.rank == 0:
             os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
         return end(EXIT_INTERRUPTED)
-    except MemoryError:
-        return end(_complain(_OUT_OF_MEMORY))
     except Exception as error:
-        if (told := _refused_by_petsc(error)) is not None:
+        told = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
+        if told is not None:
+            if comm.rank > 0:  # if the first rank has met it too, it has ended this one by then
+                time.sleep(_PATIENCE)
             return end(_complain(told))
         traceback.print_exc()
         return end(EXIT_CRASH)

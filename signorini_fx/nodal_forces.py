@@ -22,8 +22,8 @@ from petsc4py import PETSc
 from signorini_fx import compat, forms, parallel
 from signorini_fx.assembly import assemble, facet_entities
 from signorini_fx.discretisation import reduced_degree
-from signorini_fx.loads import compile_loads, load_degree, traction_degree
 from signorini_fx.expressions import Expression, sample
+from signorini_fx.loads import compile_loads, load_degree, traction_degree
 from signorini_fx.mesh import TaggedMesh
 from signorini_fx.results import Inventory
 from signorini_fx.scene import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction

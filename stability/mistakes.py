@@ -209,6 +209,7 @@ MUTANTS = (
         "np.asarray(direction) / np.hypot(*direction)",
         "np.asarray(direction)",
         "direction not made a unit vector",
+        tests=("patch_anywhere::test_direction_equal_to_the_normal",),
     ),
     Mutant(
         "boundary",
@@ -293,6 +294,7 @@ MUTANTS = (
         "traction -= _ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)",
         "traction += _ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)",
         "pressure pulls",
+        tests=("patch_anywhere",),
     ),
     Mutant(
         "loads",
@@ -330,14 +332,6 @@ MUTANTS = (
         "normal support given as a text: sign",
         tests=("algorithms",),
     ),
-    Mutant(
-        "supports",
-        "parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))",
-        "(dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0)",
-        "outward side of a support from this rank only",
-        ranks=2,
-        tests=("parts_on_ranks::test_outward_displacement",),
-    ),
     # --- the exact limit ---------------------------------------------------------------------------------------------
     Mutant("exact", "u_n > self.data.gap", "u_n < self.data.gap", "open nodes close where they are apart"),
     Mutant(
@@ -347,7 +341,9 @@ MUTANTS = (
         "contact is never given up",
     ),
     Mutant("exact", "np.where(slip * slip_of(u_t, self.data) < 0, 0, slip)", "slip", "slip is never given up"),
-    Mutant("exact", "self._n_sign * self.data.gap", "self.data.gap", "gap without its direction"),
+    Mutant(
+        "exact", "self._n_sign * self.data.gap", "self.data.gap", "gap without its direction", tests=("algorithms",)
+    ),
     Mutant("exact", "self._t_sign * origin", "0 * origin", "stick forgets its origin", tests=("load_steps",)),
     Mutant(
         "exact",
@@ -384,10 +380,17 @@ MUTANTS = (
         "problem.moved if self._may_keep or problem.moved == 0 else None",
         "0",
         "the first factor is kept for ever",
+        tests=("example1",),
     ),
     Mutant("ssn", "problem.loose is not None", "False", "a loose body is not seen", tests=("outcomes",)),
     Mutant("fp", "mu_hat=shifts[1]", "mu_hat=data.mu_hat", "ALM-FP does not shift mu", tests=("algorithms",)),
-    Mutant("fp", "norm(following - g) / size", "norm(following - following) / size", "fixed point stops at once"),
+    Mutant(
+        "fp",
+        "norm(following - g) / size",
+        "norm(following - following) / size",
+        "fixed point stops at once",
+        tests=("invariances::test_tresca_with_the_bound_of_the_fixed_point",),
+    ),
     Mutant("fp", "law.bound(g)", "law.bound(start[0])", "the bound is never updated"),
     Mutant("fp", "damping * (pressure - g)", "pressure - g", "damping has no effect", tests=("ladder",)),
     Mutant("alm", "mu_hat=shear", "mu_hat=data.mu_hat", "ALM does not shift mu", tests=("algorithms",)),
@@ -402,8 +405,20 @@ MUTANTS = (
         within="augmented_lagrangian",
         tests=("algorithms",),
     ),
-    Mutant("alm", "gamma_t=data.gamma_t * gamma_factor", "gamma_t=data.gamma_t", "gamma_t does not grow"),
-    Mutant("coulomb_newton", "coupling=law.coefficient", "coupling=0.5 * law.coefficient", "monolithic: half of F"),
+    Mutant(
+        "alm",
+        "gamma_t=data.gamma_t * gamma_factor",
+        "gamma_t=data.gamma_t",
+        "gamma_t does not grow",
+        tests=("strategy::test_both_gammas_grow",),
+    ),
+    Mutant(
+        "coulomb_newton",
+        "coupling=law.coefficient",
+        "coupling=0.5 * law.coefficient",
+        "monolithic: half of F",
+        tests=("patch_anywhere::test_full_slip_by_monolithic_newton",),
+    ),
     Mutant(
         "continuation", "gamma_t=gamma_t", "gamma_t=gamma_n", "continuation: gamma_n for gamma_t", tests=("algorithms",)
     ),
@@ -413,13 +428,21 @@ MUTANTS = (
         "-2.0 * contact_force(first, nothing, nothing)",
         "2.0 * contact_force(first, nothing, nothing)",
         "path-following: curvature, sign",
+        tests=("strategy::test_model_of_the_path",),
     ),
-    Mutant("path_following", "reach * distance", "distance", "path-following: distance without its reach"),
+    Mutant(
+        "path_following",
+        "reach * distance",
+        "distance",
+        "path-following: distance without its reach",
+        tests=("strategy::test_model_of_the_path",),
+    ),
     Mutant(
         "path_following",
         "u_n - data.gap + data.gamma_n * slope_n",
         "u_n - data.gap",
         "path-following: pressure does not follow gamma",
+        tests=("strategy::test_model_of_the_path",),
     ),
     Mutant(
         "descent",
@@ -496,6 +519,7 @@ MUTANTS = (
         "False",
         "a loose body without load is called at rest",
         within="_nothing_acts",
+        tests=("strategy::test_a_loose_body_without_load_is_not_at_rest",),
     ),
     # --- the state of a solve ----------------------------------------------------------------------------------------
     Mutant("task", "mu_hat=shear", "mu_hat=self.data.mu_hat", "load steps forget the shear", tests=("load_steps",)),
@@ -619,7 +643,7 @@ MUTANTS = (
         "np.stack([boundary.normal, boundary.tangent], axis=2)",
         "np.stack([boundary.normal, boundary.tangent], axis=1)",
         "rotation transposed",
-        tests=("linalg::test_condensed_with_turned_nodes",),
+        tests=("patch_anywhere::test_full_slip",),
     ),
     Mutant(
         "rotated",
@@ -824,6 +848,7 @@ MUTANTS = (
         "0.5 * float(self.internal.dot(self.displacement.x.petsc_vec))",
         "float(self.internal.dot(self.displacement.x.petsc_vec))",
         "strain energy without its half",
+        tests=("oracle",),
     ),
     Mutant(
         "quantities",
@@ -939,7 +964,7 @@ MUTANTS = (
         "pictures: quadrilaterals crossed",
         tests=("quantities::test_cells_for_pictures",),
     ),
-    Mutant("contact_table", "row - 1", "row", "zones end one node too late"),
+    Mutant("contact_table", "row - 1", "row", "zones end one node too late", tests=("example1",)),
     Mutant(
         "contact_table",
         "np.cumsum(steps)",

@@ -352,6 +352,42 @@ def misfits() -> list[str]:
     return found
 
 
+def _try(left: Sequence[Mutant], record: Record, *, near: bool, workers: int) -> set[tuple[int, str]]:
+    """Try mutants and keep their fates.
+
+    Returns:
+        Ranks and tests that fail on the code as it is; what they noticed is forgotten.
+    """
+    with copied() as original:
+        trials = Trials(original, {**recorded_tests(), **record.tests}, near=near)
+        trials.warm_up(left)
+
+        def work(mutant: Mutant) -> None:
+            fate = trials.try_one(mutant)
+            if not (near and fate.fate == SURVIVES):
+                record.add(mutant, fate)
+            told = f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}"
+            print(told, flush=True)
+
+        # Several ranks need the machine for themselves.
+        for several in (True, False):
+            with ThreadPoolExecutor(1 if several else workers) as pool:
+                jobs = [pool.submit(work, mutant) for mutant in left if (mutant.ranks > 1) == several]
+                try:
+                    for job in jobs:
+                        job.result()
+                except BaseException:
+                    _STOP.set()
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    for group in list(_RUNNING):
+                        with contextlib.suppress(ProcessLookupError):
+                            os.killpg(group, signal.SIGKILL)
+                    raise
+        wrong_tests = trials.wrong(record.fates[mutant.idea] for mutant in left if mutant.idea in record.fates)
+        record.drop([idea for idea, fate in record.fates.items() if (fate.ranks, fate.by) in wrong_tests])
+    return wrong_tests
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try the mutants."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells leave it in the background; a test interrupts
@@ -379,39 +415,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     record = Record(given.out / "mutants.json", again=given.again)
     left = [mutant for mutant in chosen if mutant.idea not in record.fates]
     begin = time.monotonic()
-    with copied() as original:
-        trials = Trials(original, {**recorded_tests(), **record.tests}, near=given.near)
-        trials.warm_up(left)
-
-        def work(mutant: Mutant) -> None:
-            fate = trials.try_one(mutant)
-            if not (given.near and fate.fate == SURVIVES):
-                record.add(mutant, fate)
-            told = f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}"
-            print(told, flush=True)
-
-        # Several ranks need the machine for themselves.
-        for several in (True, False):
-            with ThreadPoolExecutor(1 if several else given.workers) as pool:
-                jobs = [pool.submit(work, mutant) for mutant in left if (mutant.ranks > 1) == several]
-                try:
-                    for job in jobs:
-                        job.result()
-                except BaseException:
-                    _STOP.set()
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    for group in list(_RUNNING):
-                        with contextlib.suppress(ProcessLookupError):
-                            os.killpg(group, signal.SIGKILL)
-                    raise
-        wrong_tests = trials.wrong(record.fates[mutant.idea] for mutant in left if mutant.idea in record.fates)
-        if wrong_tests:
-            record.drop([idea for idea, fate in record.fates.items() if (fate.ranks, fate.by) in wrong_tests])
-            names = "\n".join(f"{test} on {ranks} ranks" for ranks, test in sorted(wrong_tests))
-            print(
-                f"These tests fail on the code as it is, and what they noticed does not count; run it again:\n{names}"
-            )
-            return 2
+    wrong_tests = _try(left, record, near=given.near, workers=given.workers) if left else set()
+    if wrong_tests:
+        names = "\n".join(f"{test} on {ranks} ranks" for ranks, test in sorted(wrong_tests))
+        print(f"These tests fail on the code as it is, and what they noticed does not count; run it again:\n{names}")
+        return 2
     survivors = [m for m in chosen if m.idea not in record.fates or record.fates[m.idea].fate == SURVIVES]
     bare = [m for m in survivors if not m.equivalent]
     if len(record.fates) == len(MUTANTS):

@@ -521,12 +521,27 @@ def test_full_disk_while_pictures_are_drawn(tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-def test_errors_of_the_system_under_others():
-    """What matplotlib raises while it cleans up after a full disk hides the reason, and is not lost."""
-    cut_off = AttributeError("'Stream' object has no attribute 'pos'")
-    cut_off.__context__ = OSError(28, "No space left on device")
-    assert io._of_the_system(cut_off).errno == 28
-    assert io._of_the_system(ValueError("a mistake of ours")) is None
+def test_errors_of_the_system_under_others(tmp_path, monkeypatch):
+    """What matplotlib raises when it closes a file that a full disk has cut off hides the reason, which is said."""
+
+    def closing(file):
+        try:
+            raise OSError(28, "No space left on device")
+        finally:
+            file.pos += 1  # as matplotlib's Stream does
+
+    def draw(*arguments, **options):
+        closing(object())
+
+    solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
+    monkeypatch.setattr(plots, "deformed_mesh", draw)
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        io.write_results(solution, tmp_path / "out", fields=False)
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setattr(plots, "deformed_mesh", lambda *arguments, **options: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        io.write_results(solution, tmp_path / "out", fields=False)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.mpi
@@ -622,6 +637,47 @@ def test_environment_without_a_home():
     (line,) = ended.stderr.splitlines()
     assert line.startswith("env: cannot write /proc/nowhere/.cache/signorini_fx/trixie-")
     assert line.endswith(": set XDG_CACHE_HOME to a folder that can be written")
+
+
+DOCKER = """#!/bin/sh
+echo "docker $*" >> "$CALLS"
+case "$1 $2" in
+    "image inspect") exec test -e "$STATE/$(echo "$3" | tr / _)" ;;
+    "pull -q") exit 1 ;;
+    import*) touch "$STATE/$(echo "$5" | tr / _)" ;;
+    build*) case "$*" in *"--network host") touch "$STATE/built" ;; *) exit 1 ;; esac ;;
+esac
+"""
+
+
+def test_docker_without_a_registry(tmp_path):
+    """Its base is made of Debian's archive, and its build has the host's network, where there is no other way."""
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    scripts = {
+        "docker": DOCKER,
+        "mmdebstrap": '#!/bin/sh\necho "mmdebstrap $*" >> "$CALLS"\nfor last; do :; done\n: > "$last"',
+    }
+    for name, script in scripts.items():
+        (tools / name).write_text(script)
+        (tools / name).chmod(0o755)
+    env = Path(__file__).parent.parent / "env"
+    environment = {"PATH": f"{tools}:{os.environ['PATH']}", "HOME": str(tmp_path), "DEBIAN": "trixie"}
+    environment |= {"CALLS": str(tmp_path / "calls"), "STATE": str(tmp_path)}
+    ended = subprocess.run(
+        [str(env), "true"], env=environment, cwd=env.parent, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
+    calls = [line.split() for line in (tmp_path / "calls").read_text().splitlines()]
+    done = [call[:2] for call in calls if call[1] not in ("info", "image")]
+    assert [" ".join(call) for call in done if call[0] == "docker"] == [
+        *("docker pull", "docker import", "docker build", "docker build", "docker run")
+    ]
+    made, imported = (next(call for call in calls if word in call[:2]) for word in ("mmdebstrap", "import"))
+    assert made[-1] == imported[-2]
+    assert imported[-1] == "docker.io/library/debian:trixie-slim"
+    assert not Path(made[-1]).exists()
+    assert "building localhost/signorini_fx:" in ended.stderr
 
 
 def test_ascii_locale_and_another_alphabet(tmp_path):

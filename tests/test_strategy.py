@@ -7,11 +7,12 @@ from scenes import alone, example1
 
 from signorini_fx import strategy
 from signorini_fx.algorithms import ladder
+from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import SurfaceTraction
+from signorini_fx.scene import SurfaceTraction, parse_scene
 from signorini_fx.solver import contact_task
 
 
@@ -98,3 +99,47 @@ def test_sets_that_are_forced_are_no_solution(push):
     assert np.abs(solution.contact.shear).max() <= bound * (1 + 1e-9)
     _, friction = solution.contact.forces
     assert friction[0] == pytest.approx(-3 * bound * push, rel=1e-6)
+
+
+def test_both_gammas_grow():
+    """With a growth factor augmentation ends with both gammas equally larger."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e5, 2e4), algorithm="alm", gamma_factor=2.0))
+    grown = solution.parameters["gamma_n"] / 1e5
+    assert grown == 2.0 ** (len(solution.history.outer) - 1) > 1.0
+    assert solution.parameters["gamma_t"] == pytest.approx(2e4 * grown, rel=1e-12)
+
+
+@pytest.mark.parametrize("gamma", [3e2, 1e3, 1e4, 1e6])
+def test_model_of_the_path(gamma):
+    """Where sets do not change the solution is rational in gamma: its distance from the limit is foreseen."""
+
+    def solved(**settings):
+        data = {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 24, "ny": 8}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0},
+            "traction": {"boundary": "top", "y": "-20 - 5 * x[0]"},
+            "contact": {"boundary": "bottom", "kind": "bilateral"},
+            "solver": settings,
+        }
+        scene = parse_scene(data)
+        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        task = contact_task(discretisation, discretisation.boundary, History())
+        assert strategy.run(task) is Status.CONVERGED
+        return task
+
+    task, limit = solved(gamma_n=gamma), solved(algorithm="exact")
+    model = path_model(task.newton, task.data)
+    away = limit.displacement().copy()
+    away.axpy(-1.0, task.displacement())
+    image = away.duplicate()
+    task.system.matrix.mult(away, image)
+    assert model.distance == pytest.approx(np.sqrt(image.dot(away)), rel=0.1)
+    missing = limit.contact().pressure - task.contact().pressure
+    assert model.pressure_distance == pytest.approx(task.boundary.norm(missing), rel=0.2)
+
+
+def test_a_loose_body_without_load_is_not_at_rest():
+    """Where it is nothing holds it: every position off the foundation is as good."""
+    scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"displacement": (), "traction": ()})
+    assert alone(scene, check=False).status is Status.OPEN
