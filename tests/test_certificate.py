@@ -115,9 +115,9 @@ def test_wrong_tractions(name, algorithm):
 
 
 KINDS = {
-    "shear the other way": ({"shear": lambda c: -c.shear}, ("equilibrium", "wrong_way_slip")),
-    "no shear": ({"shear": lambda c: 0 * c.shear}, ("equilibrium",)),
-    "beyond the bound": ({"shear": lambda c: c.shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
+    "shear the other way": ({"shear": lambda c: -c.tractions.shear}, ("equilibrium", "wrong_way_slip")),
+    "no shear": ({"shear": lambda c: 0 * c.tractions.shear}, ("equilibrium",)),
+    "beyond the bound": ({"shear": lambda c: c.tractions.shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
     "tension": ({"pressure": lambda c: c.pressure - 0.1 * c.pressure.max()}, ("negative_pressure",)),
     "pressure without contact": ({"pressure": lambda c: c.pressure + 0.01 * c.pressure.max()}, ("equilibrium",)),
 }
@@ -192,7 +192,7 @@ def test_a_body_that_sinks_unhindered_is_refused():
     scene = scene.model_copy(update={"displacement": clamped})
     contact = alone(scene).contact
     free = alone(scene.model_copy(update={"contact": ()}))
-    nothing = replace(contact.tractions, pressure=0 * contact.pressure, shear=0 * contact.shear)
+    nothing = replace(contact.tractions, pressure=0 * contact.pressure, shear=0 * contact.tractions.shear)
     certificate = certify(scene, free.discretisation.tagged, free.displacement, nothing)
     assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
     assert certificate.entered > 0.1

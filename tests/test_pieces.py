@@ -333,7 +333,7 @@ def dense_of(d, law):
     """The stiffness of the whole body, and rows that contact adds: normals, and tangents where there is friction."""
     rows = np.arange(d.dofs, dtype=np.int32)
     matrix, boundary = d.stiffness.getValues(rows, rows), d.boundary
-    held = [boundary.normal, boundary.tangent] if law else [boundary.normal]
+    held = [boundary.normal, boundary.tangents[:, :, 0]] if law else [boundary.normal]
     traces = np.zeros((len(held) * boundary.size, d.dofs))
     for number, direction in enumerate(held):
         for component in range(2):
