@@ -24,6 +24,7 @@ from mpi4py import MPI
 
 from signorini_fx import contact_data, loads, parallel
 from signorini_fx import discretisation as build
+from signorini_fx.accuracy import planned
 from signorini_fx.assembly import assemble
 from signorini_fx.boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
@@ -33,14 +34,13 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.loads import LoadCase
 from signorini_fx.mesh import TaggedMesh, load_mesh
 from signorini_fx.nested import coarser_scenes
-from signorini_fx.refinement import check_divisible
 from signorini_fx.results import Inventory
 from signorini_fx.rigid import RigidMotions, rigid_motions
 from signorini_fx.scene import (
+    BodyForce,
     CoulombFriction,
     Friction,
     LinearElastic,
-    MeshGenerator,
     PrescribedDisplacement,
     Scene,
     SurfaceTraction,
@@ -52,7 +52,7 @@ from signorini_fx.supports import check_overlap, dirichlet_conditions, fixed_dof
 
 _Rows = npt.NDArray[np.float64]
 # What ``estimators.StressRecovery`` compiles.
-_RECOVERY = ("stress moments", "stress recovery error", "stress mass")
+_RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
 # Forces and motions below this share of their scale are round-off.
 _ZERO = 1e-8
 # Friction above this is taken for as much as is wanted.
@@ -175,10 +175,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
 def _validated(scene: Scene, comm: MPI.Comm) -> tuple[_Body, FrictionLaw | None, RegularisedData | None]:
     """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
     d = _body(scene, load_mesh(scene, comm))
-    if scene.accuracy is not None and (
-        not isinstance(scene.mesh, MeshGenerator) or scene.accuracy.refinement == "adaptive"
-    ):
-        check_divisible(d.tagged)
+    if scene.accuracy is not None:
+        planned(scene, scene.accuracy, comm)
     if d.boundary is None:
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)
@@ -250,7 +248,7 @@ def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
         parts.append(contact_part(space, form, where, index, fixed, effect.direction))
     boundary = join(parts) if parts else None
     if boundary is not None and _estimates_error(scene):
-        inventory.forms += _RECOVERY
+        inventory.forms += _estimated(scene)
     loads.check_finite(tuple(cases))
     if boundary is not None:
         check_overlap(scene, boundary, facets, tagged)
@@ -273,7 +271,18 @@ def _body(scene: Scene, tagged: TaggedMesh) -> _Body:
 
 def _estimates_error(scene: Scene) -> bool:
     to_stop = scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
-    return to_stop or scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
+    return to_stop or _compares_meshes(scene)
+
+
+def _compares_meshes(scene: Scene) -> bool:
+    return scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
+
+
+def _estimated(scene: Scene) -> tuple[str, ...]:
+    """What the error estimate compiles."""
+    forces = [load for load in scene.loads if isinstance(load, BodyForce | SurfaceTraction)]
+    missed = _compares_meshes(scene) and any(loads.varies(load) for load in forces)
+    return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
 def _load_case(
@@ -324,7 +333,7 @@ def _effects(d: _Body) -> list[Effect]:
     solves = _minus(_linear_solves(scene, nodes), every)
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
-    found.append(Effect("error estimate", estimate, why, _RECOVERY if estimate else ()))
+    found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
     return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 

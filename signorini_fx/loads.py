@@ -21,7 +21,6 @@ from signorini_fx.rigid import RigidMotions
 from signorini_fx.scene import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
 from signorini_fx.supports import fixed_dofs
 
-
 _VARYING_DEGREE = 20
 
 
@@ -90,8 +89,13 @@ def load_degree(space: fem.FunctionSpace) -> int:
 
 def traction_degree(load: SurfaceTraction, space: fem.FunctionSpace) -> int:
     """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
-    varies = not all(isinstance(value, float) for value in (load.x, load.y, load.pressure))
-    return _VARYING_DEGREE if varies else load_degree(space)
+    return _VARYING_DEGREE if varies(load) else load_degree(space)
+
+
+def varies(load: BodyForce | SurfaceTraction) -> bool:
+    """Whether a load is more than constants."""
+    values = [load.x, load.y, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
+    return not all(isinstance(value, float) for value in values)
 
 
 def compile_load(

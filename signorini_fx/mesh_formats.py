@@ -16,8 +16,8 @@ import numpy as np
 
 from signorini_fx import abaqus, gmsh_files
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh_halving import halved, straightened
 from signorini_fx.mesh_arrays import LINES, Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane, plain
+from signorini_fx.mesh_halving import halved, straightened
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
