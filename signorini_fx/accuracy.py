@@ -168,7 +168,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
     """Why no mesh will have the accuracy; "" where one may."""
     table = levels[-1].table
     if goal.of == "peak" and grows_for_ever(levels):
-        x, y = (float(table.columns[name][np.argmax(table.columns["pressure"])]) for name in "xy")
+        row = int(np.argmax(table.columns["pressure"]))
+        x, y = (round(float(table.columns[name][row]) / size, 9) * size for name in "xy")  # round-off is no position
         return (
             f"the largest pressure has no finite value: it grows with every refinement at ({x:.6g}, {y:.6g}); ask for "
             "the pressure, a force or the energy, or round off the corner"

@@ -235,7 +235,17 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is Status.OUT_OF_REACH
     assert solution.price_list[-2].peak is None
-    assert any("no finite value" in event and "(2, 0)" in event for event in solution.history.events)
+    assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
+
+
+def test_a_pressure_without_a_finite_norm():
+    """Much friction against a slipping corner: the pressure grows like r^-0.54, its norm is infinite, and that is said."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
+    held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+    scene = parse_scene({**TABLE, "mesh": mesh, "displacement": held, "accuracy": {"target": 0.05, "of": "pressure"}})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is Status.OUT_OF_REACH
+    assert any("no finite norm" in event for event in solution.history.events)
 
 
 @pytest.mark.parametrize("of", ["energy", "pressure", "force"])
@@ -244,8 +254,10 @@ def test_loads_that_jump_between_nodes(of):
     jump = {"boundary": "top", "y": "where(x[0] > 1.13 and x[0] < 1.87, -20, 0)"}
     mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
     held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+    contact = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}
     goal = {"target": 0.05, "of": of}
-    scene = parse_scene({**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "accuracy": goal})
+    scene = {**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "contact": contact, "accuracy": goal}
+    scene = parse_scene(scene)
     solution = solve(scene, MPI.COMM_SELF)
     resultant = float(solution.discretisation.external_forces(0).sum())
     assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
@@ -279,15 +291,15 @@ def test_a_drawing_is_meshed_again(tmp_path):
     """A .geo gets finer cells on its true curves; its straight mesh is refused by name, its curved one divided."""
     drawing = tmp_path / "seal.geo"
     drawing.write_text(SEAL)
-    fine = solve(seal(drawing, target=0.004, of="pressure"), MPI.COMM_SELF)
+    fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
     assert fine.scene.element.degree == 2
     assert compat.geometry_degree(fine.discretisation.tagged.mesh) == 2
     largest = fine.table.columns["pressure"].max()
-    solution = solve(seal(drawing, target=0.05, of="pressure"), MPI.COMM_SELF)
+    solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)
     assert solution.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
     for degree, name in ((1, "straight.msh"), (2, "curved.msh")):
         write_file(read_file(drawing, degree=degree), tmp_path / name)
-    curved = solve(seal(tmp_path / "curved.msh", target=0.05, of="pressure"), MPI.COMM_SELF)
+    curved = solve(seal(tmp_path / "curved.msh", target=0.1, of="pressure"), MPI.COMM_SELF)
     assert curved.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
     polygon = solve(seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False)
     assert polygon.status is Status.OUT_OF_REACH

@@ -27,7 +27,7 @@ from signorini_fx.work_precision import work_of
 NEAR = 1e-9
 QUANTITIES = ("energy", "pressure", "force")
 # Of the rivals that are divided where the error is: meshes and unknowns, at most.
-MESHES, LARGEST = 16, 3_000
+MESHES, LARGEST = 24, 8_000
 
 
 @dataclass(frozen=True)
