@@ -11,18 +11,25 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx import compat, parallel
 from signorini_fx.error_estimates import Errors
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx import compat, parallel
-from signorini_fx.mesh import STRAIGHT, TaggedMesh, curvature, curved_parameters, load_file, load_mesh, triangle_parameters
 from signorini_fx.material import plane_modulus
+from signorini_fx.mesh import (
+    STRAIGHT,
+    TaggedMesh,
+    curvature,
+    curved_parameters,
+    load_file,
+    load_mesh,
+    triangle_parameters,
+)
 from signorini_fx.nested import scene_on
+from signorini_fx.pressure_error import corners_of_error, polygon_error
 from signorini_fx.price_list import (
     LevelResult,
     Price,
@@ -33,7 +40,6 @@ from signorini_fx.price_list import (
     price_list,
     with_polygon,
 )
-from signorini_fx.pressure_error import corners_of_error, polygon_error
 from signorini_fx.quantities import ContactState
 from signorini_fx.refinement import cells_at, check_divisible, mark, refine
 from signorini_fx.results import Status
@@ -128,7 +134,11 @@ def solve_to_accuracy(
         rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
         solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        estimate = getattr(rows[-2], goal.of) if rows else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
+        estimate = (
+            getattr(rows[-2], goal.of)
+            if rows
+            else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
+        )
         safety = _SAFETY.get((goal.of, meshes.degree), _UNSURE)
         error = inf if estimate is None else estimate * safety
         enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
@@ -158,7 +168,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
     """Why no mesh will have the accuracy; "" where one may."""
     table = levels[-1].table
     if goal.of == "peak" and grows_for_ever(levels):
-        x, y = (float(table.columns[name][np.argmax(table.columns["pressure"])]) for name in "xy")
+        row = int(np.argmax(table.columns["pressure"]))
+        x, y = (round(float(table.columns[name][row]) / size, 9) * size for name in "xy")  # round-off is no position
         return (
             f"the largest pressure has no finite value: it grows with every refinement at ({x:.6g}, {y:.6g}); ask for "
             "the pressure, a force or the energy, or round off the corner"
@@ -167,10 +178,11 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
     polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * safety
     if polygon > goal.target:
         return (
-            f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which no "
-            "refinement makes smaller: give the .geo, or a mesh of second order"
+            f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
+            "no refinement makes smaller: give the .geo, or a mesh of second order"
         )
-    spacing = min((float(np.diff(table.columns["s"][chain.start : chain.stop]).min()) for chain in table.chains if len(chain) > 1), default=inf)
+    spacings = [np.diff(table.columns["s"][chain.start : chain.stop]) for chain in table.chains if len(chain) > 1]
+    spacing = min((float(own.min()) for own in spacings), default=inf)
     if spacing < _ROUND_OFF * size:
         return (
             "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
@@ -208,9 +220,11 @@ class Meshes:
     """
 
     def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
-        self._comm, self._plan = comm, _planned(scene, goal, comm)
-        self._of: Literal["energy", "pressure", "force"] = "force" if goal.of in ("zone", "peak") else goal.of
-        self._given, self.adaptive, self.polygonal = self._plan.scene, self._plan.adaptive, self._plan.polygonal
+        self._comm, self._plan = comm, planned(scene, goal, comm)
+        self._of: str = goal.of if goal.of in LOCAL else "force"  # what cells are marked for
+        self._given: Scene = self._plan.scene
+        self.adaptive: bool = self._plan.adaptive
+        self.polygonal: bool = self._plan.polygonal
         how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
         self._regularised = self._given
         settings = self._given.solver
@@ -219,13 +233,13 @@ class Meshes:
             # The regularisation blurs the pressure at a corner, over a length that hardly depends on the mesh.
             solver = settings.model_copy(update={"algorithm": "exact"})
             self._given = self._given.model_copy(update={"solver": solver})
-        self.degree = self._given.element.degree
-        self.replaced = f"degree {self.degree}, {how}" if self._plan.replaced else ""
+        self.degree: int = self._given.element.degree
+        self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
         self._generated = isinstance(self._given.mesh, MeshGenerator)
         self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
         self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
-        self.seconds = 0.0
-        self.scene = self._scene()
+        self.seconds: float = 0.0
+        self.scene: Scene = self._scene()
 
     def _coarsest_factor(self) -> float:
         """How many times larger the first cells are; a mesh that is no part of the scene's own would lose nodes of it.
@@ -254,7 +268,7 @@ class Meshes:
         state: ContactState | None,
         number: int,
     ) -> Solved:
-        """Solve on the mesh that is due, with the regularisation that the scene allows for if there is no way without."""
+        """Solve on the mesh that is due; with regularisation where the scene leaves it open and nothing else works."""
         if self._given.solver == self._regularised.solver:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
         try:
@@ -263,7 +277,7 @@ class Meshes:
                 return solved
         except SceneError:
             solved = None
-        self._given, given = self._regularised, self._given
+        self._given = self._regularised
         self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
         try:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
@@ -348,7 +362,7 @@ class Meshes:
 
 
 @dataclass(frozen=True)
-class _Plan:
+class Plan:
     """How a scene is refined.
 
     Attributes:
@@ -369,10 +383,10 @@ class _Plan:
 
 # What is estimated well on meshes that are fine in one place and coarse in another; the rest compares meshes point by
 # point, which they do not bear well.
-_LOCAL = ("energy", "pressure", "force")
+LOCAL = ("energy", "pressure", "force")
 
 
-def _planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> _Plan:
+def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """How to refine the mesh of a scene.
 
     Raises:
@@ -386,16 +400,16 @@ def _planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> _Plan:
     tagged = load_mesh(scene, comm)
     check_divisible(tagged)  # before hours have been spent on it as it is
     scene = scene.model_copy(update={"mesh": tagged})
-    if goal.refinement != "auto" or goal.of not in _LOCAL:
-        return _Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
-    return _Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+    if goal.refinement != "auto" or goal.of not in LOCAL:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
+    return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
 
 
 def _of_degree_2(scene: Scene) -> Scene:
     return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
 
 
-def _planned_generator(scene: Scene, goal: Accuracy) -> _Plan:
+def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
     name, given = scene.mesh.generator, scene.mesh.parameters
     triangles = triangle_parameters(name, given)
@@ -404,22 +418,22 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> _Plan:
         raise SceneError([("accuracy.refinement", message)])
     # Arcs: cells of degree 2 on them, and all of them smaller.
     parameters = curved_parameters(name, given) if triangles is None else triangles
-    if goal.refinement != "auto" or goal.of not in _LOCAL or parameters is None:
-        return _Plan(scene, goal.refinement == "adaptive", replaced=False)
+    if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False)
     mesh = MeshGenerator(generator=name, parameters=parameters)
     better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
-    return _Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
+    return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
 
 
-def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> _Plan:
+def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, since dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() == ".geo"
     tagged = load_file(file, comm, degree=2 if drawn else None)
     curved = curvature(tagged) > STRAIGHT * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     triangles = tagged.mesh.topology.cell_name() == "triangle"
-    better = goal.refinement == "auto" and (goal.of in _LOCAL or curved)
-    if goal.refinement == "adaptive" or (better and goal.of in _LOCAL and triangles and not curved):
+    better = goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    if goal.refinement == "adaptive" or (better and goal.of in LOCAL and triangles and not curved):
         if curved:
             message = (
                 "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "
@@ -429,7 +443,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
         straight = load_file(file, comm, degree=1)
         check_divisible(straight)
         divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
-        return _Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
+        return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
     whole = _of_degree_2(scene) if better else scene
     geometry = (2 if curved and whole.element.degree == 2 else 1) if drawn or not curved else None
-    return _Plan(whole, False, whole.element != scene.element, not drawn and degree == 1, geometry)
+    return Plan(whole, False, whole.element != scene.element, not drawn and degree == 1, geometry)

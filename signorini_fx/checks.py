@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import contact_data, loads, parallel
+from signorini_fx.accuracy import planned
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.discretisation import LOCKING_POISSON, Body, prepare
 from signorini_fx.findings import Finding, scene_findings
@@ -24,12 +25,11 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import coarser_scenes
 from signorini_fx.options import refuse_mistyped
-from signorini_fx.refinement import check_divisible
 from signorini_fx.results import Timings
 from signorini_fx.scene import (
+    BodyForce,
     CoulombFriction,
     Friction,
-    MeshGenerator,
     PrescribedDisplacement,
     Scene,
     SurfaceTraction,
@@ -38,7 +38,7 @@ from signorini_fx.scene import (
 )
 
 # What ``estimators.StressRecovery`` compiles.
-_RECOVERY = ("stress moments", "stress recovery error", "stress mass")
+_RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
 
 
 @dataclass(frozen=True)
@@ -135,10 +135,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
 def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, RegularisedData | None]:
     """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
     d = prepare(scene, load_mesh(scene, comm), Timings())
-    if scene.accuracy is not None and (
-        not isinstance(scene.mesh, MeshGenerator) or scene.accuracy.refinement == "adaptive"
-    ):
-        check_divisible(d.tagged)
+    if scene.accuracy is not None:
+        planned(scene, scene.accuracy, comm)
     if d.boundary is None:
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)
@@ -150,12 +148,23 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, 
 
 def _estimates_error(scene: Scene) -> bool:
     to_stop = scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
-    return to_stop or scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
+    return to_stop or _compares_meshes(scene)
+
+
+def _compares_meshes(scene: Scene) -> bool:
+    return scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
+
+
+def _estimated(scene: Scene) -> tuple[str, ...]:
+    """What the error estimate compiles."""
+    forces = [load for load in scene.loads if isinstance(load, BodyForce | SurfaceTraction)]
+    missed = _compares_meshes(scene) and any(loads.varies(load) for load in forces)
+    return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
 def _forms(d: Body) -> tuple[str, ...]:
     """What the solver will compile, in order."""
-    recovery = _RECOVERY if d.boundary is not None and _estimates_error(d.scene) else ()
+    recovery = _estimated(d.scene) if d.boundary is not None and _estimates_error(d.scene) else ()
     return (*d.inventory.forms, *recovery)
 
 
@@ -191,7 +200,7 @@ def _effects(d: Body) -> list[Effect]:
     solves = _minus(_linear_solves(scene, nodes), every)
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
-    found.append(Effect("error estimate", estimate, why, _RECOVERY if estimate else ()))
+    found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
     return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 

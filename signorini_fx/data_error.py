@@ -19,7 +19,7 @@ from signorini_fx.assembly import assemble, facet_entities, measure
 from signorini_fx.contact_table import ContactTable
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.expressions import sample
-from signorini_fx.loads import is_zero, load_degree, traction_degree, ufl_value
+from signorini_fx.loads import is_zero, load_degree, traction_degree, ufl_value, varies
 from signorini_fx.pressure_error import on_facets
 from signorini_fx.scene import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
 
@@ -80,7 +80,7 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, force per thickness, shape (cells,)."""
     mesh = d.tagged.mesh
     owned = mesh.topology.index_map(2).size_local
-    loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and _varies(load)]
+    loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and varies(load)]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (2,))))
@@ -96,14 +96,12 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
             if not is_zero(load.pressure):
                 value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
         density = factor * ufl.inner(value, z)
-        terms += [density * dx(metadata={"quadrature_degree": fine}), -density * dx(metadata={"quadrature_degree": coarse})]
+        terms += [
+            density * dx(metadata={"quadrature_degree": fine}),
+            -density * dx(metadata={"quadrature_degree": coarse}),
+        ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
-    return np.linalg.norm(assemble(missed).getArray().reshape(-1, 2), axis=1)
-
-
-def _varies(load: BodyForce | SurfaceTraction) -> bool:
-    values = [load.x, load.y, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
-    return not all(isinstance(value, float) for value in values)
+    return np.asarray(np.linalg.norm(assemble(missed).getArray().reshape(-1, 2), axis=1))
 
 
 def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
@@ -137,9 +135,9 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         gaps.append(np.maximum(missed - _SMOOTH_LARGEST * bend, 0.0))
         missed = np.zeros(length.size)
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):
-            tresca = isinstance(effect.friction, TrescaFriction)
-            _, away, bend = between(effect.friction.bound if tresca else effect.friction.coefficient)
-            times = 1.0 if tresca else (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2
+            law = effect.friction
+            _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
+            times = (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2 if isinstance(law, CoulombFriction) else 1.0
             sliding = np.char.startswith(c["friction"][rows].astype(str), "slip")
             missed = np.maximum(np.abs(away).mean(axis=1) - _SMOOTH_MEAN * bend, 0.0) * times * length
             missed[~(sliding[:-1] | sliding[1:])] = 0.0

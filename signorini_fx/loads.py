@@ -115,8 +115,13 @@ def load_degree(degree: int) -> int:
 
 def traction_degree(load: SurfaceTraction, degree: int) -> int:
     """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
-    varies = not all(isinstance(value, float) for value in (load.x, load.y, load.pressure))
-    return _VARYING_DEGREE if varies else load_degree(degree)
+    return _VARYING_DEGREE if varies(load) else load_degree(degree)
+
+
+def varies(load: BodyForce | SurfaceTraction) -> bool:
+    """Whether a load is more than constants."""
+    values = [load.x, load.y, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
+    return not all(isinstance(value, float) for value in values)
 
 
 def applied_load(

@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from signorini_fx.mesh_arrays import CORNERS, Floats, Ints, MeshArrays
+from signorini_fx.mesh_arrays import CORNERS, Floats, Ints, MeshArrays, plain
 
 # Lattice of the nodes of four children on the reference cell, in quarters (curved) or halves (straight) of a side.
 _Place = tuple[int, int]
@@ -59,13 +59,15 @@ def halved(mesh: MeshArrays) -> MeshArrays:
     cells = np.concatenate([number[:, [lattice.index(place) for place in child]] for child in children], axis=1)
     cells = cells.reshape(-1, len(children[0]))
     points = points.reshape(-1, 2)[first]
-    find = {tuple(key): k for k, key in enumerate(keys.reshape(-1, 2)[first].tolist())}
+    found: list[list[int]] = plain(keys.reshape(-1, 2)[first])
+    find = {(a, b): k for k, (a, b) in enumerate(found)}
     halves = []
-    for facet in mesh.facets.tolist():
-        ends, middle = facet[:2], facet[2] if mesh.degree == 2 else None
-        centre = find[(middle, middle)] if middle is not None else find[tuple(sorted(ends))]
-        for end in ends:
-            between = [] if middle is None else [find[tuple(sorted((end, middle)))]]
+    facets: list[list[int]] = plain(mesh.facets)
+    for facet in facets:
+        corners_of, middle = facet[:2], facet[2] if mesh.degree == 2 else None
+        centre = find[(min(corners_of), max(corners_of)) if middle is None else (middle, middle)]
+        for end in corners_of:
+            between = [] if middle is None else [find[(min(end, middle), max(end, middle))]]
             halves.append([find[(end, end)], centre, *between])
     return MeshArrays(
         points=points,

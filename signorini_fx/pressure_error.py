@@ -14,6 +14,7 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.contact_table import ContactTable
 
 Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 # The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
 # that where it ends like a square root, as contact zones do.
@@ -207,12 +208,17 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
     """
     assert table.nodes is not None
     rows = np.concatenate([np.arange(chain.start, chain.stop - 1) for chain in table.chains])
-    ends = np.stack((table.nodes[rows], table.nodes[rows + 1]), axis=1)
-    keys = np.column_stack((ends[:, 0, 0], np.sort(ends[:, :, 1], axis=1)))
-    values = dict(zip(map(tuple, keys.tolist()), np.concatenate(intervals).tolist(), strict=True))
-    part, nodes = boundary.segments[:, :1], boundary.segments[:, 1:]
+    base = int(table.nodes.max(initial=0)) + 1
+
+    def keys(part: Ints, one: Ints, other: Ints) -> Ints:
+        """One number for each pair of nodes on a boundary, in either order."""
+        return (part * base + np.minimum(one, other)) * base + np.maximum(one, other)
+
+    known = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[rows + 1, 1])
+    order = np.argsort(known)
+    values = np.concatenate(intervals)[order]
+    part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
     total = np.zeros(len(part))
     for k in range(nodes.shape[1] - 1):
-        own = np.hstack((part, np.sort(nodes[:, k : k + 2], axis=1)))
-        total += [values.get(tuple(row), 0.0) for row in own.tolist()]
+        total += values[np.searchsorted(known[order], keys(part, nodes[:, k], nodes[:, k + 1]))]
     return total

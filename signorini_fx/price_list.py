@@ -70,7 +70,7 @@ class LevelResult:
         pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
         table: the contact boundary.
-        force: contact and friction force on the body, shape (4,).
+        force: contact and friction force on the body of all load steps, shape (4 steps,).
     """
 
     level: int

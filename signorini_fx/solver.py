@@ -19,9 +19,10 @@ from signorini_fx.boundary import ContactBoundary
 from signorini_fx.certificate import Before, Certificate, certify
 from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
+from signorini_fx.contact_table import contact_table
 from signorini_fx.deformation import Deformation, deformation_of
 from signorini_fx.discretisation import Discretisation, discretise
-from signorini_fx.error_estimates import Errors, estimate_errors
+from signorini_fx.error_estimates import Errors, estimate_errors, worst_of
 from signorini_fx.errors import ConvergenceError, MeshError, SceneError
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.findings import Finding, result_findings, scene_findings
@@ -115,13 +116,19 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     """Solve on one of several meshes, and say what it is worth; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
-    solution, task = _solve_mesh(scene, comm, history, state)
+    found: list[Errors] = []
+
+    def estimate(d: Discretisation, task: Task, step: StepResult) -> None:
+        assert step.contact is not None
+        table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
+        data = task.problem.data
+        compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+        found.append(estimate_errors(d, task.displacement(), step.strain_energy, table, step.step, compliance))
+
+    solution, task = _solve_mesh(scene, comm, history, state, estimate)
     if not solution.converged or task is None:
         return Solved(solution, task, None, None)
-    d, energy = solution.discretisation, solution.steps[-1].strain_energy
-    data = task.problem.data
-    compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
-    errors = estimate_errors(d, task.displacement(), energy, solution.table, len(solution.steps) - 1, compliance)
+    errors = worst_of(found)
     return Solved(solution, task, _level_result(number, solution, task, history.iterations[before:], errors), errors)
 
 
@@ -190,12 +197,16 @@ def _level_result(
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
-        force=np.concatenate(contact.forces),
+        force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
     )
 
 
 def _solve_mesh(
-    scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    state: ContactState | None,
+    after: Callable[[Discretisation, Task, StepResult], object] = lambda discretisation, task, step: None,
 ) -> tuple[Solution, Task | None]:
     """Solve on one mesh, from the contact state of a coarser one if there is any."""
     timings = Timings()
@@ -211,11 +222,16 @@ def _solve_mesh(
     elif boundary_levels.worthwhile(task):
         with timings.phase("iterate"):
             boundary_levels.start_from_few_nodes(task)
-    return solve_contact(discretisation, task, timings), task
+    return solve_contact(discretisation, task, timings, after), task
 
 
-def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
-    """All load steps, until one has no solution."""
+def solve_contact(
+    discretisation: Discretisation,
+    task: Task,
+    timings: Timings,
+    after: Callable[[Discretisation, Task, StepResult], object] = lambda discretisation, task, step: None,
+) -> Solution:
+    """All load steps, until one has no solution; ``after`` is called while the task still holds what a step left."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
     original = task.data if task.rest is None else replace(task.data, gap=task.data.gap + task.rest.u_n)
@@ -246,6 +262,7 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
         steps.append(StepResult(step, status, contact, certificate, deformation, energy, solves))
         if status is not Status.CONVERGED:
             break
+        after(discretisation, task, steps[-1])
     values = None
     if not task.has_coulomb:
         values = functionals(certificate.potential_energy, contact, replace(task.problem.data, gap=contact.gap))

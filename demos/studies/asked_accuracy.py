@@ -222,7 +222,9 @@ def random_table(rows: list[dict]) -> str:
 def random_summary(rows: list[dict]) -> str:
     """How many have met their target, at what cost, and how good the estimates were."""
     converged = [row for row in rows if row["status"] == "converged"]
-    lines = [f"- {len(converged)} of {len(rows)} converged; of these {sum(row['met'] for row in converged)} have met it"]
+    lines = [
+        f"- {len(converged)} of {len(rows)} converged; of these {sum(row['met'] for row in converged)} have met it"
+    ]
     for cost in ("work", "seconds"):
         known = [row[f"{cost}_ratio"] for row in converged if row[f"{cost}_ratio"] is not None]
         per = {of: _median(converged, cost, of) for of in random_scenes.QUANTITIES}

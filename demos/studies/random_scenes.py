@@ -1,13 +1,14 @@
 """Random scenes for the study of accuracies that are asked for, and references that resolve their corners.
 
-Most have contact up to the corners of the body; there are slanted sides, reentrant corners, several materials, loads and
-friction that jump between nodes.  Scenes are small, so that hundreds of runs take minutes.
+Most have contact up to the corners of the body; there are slanted sides, reentrant corners, several materials, loads
+and friction that jump between nodes.  Scenes are small, so that hundreds of runs take minutes.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from signorini_fx.work_precision import work_of
 NEAR = 1e-9
 QUANTITIES = ("energy", "pressure", "force")
 # Of the rivals that are divided where the error is: meshes and unknowns, at most.
-MESHES, LARGEST = 16, 3_000
+MESHES, LARGEST = 24, 8_000
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Body:
         def lines(n: int, length: float, at: list[float]) -> Any:
             """A grid line through each of the places."""
             ends = [0.0, *sorted(at), length]
-            parts = [np.linspace(a, b, max(1, round(n * (b - a) / length)) + 1)[:-1] for a, b in zip(ends, ends[1:])]
+            parts = [np.linspace(a, b, max(1, round(n * (b - a) / length)) + 1)[:-1] for a, b in pairwise(ends)]
             return np.append(np.concatenate(parts), length)
 
         at: tuple[list[float], list[float]] = ([], [])
@@ -186,7 +187,11 @@ def draw(rng: np.random.Generator, number: int) -> RandomScene:
     elif law == "coulomb":
         friction = {"law": "coulomb", "coefficient": round(rng.uniform(0.1, 0.8), 2)}
     elif law == "jump":
-        at, f, g = round(touching * rng.uniform(0.2, 0.8), 3), round(rng.uniform(0.05, 0.3), 2), round(rng.uniform(0.4, 0.9), 2)
+        at, f, g = (
+            round(touching * rng.uniform(0.2, 0.8), 3),
+            round(rng.uniform(0.05, 0.3), 2),
+            round(rng.uniform(0.4, 0.9), 2),
+        )
         friction = {"law": "coulomb", "coefficient": f"where(x[0] < {at}, {f}, {g})"}
         points.append((at, 0.0))
     gap: Any = 0.0
@@ -222,7 +227,10 @@ def draw(rng: np.random.Generator, number: int) -> RandomScene:
     plain = shape == "rectangle"
     mesh: Any = body.mesh()
     if plain:
-        mesh = {"generator": "rectangle", "parameters": {"length": length, "height": height, "nx": cells[0], "ny": cells[1]}}
+        mesh = {
+            "generator": "rectangle",
+            "parameters": {"length": length, "height": height, "nx": cells[0], "ny": cells[1]},
+        }
     scene = Scene.model_validate({"mesh": mesh, **data})
     return RandomScene(f"{number}", scene, body, tuple(points), tuple(traits))
 
@@ -246,7 +254,12 @@ def on(one: RandomScene, factor: float, degree: int) -> Scene:
     """The scene on triangles so many times as large, without regularisation."""
     element = one.scene.element.model_copy(update={"degree": degree})
     return one.scene.model_copy(
-        update={"mesh": one.body.mesh(factor), "element": element, "solver": SolverSettings(**EXACT, tolerance=1e-9), "accuracy": None}
+        update={
+            "mesh": one.body.mesh(factor),
+            "element": element,
+            "solver": SolverSettings(**EXACT, tolerance=1e-9),
+            "accuracy": None,
+        }
     )
 
 
@@ -294,8 +307,8 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
 def rivals(one: RandomScene, fine: Reference) -> list[dict[str, Any]]:
     """Runs on many meshes, each with its errors and its price: degree 1 and 2, uniform, and divided where the error is.
 
-    A uniform mesh is solved once, from a cold start; what leads to a mesh that is divided belongs to its price.  Coarser
-    meshes than that of the scene are there where a generator makes them; a mesh of one's own is the coarsest.
+    A uniform mesh is solved once, from a cold start; what leads to a mesh that is divided belongs to its price.
+    Coarser meshes than that of the scene are there where a generator makes them; a mesh of one's own is the coarsest.
     """
     found = []
     coarser = (4.0, 2.0) if isinstance(one.scene.mesh, MeshGenerator) else ()
