@@ -56,7 +56,7 @@ class ExactProblem(ProblemState):
         return pressure, np.where(sets.slip[:, None], slipping, traction[:, 1:])
 
     def _at_bound(self, x: PETSc.Vec, sets: ActiveSets, pressure: Nodal) -> Nodal:
-        """Mu at slip points; a bound that follows a pressure follows it below zero too, so that the map stays affine."""
+        """Mu at slip points; a bound that follows a pressure follows it below zero, so that the map stays affine."""
         data = self.data
         _, u_t = self.traces(x)
         if data.bound is None:
