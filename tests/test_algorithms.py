@@ -10,7 +10,7 @@ from signorini_fx.complementarity import ActiveSets
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement
+from signorini_fx.scene import PrescribedDisplacement, parse_scene
 from signorini_fx.solver import contact_task
 from signorini_fx.strategy import run
 
@@ -42,6 +42,28 @@ def test_exact_method_finds_its_sets(wrong):
     assert newton.solve(newton.problem.data, given) is Status.CONVERGED
     free = task.boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
     assert not newton.problem.sets.changed(right)[free].any()
+
+
+@pytest.mark.parametrize("push", [1e-2, -1e-2])
+def test_exact_method_sees_where_a_support_drags_a_node(push):
+    """Nodes that a support moves along the foundation slip, and bear their bound, whatever sets it begins with."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": push} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": -20.0},
+            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 2.0}},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    task = solved_task(scene)
+    newton, size = task.exact_newton, task.boundary.size
+    assert np.count_nonzero(~task.boundary.free[:, 0]) == 2
+    for slip in (-1, 0, 1):
+        given = ActiveSets(np.ones(size, dtype=bool), np.full(size, slip, dtype=np.int8))
+        assert newton.solve(newton.problem.data, given) is Status.CONVERGED
+        np.testing.assert_allclose(newton.multipliers()[1], 2.0 * np.sign(push), rtol=1e-9)
 
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])

@@ -60,10 +60,11 @@ def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
     np.testing.assert_allclose(tangential, normal / 5, rtol=1e-12)
 
 
-def test_path_following_keeps_the_ratio_of_gammas():
-    """gamma_2 follows gamma_1."""
-    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e6, 1e4), algorithm="path-following"))
-    assert solution.parameters["gamma_t"] == pytest.approx(0.01 * solution.parameters["gamma_n"], rel=1e-12)
+@pytest.mark.parametrize(("ratio", "kept"), [(0.2, 0.2), (5.0, 5.0), (0.01, 0.1), (1000.0, 10.0)])
+def test_path_following_keeps_the_ratio_of_gammas(ratio, kept):
+    """gamma_2 follows gamma_1, by a factor of ten at the most, beyond which the model of the path is of no use."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e6, ratio * 1e6), algorithm="path-following"))
+    assert solution.parameters["gamma_t"] == pytest.approx(kept * solution.parameters["gamma_n"], rel=1e-12)
 
 
 def test_continuation_begins_with_the_first_gamma_that_is_given():
@@ -102,11 +103,11 @@ def test_sets_that_are_forced_are_no_solution(push):
 
 
 def test_both_gammas_grow():
-    """With a growth factor augmentation ends with both gammas equally larger."""
-    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e5, 2e4), algorithm="alm", gamma_factor=2.0))
-    grown = solution.parameters["gamma_n"] / 1e5
+    """With a growth factor augmentation ends with both gammas equally larger, where neither is slow."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e7, 5e6), algorithm="alm", gamma_factor=2.0))
+    grown = solution.parameters["gamma_n"] / 1e7
     assert grown == 2.0 ** (len(solution.history.outer) - 1) > 1.0
-    assert solution.parameters["gamma_t"] == pytest.approx(2e4 * grown, rel=1e-12)
+    assert solution.parameters["gamma_t"] == pytest.approx(5e6 * grown, rel=1e-12)
 
 
 @pytest.mark.parametrize("gamma", [3e2, 1e3, 1e4, 1e6])
