@@ -56,7 +56,8 @@ class CondensedSystem:
         condensed = np.array(
             [_condense(d.stiffness, case.load, x, kept) for case, x in zip(d.cases, interior, strict=True)]
         )
-        contact = ContactMap.of_nodes(d.boundary, position.ravel(), d.fixed[kept], matrix)
+        fixed = d.fixed[kept]
+        contact = ContactMap.of_nodes(d.boundary, position.ravel(), fixed, matrix)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,
@@ -64,7 +65,7 @@ class CondensedSystem:
             load,
             start,
             np.zeros(d.motions.free.shape[0]),
-            d.fixed[kept],
+            fixed,
             contact,
             d.cases,
             schur,
