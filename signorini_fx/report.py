@@ -198,12 +198,16 @@ def _drawn(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
 # --- sections --------------------------------------------------------------------------------------------------------
 
 
+# A solution, less accurate than asked for.
+_SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
+
+
 def _outcome(summary: dict[str, Any]) -> Markup:
     good = summary["status"] == Status.CONVERGED.value
-    short = summary["status"] == Status.BUDGET.value
+    short = summary["status"] in _SHORT_OF_ACCURACY
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not good:
-        last = "the last mesh that the budget allowed" if short else "the last iterate: to look at, not to use"
+        last = "the last mesh" if short else "the last iterate: to look at, not to use"
         verdict = f"{verdict} All figures are of {last}."
     if not good and summary["linear_solves"] == 0:
         verdict += " Nothing had to be solved to tell: it is the body without displacement."
@@ -417,7 +421,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
             "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what will hurt, "
             "and why."
         )
-        if summary["status"] != Status.BUDGET.value:
+        if summary["status"] not in _SHORT_OF_ACCURACY:
             return advice
     prices = summary.get("price_list", [])
     if prices:

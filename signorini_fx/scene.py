@@ -396,9 +396,9 @@ class Accuracy(_Model):
         of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
             the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
-            estimated error is; ``auto``: for displacement and pressure, bodies with straight sides from a generator and
-            all meshes that are from none get triangles of degree 2, divided where the error is; bodies with arcs from a
-            generator elements and cells of degree 2, refined uniformly; else uniform.
+            estimated error is; ``auto``: for displacement, pressure and force, bodies with straight sides get
+            triangles of degree 2, divided where the error is; bodies with arcs from a generator, drawings (.geo) and
+            mesh files with curved cells elements and cells of degree 2, refined uniformly; else uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """
