@@ -61,6 +61,8 @@ _UNSURE = 2.0
 _ROUND_OFF = 1e-11
 # Where the polygon's error of a quantity is found.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
+# How a mesh ends whose cells are at the round-off of their coordinates.
+_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
 # What the regularisation may take of the error that is asked for.
 _REGULARISATION_SHARE = 0.2
 # A mesh is at most so many times finer than the one before (its contact state is a start, its rates are trusted), ...
@@ -117,11 +119,16 @@ def solve_to_accuracy(
     rates = expected_rates(meshes.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
+    last: Solution | None = None
     polygon = 0.0
     while True:
         before = time.perf_counter()
         solved = meshes.solve(solve_on, state, len(levels))
         solution, task, level = solved.solution, solved.task, solved.level
+        if last is not None and solution.status in _TOO_FINE:
+            # Cells so small that their coordinates have no digits left: the mesh before is the last that has a solution.
+            say(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
+            return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None:
             return replace(solution, levels=tuple(levels))
         if meshes.polygonal and not levels:
@@ -132,7 +139,7 @@ def solve_to_accuracy(
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
-        solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
+        solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = (
             getattr(rows[-2], goal.of)

@@ -24,6 +24,8 @@ _KINKS = 1 / 33
 _CORNER = 0.5
 # The pressure is square integrable if it grows like r^-a with a < 1/2.
 _STEEPEST = 0.49
+# The growth towards a corner is looked at over distances that differ by so much, where the mesh has them.
+_STRETCH = 64.0
 # A jump of the pressure is so many times larger than its changes beside it.
 _JUMP = 3.0
 # A corner with this share of the squared error is refined for its own sake.
@@ -111,8 +113,13 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     near = even[r[even] >= 2 * max(r[1], blur)]
     if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
         return 0.0
-    first, second = near[:2]
-    a = min(np.log(pressure[first] / pressure[second]) / np.log(r[second] / r[first]), _STEEPEST)
+    first = near[0]
+    # Two neighbours say much of their element; what the corner does shows over the whole stretch where it reigns.
+    falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
+    stretch = falling[r[falling] <= _STRETCH * r[first]]
+    others = np.unique([near[1], stretch[-1]])
+    others = others[others > first]
+    a = min(float(np.max(np.log(pressure[first] / pressure[others]) / np.log(r[others] / r[first]))), _STEEPEST)
     h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
     k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
     square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))

@@ -247,7 +247,7 @@ def test_a_pressure_without_a_finite_norm():
     scene = parse_scene({**TABLE, "mesh": mesh, "displacement": held, "traction": middle, "accuracy": goal})
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is Status.OUT_OF_REACH
-    assert any("no finite norm" in event for event in solution.history.events)
+    assert any("no finite norm" in event or "double precision" in event for event in solution.history.events)
 
 
 @pytest.mark.parametrize("of", ["energy", "pressure", "force"])
@@ -261,7 +261,7 @@ def test_loads_that_jump_between_nodes(of):
     scene = {**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "contact": contact, "accuracy": goal}
     scene = parse_scene(scene)
     solution = solve(scene, MPI.COMM_SELF)
-    resultant = float(solution.discretisation.external_forces(0).sum())
+    resultant = sum(float(load.forces.sum()) for load in solution.discretisation.applied)
     assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
     assert solution.levels[0].data > solution.levels[-1].data
 
