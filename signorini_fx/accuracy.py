@@ -126,7 +126,7 @@ def solve_to_accuracy(
         solved = meshes.solve(solve_on, state, len(levels))
         solution, task, level = solved.solution, solved.task, solved.level
         if last is not None and solution.status in _TOO_FINE:
-            # Cells so small that their coordinates have no digits left: the mesh before is the last that has a solution.
+            # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
             say(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None:
