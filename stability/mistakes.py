@@ -245,7 +245,7 @@ MUTANTS = (
         "np.abs(self.normal) * ~self.free",
         "np.abs(self.normal) * self.free",
         "size of the pressure: only of supported nodes",
-        tests=("augmentation::test_a_contact_node_with_a_support_across_its_normal",),
+        tests=("augmentation::test_nodes_that_a_support_presses_are_no_measure",),
     ),
     # --- forms, loads, supports --------------------------------------------------------------------------------------
     Mutant(
@@ -402,7 +402,7 @@ MUTANTS = (
         "augmentation.next(data)",
         "replace(augmentation.next(data), mu_hat=data.mu_hat)",
         "ALM-FP does not shift mu",
-        tests=("algorithms", "augmentation"),
+        tests=("augmentation::test_the_fixed_point_needs_no_help",),
     ),
     Mutant(
         "fp",
@@ -462,28 +462,28 @@ MUTANTS = (
         "max(self.left, self.violation) <= self.tolerance",
         "self.left <= self.tolerance",
         "augmentation: violation not judged",
-        tests=("augmentation",),
+        tests=("augmentation::test_settled_is_both",),
     ),
     Mutant(
         "augmentation",
         "change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)",
         "change / (size or 1.0)",
         "augmentation: the last change taken for what is left",
-        tests=("augmentation",),
+        tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
         "augmentation",
         "np.abs(after[1] - before[1]) * sticks",
         "np.abs(after[1] - before[1])",
         "augmentation: slip at the bound counts as elastic",
-        tests=("augmentation",),
+        tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
         "augmentation",
         "gamma_t=min(data.gamma_t, largest)",
         "gamma_t=data.gamma_t",
         "augmentation: too large a gamma_t is kept",
-        tests=("augmentation",),
+        tests=("augmentation::test_no_more_gamma_than_digits",),
     ),
     Mutant(
         "augmentation",
@@ -491,7 +491,7 @@ MUTANTS = (
         "largest",
         "augmentation: stiffness of the contact nodes of this rank",
         ranks=2,
-        tests=("ladder::test_the_same_solution_on_every_number_of_ranks", "ranks::test_one_rank_or_many"),
+        tests=("augmentation::test_every_rank_judges_alike",),
     ),
     Mutant(
         "coulomb_newton",
@@ -586,7 +586,7 @@ MUTANTS = (
         "True",
         "one Tresca problem proves that a body slides",
         within="_proved",
-        tests=("coulomb_ways",),
+        tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
         "strategy",
@@ -1015,7 +1015,7 @@ MUTANTS = (
         "motion += 0.0 if moved is None else free @ moved",
         "motion = motion if moved is None else free @ moved",
         "only the last piece comes to rest",
-        tests=("pieces",),
+        tests=("pieces::test_each_piece_comes_to_rest_by_itself",),
     ),
     Mutant("resting", "data.gap - self.u_n", "data.gap + self.u_n", "gap from the resting place, sign"),
     Mutant(
@@ -1098,7 +1098,7 @@ MUTANTS = (
         "np.where(bilateral, np.abs(entered), entered)",
         "entered",
         "certificate: bilateral contact may open",
-        tests=("certificate",),
+        tests=("certificate::test_bilateral_contact_does_not_open",),
     ),
     Mutant(
         "certificate",
@@ -1147,7 +1147,7 @@ MUTANTS = (
         "_share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)",
         "0.0",
         "certificate: single contact nodes not judged",
-        tests=("certificate",),
+        tests=("certificate::test_one_node_of_many",),
     ),
     Mutant(
         "certificate",

@@ -114,6 +114,16 @@ def test_wrong_tractions(name, algorithm):
                 refused(judged(solution, **{name_: at(row, lambda value, by=change: value + by)}), "equilibrium")
 
 
+@pytest.mark.parametrize("algorithm", METHODS)
+def test_one_node_of_many(algorithm):
+    """A wrong pressure that is lost among the forces on all nodes is seen at its own."""
+    solution = solved("Coulomb", algorithm)
+    pressure = solution.contact.pressure
+    row = int(np.argmax(pressure))
+    certificate = judged(solution, pressure=at(row, lambda value: (1 + 2 * CERTIFICATE_TOLERANCE) * value))
+    refused(certificate, "equilibrium")
+
+
 KINDS = {
     "shear the other way": ({"shear": lambda c: -c.shear}, ("equilibrium", "wrong_way_slip")),
     "no shear": ({"shear": lambda c: 0 * c.shear}, ("equilibrium",)),
@@ -197,6 +207,25 @@ def test_a_body_that_sinks_unhindered_is_refused():
     assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
     assert certificate.entered > 0.1
     assert not certificate.holds
+
+
+def test_bilateral_contact_does_not_open():
+    """A body that is pulled off a foundation that holds it: a gap is refused like a penetration, tension is not."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": 5.0},
+            "contact": {"boundary": "bottom", "kind": "bilateral"},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    solution = alone(scene)
+    assert solution.contact.pressure.min() < 0
+    for gap in (1e-5, -1e-5):
+        other = scene.contact[0].model_copy(update={"gap": gap})
+        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
 
 
 def test_load_steps_build_on_the_step_before():
