@@ -392,3 +392,19 @@ def on_a_slope(**solver):
             "solver": solver,
         }
     )
+
+
+def test_a_rigid_motion_is_no_deformation():
+    """Lengths are judged by the deformation: a body that turns far has no leave to enter its foundation farther."""
+    solution = alone(on_a_slope())
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    u = solution.displacement.x.array
+    motions = np.zeros((u.size, 3))
+    motions[::2, 0] = motions[1::2, 1] = 1.0
+    motions[::2, 2], motions[1::2, 2] = -x[:, 1], x[:, 0]
+    left = np.linalg.norm((u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1).max()
+    assert left < 0.1 * np.abs(u).max()
+    effect = solution.scene.contact[0]
+    gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
+    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
+    refused(judged(solution, scene=scene), "entered")
