@@ -928,7 +928,7 @@ MUTANTS = (
         "np.count_nonzero(here)",
         "pieces: ghosts are counted",
         ranks=2,
-        tests=("pieces::test_pieces_are_the_same_on_every_rank",),
+        tests=("pieces::test_one_piece", "pieces::test_pieces_are_the_same_on_every_rank"),
     ),
     Mutant(
         "deformation",
@@ -951,7 +951,7 @@ MUTANTS = (
         "min(body.tagged.size, float(np.hypot(*np.ptp(corners, axis=0))))",
         "body.tagged.size",
         "deformation: a small piece may travel",
-        tests=("traps", "pieces"),
+        tests=("pieces::test_a_small_piece_has_not_far_to_go",),
     ),
     Mutant(
         "deformation",
@@ -1008,7 +1008,11 @@ MUTANTS = (
         "unbalanced(data, boundary, motions, resultant) & loose",
         "unbalanced(data, boundary, motions, resultant)",
         "a piece that the sets hold gets away",
-        tests=("pieces",),
+        tests=(
+            "pieces::test_a_hinge_that_a_support_holds",
+            "pieces::test_a_chain_on_a_foundation",
+            "pieces::test_each_piece_comes_to_rest_by_itself",
+        ),
     ),
     Mutant(
         "resting",
@@ -1305,7 +1309,7 @@ MUTANTS = (
         "strain_energy - float(work)",
         "strain_energy + float(work)",
         "potential energy: work of the loads, sign",
-        tests=("example1",),
+        tests=("certificate::test_potential_energy",),
     ),
     Mutant(
         "quantities",
@@ -1495,20 +1499,48 @@ MUTANTS = (
         "left > _ZERO * size and left**2 > np.abs(given @ away).sum()",
         "left > _ZERO * size",
         "check: given friction holds nothing",
-        tests=("check",),
+        tests=(
+            "check::test_no_warning",
+            "check::test_bodies_that_nothing_holds",
+            "check::test_warnings",
+            "check::test_notes_on_what_holds",
+        ),
     ),
     Mutant(
-        "findings", "c.normal - share * c.tangential", "c.normal", "check: friction acts one way only", tests=("check",)
+        "findings",
+        "c.normal - share * c.tangential",
+        "c.normal",
+        "check: friction acts one way only",
+        tests=(
+            "check::test_no_warning",
+            "check::test_bodies_that_nothing_holds",
+            "check::test_warnings",
+            "check::test_notes_on_what_holds",
+        ),
     ),
     Mutant(
-        "findings", "-edge[c.bilateral]", "edge[c.bilateral]", "check: bilateral contact cannot pull", tests=("check",)
+        "findings",
+        "-edge[c.bilateral]",
+        "edge[c.bilateral]",
+        "check: bilateral contact cannot pull",
+        tests=(
+            "check::test_no_warning",
+            "check::test_bodies_that_nothing_holds",
+            "check::test_warnings",
+            "check::test_notes_on_what_holds",
+        ),
     ),
     Mutant(
         "findings",
         "smallest > _FAR * moved",
         "smallest > moved",
         "check: a gap just out of reach is called out",
-        tests=("check",),
+        tests=(
+            "check::test_no_warning",
+            "check::test_bodies_that_nothing_holds",
+            "check::test_warnings",
+            "check::test_notes_on_what_holds",
+        ),
     ),
     Mutant(
         "findings",
