@@ -1008,11 +1008,7 @@ MUTANTS = (
         "unbalanced(data, boundary, motions, resultant) & loose",
         "unbalanced(data, boundary, motions, resultant)",
         "a piece that the sets hold gets away",
-        tests=(
-            "pieces::test_a_hinge_that_a_support_holds",
-            "pieces::test_a_chain_on_a_foundation",
-            "pieces::test_each_piece_comes_to_rest_by_itself",
-        ),
+        tests=("pieces",),
     ),
     Mutant(
         "resting",
@@ -1201,7 +1197,7 @@ MUTANTS = (
         "np.sum(values**2)",
         "certificate: residual of this rank only",
         ranks=2,
-        tests=("parts_on_ranks::test_certificate",),
+        tests=("parts_on_ranks::test_certificate_of_a_wrong_displacement",),
     ),
     Mutant(
         "certificate",
@@ -1369,7 +1365,7 @@ MUTANTS = (
         "_KINKS / 2 * h[:-1] ** 3 * kinks",
         "_KINKS * h[:-1] ** 3 * kinks",
         "pressure: kinks count twice",
-        tests=("price_list",),
+        tests=("estimates::test_kinks_of_a_smooth_pressure",),
     ),
     Mutant(
         "pressure_error",
@@ -1499,48 +1495,28 @@ MUTANTS = (
         "left > _ZERO * size and left**2 > np.abs(given @ away).sum()",
         "left > _ZERO * size",
         "check: given friction holds nothing",
-        tests=(
-            "check::test_no_warning",
-            "check::test_bodies_that_nothing_holds",
-            "check::test_warnings",
-            "check::test_notes_on_what_holds",
-        ),
+        tests=("check::test_friction_holds_either_way",),
     ),
     Mutant(
         "findings",
         "c.normal - share * c.tangential",
         "c.normal",
         "check: friction acts one way only",
-        tests=(
-            "check::test_no_warning",
-            "check::test_bodies_that_nothing_holds",
-            "check::test_warnings",
-            "check::test_notes_on_what_holds",
-        ),
+        tests=("check::test_friction_holds_either_way",),
     ),
     Mutant(
         "findings",
         "-edge[c.bilateral]",
         "edge[c.bilateral]",
         "check: bilateral contact cannot pull",
-        tests=(
-            "check::test_no_warning",
-            "check::test_bodies_that_nothing_holds",
-            "check::test_warnings",
-            "check::test_notes_on_what_holds",
-        ),
+        tests=("check::test_bilateral_contact_pulls",),
     ),
     Mutant(
         "findings",
         "smallest > _FAR * moved",
         "smallest > moved",
         "check: a gap just out of reach is called out",
-        tests=(
-            "check::test_no_warning",
-            "check::test_bodies_that_nothing_holds",
-            "check::test_warnings",
-            "check::test_notes_on_what_holds",
-        ),
+        tests=("check::test_a_gap_out_of_reach",),
     ),
     Mutant(
         "findings",
