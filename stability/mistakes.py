@@ -256,7 +256,7 @@ MUTANTS = (
         "np.abs(self.normal) * ~self.free",
         "np.abs(self.normal) * self.free",
         "size of the pressure: only of supported nodes",
-        tests=("augmentation::test_a_contact_node_with_a_support_across_its_normal",),
+        tests=("augmentation::test_nodes_that_a_support_presses_are_no_measure",),
     ),
     # --- forms, loads, supports --------------------------------------------------------------------------------------
     Mutant(
@@ -429,7 +429,7 @@ MUTANTS = (
         "augmentation.next(data)",
         "replace(augmentation.next(data), mu_hat=data.mu_hat)",
         "ALM-FP does not shift mu",
-        tests=("algorithms", "augmentation"),
+        tests=("augmentation::test_the_fixed_point_needs_no_help",),
     ),
     Mutant(
         "fp",
@@ -489,28 +489,28 @@ MUTANTS = (
         "max(self.left, self.violation) <= self.tolerance",
         "self.left <= self.tolerance",
         "augmentation: violation not judged",
-        tests=("augmentation",),
+        tests=("augmentation::test_settled_is_both",),
     ),
     Mutant(
         "augmentation",
         "change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)",
         "change / (size or 1.0)",
         "augmentation: the last change taken for what is left",
-        tests=("augmentation",),
+        tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
         "augmentation",
         "length_of(after[1] - before[1]) * sticks",
         "length_of(after[1] - before[1])",
         "augmentation: slip at the bound counts as elastic",
-        tests=("augmentation",),
+        tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
         "augmentation",
         "gamma_t=min(data.gamma_t, largest)",
         "gamma_t=data.gamma_t",
         "augmentation: too large a gamma_t is kept",
-        tests=("augmentation",),
+        tests=("augmentation::test_no_more_gamma_than_digits",),
     ),
     Mutant(
         "augmentation",
@@ -518,7 +518,7 @@ MUTANTS = (
         "largest",
         "augmentation: stiffness of the contact nodes of this rank",
         ranks=2,
-        tests=("ladder::test_the_same_solution_on_every_number_of_ranks", "ranks::test_one_rank_or_many"),
+        tests=("augmentation::test_every_rank_judges_alike",),
     ),
     Mutant(
         "coulomb_newton",
@@ -613,7 +613,7 @@ MUTANTS = (
         "True",
         "one Tresca problem proves that a body slides",
         within="_proved",
-        tests=("coulomb_ways",),
+        tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
         "strategy",
@@ -960,7 +960,7 @@ MUTANTS = (
         "np.count_nonzero(here)",
         "pieces: ghosts are counted",
         ranks=2,
-        tests=("pieces::test_pieces_are_the_same_on_every_rank",),
+        tests=("pieces::test_one_piece", "pieces::test_pieces_are_the_same_on_every_rank"),
     ),
     Mutant(
         "deformation",
@@ -983,7 +983,7 @@ MUTANTS = (
         "min(body.tagged.size, float(np.hypot(*np.ptp(corners, axis=0))))",
         "body.tagged.size",
         "deformation: a small piece may travel",
-        tests=("traps", "pieces"),
+        tests=("pieces::test_a_small_piece_has_not_far_to_go",),
     ),
     Mutant(
         "deformation",
@@ -1047,7 +1047,7 @@ MUTANTS = (
         "motion += 0.0 if moved is None else free @ moved",
         "motion = motion if moved is None else free @ moved",
         "only the last piece comes to rest",
-        tests=("pieces",),
+        tests=("pieces::test_each_piece_comes_to_rest_by_itself",),
     ),
     Mutant("resting", "data.gap - self.u_n", "data.gap + self.u_n", "gap from the resting place, sign"),
     Mutant(
@@ -1136,7 +1136,7 @@ MUTANTS = (
         "np.where(bilateral, np.abs(entered), entered)",
         "entered",
         "certificate: bilateral contact may open",
-        tests=("certificate",),
+        tests=("certificate::test_bilateral_contact_does_not_open",),
     ),
     Mutant(
         "certificate",
@@ -1185,7 +1185,7 @@ MUTANTS = (
         "_share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)",
         "0.0",
         "certificate: single contact nodes not judged",
-        tests=("certificate",),
+        tests=("certificate::test_one_node_of_many",),
     ),
     Mutant(
         "certificate",
@@ -1227,7 +1227,7 @@ MUTANTS = (
         "motion - moment / inertia * turned",
         "motion",
         "certificate: a body that turns counts as deformed",
-        tests=("certificate",),
+        tests=("certificate::test_a_rigid_motion_is_no_deformation",),
     ),
     Mutant(
         "certificate",
@@ -1235,7 +1235,7 @@ MUTANTS = (
         "np.sum(values**2)",
         "certificate: residual of this rank only",
         ranks=2,
-        tests=("parts_on_ranks::test_certificate",),
+        tests=("parts_on_ranks::test_certificate_of_a_wrong_displacement",),
     ),
     Mutant(
         "certificate",
@@ -1343,7 +1343,7 @@ MUTANTS = (
         "strain_energy - float(work)",
         "strain_energy + float(work)",
         "potential energy: work of the loads, sign",
-        tests=("example1",),
+        tests=("certificate::test_potential_energy",),
     ),
     Mutant(
         "quantities",
@@ -1403,7 +1403,7 @@ MUTANTS = (
         "_KINKS / 2 * h[:-1] ** 3 * kinks",
         "_KINKS * h[:-1] ** 3 * kinks",
         "pressure: kinks count twice",
-        tests=("price_list",),
+        tests=("estimates::test_kinks_of_a_smooth_pressure",),
     ),
     Mutant(
         "pressure_error",
@@ -1533,20 +1533,28 @@ MUTANTS = (
         "left > _ZERO * size and left**2 > np.abs(given @ away).sum()",
         "left > _ZERO * size",
         "check: given friction holds nothing",
-        tests=("check",),
+        tests=("check::test_friction_holds_either_way",),
     ),
     Mutant(
-        "findings", "c.normal - share * c.tangential", "c.normal", "check: friction acts one way only", tests=("check",)
+        "findings",
+        "c.normal - share * c.tangential",
+        "c.normal",
+        "check: friction acts one way only",
+        tests=("check::test_friction_holds_either_way",),
     ),
     Mutant(
-        "findings", "-edge[c.bilateral]", "edge[c.bilateral]", "check: bilateral contact cannot pull", tests=("check",)
+        "findings",
+        "-edge[c.bilateral]",
+        "edge[c.bilateral]",
+        "check: bilateral contact cannot pull",
+        tests=("check::test_bilateral_contact_pulls",),
     ),
     Mutant(
         "findings",
         "smallest > _FAR * moved",
         "smallest > moved",
         "check: a gap just out of reach is called out",
-        tests=("check",),
+        tests=("check::test_a_gap_out_of_reach",),
     ),
     Mutant(
         "findings",

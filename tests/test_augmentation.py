@@ -1,12 +1,21 @@
 """The augmented Lagrangian method ends at the unregularised solution, whatever gamma it begins with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mpi4py import MPI
 from scenes import alone, example1
 
+from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Status, Timings
 from signorini_fx.scene import parse_scene
+from signorini_fx.solver import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(FEW, max_examples=300)
@@ -133,3 +142,82 @@ def test_a_contact_node_with_a_support_across_its_normal(angle, coefficient, loa
     np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=2e-3 * size)
     closed = ours.contact.pressure > 1e-6 * largest
     assert np.abs((ours.contact.u_n - ours.contact.gap)[closed]).max() < 1e-6 * np.abs(ours.displacement.x.array).max()
+
+
+# --- how it is judged -------------------------------------------------------------------------------------------------
+
+
+def begun(scene, comm=MPI.COMM_SELF):
+    """The contact problem of a scene, solved once without shifts."""
+    d = discretise(scene, load_mesh(scene, comm), Timings())
+    task = contact_task(d, d.boundary, History())
+    assert task.newton.solve(task.data, task.first_sets) is Status.CONVERGED
+    return task
+
+
+@pytest.mark.parametrize("gammas", [(1e7, 1e4), (1e4, 1e7)])
+def test_what_is_left_after_one_problem(gammas):
+    """Penetration, slip of nodes that stick, and how far the multipliers may be from those of the limit."""
+    task = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
+    augmentation, newton, boundary = Augmentation(task.newton, 1e8, 1e-9), task.newton, task.boundary
+    assert augmentation.measure(task.data) == pytest.approx(1.0)
+    u_n, u_t = newton.problem.traces(newton.x)
+    pressure, shear = newton.multipliers()
+    sticks = np.abs(shear) < 0.2
+    assert sticks.any()
+    assert not sticks.all()
+    moved = max((u_n - task.data.gap)[pressure > 0].max(), np.abs(u_t)[sticks].max())
+    assert augmentation.violation == pytest.approx(moved / max(np.abs(u_n).max(), np.abs(u_t).max()), rel=1e-6)
+    stiffness = task.system.matrix.getDiagonal().getArray()[task.system.contact_dofs].max(axis=1) / boundary.weight
+    sizes = [boundary.norm(pressure), boundary.norm(shear)]
+    # Nothing is known of how fast they settle: as slowly as the stiffest node would have it.
+    slowest = [size * max(1.0, stiffness.max() / gamma) for size, gamma in zip(sizes, gammas, strict=True)]
+    assert augmentation.left == pytest.approx(sum(slowest) / sum(sizes), rel=1e-9)
+
+
+def test_settled_is_both():
+    """Multipliers that no longer change are not enough, nor is a displacement that meets the limit."""
+    task = begun(example1(bound=1.5, nx=12, ny=4))
+    augmentation = Augmentation(task.newton, 1e8, 1e-3)
+    for left, violation, settled in ((0.0, 0.0, True), (0.0, 2e-3, False), (2e-3, 0.0, False)):
+        augmentation.left, augmentation.violation = left, violation
+        assert augmentation.settled is settled
+
+
+@pytest.mark.parametrize("gammas", [(1e13, 1e3), (1e3, 1e13), (1e13, 1e13)])
+def test_no_more_gamma_than_digits(gammas):
+    """Each of the two is lowered to ten times the natural one."""
+    data = begun(example1(bound=1.5, nx=12, ny=4)).data
+    lowered = with_enough_digits(replace(data, gamma_n=gammas[0], gamma_t=gammas[1]), 1e5)
+    assert (lowered.gamma_n, lowered.gamma_t) == tuple(min(gamma, 1e6) for gamma in gammas)
+
+
+@pytest.mark.parametrize("gamma", [1e4, 1e7])
+def test_the_fixed_point_needs_no_help(gamma):
+    """(ALM-FP) by itself ends at the solution of elimination, in shear too."""
+    scene = example1(coefficient=0.3, nx=12, ny=4)
+    exact = alone(example1(coefficient=0.3, nx=12, ny=4, algorithm="exact"))
+    settings = {"algorithm": "alm", "coulomb": "fp", "fallbacks": False, "gamma_n": gamma, "gamma_t": gamma}
+    ours = alone(scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)}))
+    assert not any("from the same start" in event for event in ours.history.events)
+    largest = exact.contact.pressure.max()
+    np.testing.assert_allclose(ours.contact.shear, exact.contact.shear, rtol=0, atol=5e-7 * largest)
+
+
+def test_nodes_that_a_support_presses_are_no_measure():
+    """The size of contact stresses is that of the other nodes; of all where there is nothing elsewhere."""
+    boundary = begun(wedge(20.0, 0.2, 0.0)).boundary
+    pressed = ~boundary.free[:, 0]
+    assert 0 < np.count_nonzero(pressed) < boundary.size
+    expected = np.sqrt(boundary.weight[~pressed].sum())
+    assert boundary.scale(np.where(pressed, 1e9, 1.0)) == pytest.approx(expected)
+    assert boundary.scale(np.where(pressed, 1.0, 0.0)) == pytest.approx(np.sqrt(boundary.weight[pressed].sum()))
+
+
+@pytest.mark.mpi
+def test_every_rank_judges_alike():
+    """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
+    task = begun(example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured"), MPI.COMM_WORLD)
+    augmentation = Augmentation(task.newton, 1e8, 1e-9)
+    augmentation.measure(task.data)
+    assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))

@@ -114,6 +114,16 @@ def test_wrong_tractions(name, algorithm):
                 refused(judged(solution, **{name_: at(row, lambda value, by=change: value + by)}), "equilibrium")
 
 
+@pytest.mark.parametrize("algorithm", METHODS)
+def test_one_node_of_many(algorithm):
+    """A wrong pressure that is lost among the forces on all nodes is seen at its own."""
+    solution = solved("Coulomb", algorithm)
+    pressure = solution.contact.pressure
+    row = int(np.argmax(pressure))
+    certificate = judged(solution, pressure=at(row, lambda value: (1 + 2 * CERTIFICATE_TOLERANCE) * value))
+    refused(certificate, "equilibrium")
+
+
 KINDS = {
     "shear the other way": ({"shear": lambda c: -c.tractions.shear}, ("equilibrium", "wrong_way_slip")),
     "no shear": ({"shear": lambda c: 0 * c.tractions.shear}, ("equilibrium",)),
@@ -197,6 +207,34 @@ def test_a_body_that_sinks_unhindered_is_refused():
     assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
     assert certificate.entered > 0.1
     assert not certificate.holds
+
+
+def test_bilateral_contact_does_not_open():
+    """A body that is pulled off a foundation that holds it: a gap is refused like a penetration, tension is not."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": 5.0},
+            "contact": {"boundary": "bottom", "kind": "bilateral"},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    solution = alone(scene)
+    assert solution.contact.pressure.min() < 0
+    for gap in (1e-5, -1e-5):
+        other = scene.contact[0].model_copy(update={"gap": gap})
+        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
+
+
+def test_potential_energy():
+    """Without contact the loads do twice the work that is stored."""
+    scene = example1(nx=12, ny=4)
+    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
+    certificate = alone(scene.model_copy(update={"displacement": clamped, "contact": ()})).certificate
+    assert certificate.strain_energy > 0
+    assert certificate.potential_energy == pytest.approx(-certificate.strain_energy, rel=1e-9)
 
 
 def test_load_steps_build_on_the_step_before():
@@ -363,3 +401,19 @@ def on_a_slope(**solver):
             "solver": solver,
         }
     )
+
+
+def test_a_rigid_motion_is_no_deformation():
+    """Lengths are judged by the deformation: a body that turns far has no leave to enter its foundation farther."""
+    solution = alone(on_a_slope())
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    u = solution.displacement.x.array
+    motions = np.zeros((u.size, 3))
+    motions[::2, 0] = motions[1::2, 1] = 1.0
+    motions[::2, 2], motions[1::2, 2] = -x[:, 1], x[:, 0]
+    left = np.linalg.norm((u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1).max()
+    assert left < 0.1 * np.abs(u).max()
+    effect = solution.scene.contact[0]
+    gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
+    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
+    refused(judged(solution, scene=scene), "entered")

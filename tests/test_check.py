@@ -296,6 +296,32 @@ def test_units_that_do_not_agree():
     assert "check the units of E" in render(summarise(solution, solution.table))
 
 
+@pytest.mark.parametrize("law", ["tresca", "coulomb"])
+@pytest.mark.parametrize("push", [-5.9, 5.9, -6.1, 6.1])
+def test_friction_holds_either_way(law, push):
+    """A block that nothing but friction holds sideways: up to its bound, and no farther, in both directions."""
+    friction = tresca(2.0) if law == "tresca" else coulomb(0.1)
+    loads = [{"boundary": "top", "y": -20.0}, {"boundary": "bottom", "x": push / 3}]
+    told = [f.message for f in check(block(displacement=[], traction=loads, **friction)).findings]
+    assert any("no static equilibrium" in message for message in told) == (abs(push) > 6)
+
+
+def test_bilateral_contact_pulls():
+    """It holds a body that is drawn away from its foundation; unilateral contact does not."""
+    side, up = {"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 20.0}
+    for kind, held in (("bilateral", True), ("unilateral", False)):
+        found = check(block(displacement=side, traction=up, **contact(kind=kind))).findings
+        assert any("no static equilibrium" in f.message for f in found) != held
+
+
+@pytest.mark.parametrize(("gap", "said"), [(0.05, False), (0.2, True)])
+def test_a_gap_out_of_reach(gap, said):
+    """It is called out from ten times what is prescribed."""
+    supports = [{"boundary": side, "x": 0.0, "y": -0.01} for side in ("left", "right")]
+    found = check(block(displacement=supports, traction=[], **contact(gap=gap))).findings
+    assert any("hardly ever close" in f.message for f in found) == said
+
+
 def test_tipping():
     """A narrow block, pushed at its side, turns about its corner; twice as heavy, it stands."""
     pushed = {**NARROW, **FREE, **coulomb(0.9)}

@@ -90,6 +90,23 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     np.testing.assert_allclose(solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest)
 
 
+@pytest.mark.parametrize(("push", "status"), [(2.0, Status.OUTER_MAX_ITERATIONS), (20.0, Status.SLIDES)])
+def test_one_bound_proves_nothing(monkeypatch, push, status):
+    """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
+    for name in ("fixed_point", "coulomb_newton"):
+        monkeypatch.setattr(strategy, name, lambda *arguments, **options: Status.SLIDES)
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.4}},
+            "solver": {"fallbacks": False},
+        }
+    )
+    assert alone(scene, check=False).status is status
+
+
 def capped(seed):
     """Six by seven quadratic cells over a slanted foundation, F = 1000 up to a cap, pushed from random directions."""
     rng = np.random.default_rng(seed)

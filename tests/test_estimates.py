@@ -102,6 +102,14 @@ def straight(s, pressure):
     return ContactTable({"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)])
 
 
+def test_kinks_of_a_smooth_pressure():
+    """In sum 120 / 33 times the squared error of the interpolant, which is h^4 |p''|^2 / 120."""
+    s = np.linspace(-1.0, 1.0, 65)
+    [squares] = interval_squares(straight(s, (1 - s**2) ** 3))
+    curvature, _ = quad(lambda x: (-6 + 36 * x**2 - 30 * x**4) ** 2, -1, 1)
+    assert squares.sum() == pytest.approx((2 / 64) ** 4 * curvature / 33, rel=0.02)
+
+
 def test_a_jump_of_the_pressure():
     """Beside a jump the line is wrong by half of it at one end: h jump^2 / 12 on either side, and the kinks."""
     h, jump = 0.5, 3.0

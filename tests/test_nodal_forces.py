@@ -65,7 +65,7 @@ def test_against_compiled_forms(body, hypothesis):
     close(here.internal(u.x.array.reshape(-1, 2)), compiled(there, u))
     for step in range(2):
         total = there.stiffness.createVecRight()
-        for case in there.cases:
+        for case in there.applied:
             if case.form is not None:
                 total.axpy(case.factors[step], assemble(case.form))
         close(here.external(step), total)

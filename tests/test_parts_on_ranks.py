@@ -13,6 +13,7 @@ from test_ranks import agree, same_on_all_ranks
 from signorini_fx import parallel
 from signorini_fx.algorithms.descent import _Line, natural_sets
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.certificate import certify
 from signorini_fx.discretisation import discretise
 from signorini_fx.estimators import StressRecovery
 from signorini_fx.mesh import TaggedMesh, load_mesh
@@ -167,6 +168,20 @@ def test_certificate():
     solution = solve(example1(bound=1.5, nx=30, ny=10, patch=PATCH), WORLD)
     figures = same_on_all_ranks(solution.certificate.as_dict())
     assert figures["holds"]
+
+
+def test_certificate_of_a_wrong_displacement():
+    """The residual is that of all ranks, relative to all forces."""
+    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in SCENE.displacement)
+    scene = SCENE.model_copy(update={"displacement": clamped, "contact": ()})
+
+    def wrong(comm):
+        solution = solve(scene, comm)
+        solution.displacement.x.array[:] *= 1.1
+        return certify(scene, solution.discretisation.tagged, solution.displacement, None).equilibrium
+
+    assert same_on_all_ranks(wrong(WORLD)) == pytest.approx(wrong(ALONE), rel=1e-6)
+    assert wrong(ALONE) > 1e-3
 
 
 HALF_DISK = parse_scene(

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from scenes import rectangle, table_of
 
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.deformation import deformation_of
 from signorini_fx.discretisation import discretise
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh import tag_boundaries
@@ -94,6 +95,16 @@ def test_fewer_cells_than_ranks():
     assert all(other == deformation for other in WORLD.allgather(deformation))
     assert solution.status is Status.CONVERGED
     np.testing.assert_allclose(solution.contact.forces[0], [0.0, 10.0], atol=1e-9)
+
+
+def test_a_small_piece_has_not_far_to_go():
+    """A travel is measured by the pieces that move together, not by what lies elsewhere."""
+    small, large = Box("small", 0.0, 0.0, 0.3, 0.4, 2, 2), Box("large", 5.0, 0.0, 8.0, 6.0, 4, 4)
+    mesh = boxes_mesh(MPI.COMM_SELF, [small, large])
+    d = discretise(scene_on(mesh), mesh, Timings())
+    moved = fem.Function(d.space)
+    moved.interpolate(lambda x: np.stack([np.where(x[0] < 1, 0.2, 1.0), 0 * x[0]]))
+    assert deformation_of(d, moved).displacement == pytest.approx(0.2 / 0.5)
 
 
 # --- motions without strain ------------------------------------------------------------------------------------------
