@@ -116,7 +116,7 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     first = near[0]
     # Two neighbours say much of their element; what the corner does shows over the whole stretch where it reigns.
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
-    stretch = falling[r[falling] <= _STRETCH * r[first]]
+    stretch = falling[(r[falling] <= _STRETCH * r[first]) & (pressure[falling] > 0)]
     others = np.unique([near[1], stretch[-1]])
     others = others[others > first]
     a = min(float(np.max(np.log(pressure[first] / pressure[others]) / np.log(r[others] / r[first]))), _STEEPEST)

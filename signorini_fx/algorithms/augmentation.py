@@ -22,6 +22,8 @@ from signorini_fx.complementarity import length as length_of
 
 # A multiplier is slow where an update leaves more than this share of its last change.
 _SLOW = 0.1
+# Displacements of the contact nodes below this share of what their tractions could move are round-off.
+_FAINT = 1e-3
 # By which gamma is raised then, from one problem to the next: its sets are a start for those of the next.
 _GROWTH = 10.0
 # With gamma at this times the stiffness that the nodes meet no multiplier is slow.
@@ -86,6 +88,9 @@ class Augmentation:
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
+        # Where nothing moves but for round-off it is what the tractions could move.
+        stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(after[0]), length_of(after[1]))))
+        length = max(length, _FAINT * stress / self._stiffness)
         # At its bound the shear says nothing of slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)

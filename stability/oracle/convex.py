@@ -25,6 +25,8 @@ except ImportError:  # the judge goes on without it, and says so
 
 # The programme is used if its own duality gap is below this share of the energy.
 _USABLE = 1e-9
+# Forces below this share of stiffness times displacement are round-off.
+_ROUND_OFF = 1e-8
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,8 @@ def compare(
     theirs, stiff = found.displacement, float(np.abs(np.diag(matrix)).max())
     away = ours - theirs
     # Where the contact does not move at all, what the loads could do to it sets the scale.
-    force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max())) or stiff * length
+    # Where nothing loads the body, forces are round-off of stiffness times displacement.
+    force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()), _ROUND_OFF * stiff * length)
     energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
     energy = max(energy, float(np.abs(load).max()) ** 2 / stiff) or stiff * length**2
     distance = np.sqrt(max(0.0, float(away @ matrix @ away)))

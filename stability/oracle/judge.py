@@ -191,7 +191,7 @@ def _promised(
     # What it found in an earlier step is not told: one gamma for all nodes, and the ratio that was asked for.
     u_n = (u[contact.nodes] * contact.normal).sum(axis=1)
     most = int(np.argmax(np.abs(said.pressure)))
-    ratio = asked[0] / asked[1]
+    ratio = float(np.clip(asked[0] / asked[1], 0.1, 10.0))  # a path takes no other
     if said.pressure[most] != 0:
         soft = (u_n - contact.gap)[most] / said.pressure[most]
         return soft, soft * ratio
