@@ -31,7 +31,8 @@ _RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
 _ENERGY_RATES = (0.5, 3.0)
 _MEMORY_OF_CHANGES = 3
 # What a polygon leaves of energy, pressure and force, times ``LevelResult.polygon`` to a power, and of the largest
-# pressure; measured on a seal with round lips (demos/studies/effectivity.py).
+# pressure; measured on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to 0.29,
+# 0.006 to 0.04 and 0.6 to 1.4, the largest of each where a single node is in contact.
 _POLYGON = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
 _POLYGON_PEAK = 0.5
 # The largest pressure has no limit if it grows like h^-0.05 or faster on so many meshes one after the other, each finer
