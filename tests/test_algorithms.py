@@ -61,7 +61,7 @@ def test_exact_method_sees_where_a_support_drags_a_node(push):
     newton, size = task.exact_newton, task.boundary.size
     assert np.count_nonzero(~task.boundary.free[:, 0]) == 2
     for slip in (-1, 0, 1):
-        given = ActiveSets(np.ones(size, dtype=bool), np.full(size, slip, dtype=np.int8))
+        given = ActiveSets.of(np.ones(size, dtype=bool), np.full((size, 1), float(slip)))
         assert newton.solve(newton.problem.data, given) is Status.CONVERGED
         np.testing.assert_allclose(newton.multipliers()[1], 2.0 * np.sign(push), rtol=1e-9)
 

@@ -23,6 +23,8 @@ from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, tangent
 from signorini_fx.results import Status
 
+# What the derivatives along the path need of a solve on an old factor.
+_SLOPE_TOLERANCE = 1e-10
 # Below this share of gamma the pole is left out: it changes the distance by no more.
 _NO_POLE = 0.05
 
@@ -67,6 +69,9 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         return force
 
     ksp = newton.snes.getKSP()
+    # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
+    before = ksp.getTolerances()
+    ksp.setTolerances(rtol=_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
     ksp.solve(-contact_force(newton.x, data.gap, origin), first)
     system.matrix.mult(first, stretched)
@@ -81,6 +86,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    ksp.setTolerances(*before)
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, _ = system.contact.traces(newton.x)
     slope_n, _ = system.contact.traces(first)
