@@ -114,6 +114,7 @@ LEVELS: tuple[tuple[Layer, ...], ...] = (
                 "problem",
                 "linalg",
                 "contact_data",
+                "contact_map",
                 "holding",
                 "resting",
                 "quantities",

@@ -24,8 +24,8 @@ _KINKS = 1 / 33
 _CORNER = 0.5
 # The pressure is square integrable if it grows like r^-a with a < 1/2.
 _STEEPEST = 0.49
-# The growth towards a corner is looked at over distances that differ by so much, where the mesh has them.
-_STRETCH = 64.0
+# A growth with more than this power is looked at over distances that differ by so much, where the mesh has them.
+_STEEP, _STRETCH = 0.3, 64.0
 # A jump of the pressure is so many times larger than its changes beside it.
 _JUMP = 3.0
 # A corner with this share of the squared error is refined for its own sake.
@@ -114,12 +114,17 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
         return 0.0
     first = near[0]
-    # Two neighbours say much of their element; what the corner does shows over the whole stretch where it reigns.
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
     stretch = falling[(r[falling] <= _STRETCH * r[first]) & (pressure[falling] > 0)]
-    others = np.unique([near[1], stretch[-1]])
-    others = others[others > first]
-    a = min(float(np.max(np.log(pressure[first] / pressure[others]) / np.log(r[others] / r[first]))), _STEEPEST)
+
+    def growth(other: int) -> float:
+        return float(np.log(pressure[first] / pressure[other]) / np.log(r[other] / r[first]))
+
+    a = growth(near[1])
+    if a > _STEEP and stretch[-1] > first:
+        # Two neighbours say much of their element; a singularity shows over the whole stretch where it reigns.
+        a = max(a, growth(stretch[-1]))
+    a = min(a, _STEEPEST)
     h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
     k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
     square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))

@@ -114,7 +114,6 @@ def test_descent():
 def test_held_by_friction_that_slips_everywhere():
     """No node sticks and yet the forces balance: sets that do not hold the body, and a solution."""
     ours = alone(flat())
-    assert "descent" in rungs(ours)
     contact, friction = ours.contact.forces
     np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
 
