@@ -56,9 +56,9 @@ def coarse():
     return replace(
         state,
         pressure=pressure(boundary),
-        shear=-3.0 * pressure(boundary) + 1.0,
+        shear=-3.0 * pressure(boundary)[:, None] + 1.0,
         in_contact=contact(boundary),
-        slip=slip(boundary).astype(np.int8),
+        direction=slip(boundary).astype(float)[:, None],
     )
 
 
@@ -73,7 +73,7 @@ def test_linear_multipliers_are_carried_over_exactly(coarse, fine):
     """On each boundary by itself, also at the node that both have."""
     _, (found, shear) = carry_over(coarse, fine)
     np.testing.assert_allclose(found, pressure(fine), rtol=1e-12)
-    np.testing.assert_allclose(shear, -3.0 * pressure(fine) + 1.0, rtol=1e-12)
+    np.testing.assert_allclose(shear[:, 0], -3.0 * pressure(fine) + 1.0, rtol=1e-12)
 
 
 def test_sets_are_those_of_the_neighbours(coarse, fine):
@@ -83,16 +83,16 @@ def test_sets_are_those_of_the_neighbours(coarse, fine):
     place = along(fine) / h
     same = np.isclose(place, np.round(place))
     assert sets.contact[same].tolist() == contact(fine)[same].tolist()
-    assert sets.slip[same].tolist() == slip(fine)[same].tolist()
+    assert sets.direction[:, 0][same].tolist() == slip(fine)[same].tolist()
     below, above = (fine_at(fine, h * end(place)) for end in (np.floor, np.ceil))
     middle = np.isclose(place % 1, 0.5)
     assert sets.contact[middle].tolist() == (contact(below) | contact(above))[middle].tolist()
     sliding = np.where(slip(below) == slip(above), slip(below), 0)
-    assert sets.slip[middle].tolist() == sliding[middle].tolist()
+    assert sets.direction[:, 0][middle].tolist() == sliding[middle].tolist()
     near = np.abs(place % 1 - 0.5) > 0.1  # a third of the way: that of the nearer one
     nearest = fine_at(fine, h * np.round(place))
     assert sets.contact[near].tolist() == contact(nearest)[near].tolist()
-    assert sets.slip[near].tolist() == slip(nearest)[near].tolist()
+    assert sets.direction[:, 0][near].tolist() == slip(nearest)[near].tolist()
 
 
 def fine_at(boundary, place):
