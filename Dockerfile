@@ -16,7 +16,7 @@ RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-m
         python3-numpy python3-scipy python3-numexpr \
         python3-pydantic python3-simpleeval python3-tomli-w python3-typer python3-rich \
         python3-matplotlib fonts-dejavu-core fonts-dejavu-extra \
-        python3-pytest python3-pytest-timeout python3-pytest-cov python3-hypothesis mypy \
+        python3-pytest python3-pytest-timeout python3-pytest-cov python3-hypothesis python3-cvxopt mypy \
         python3-pip python3-setuptools python3-wheel \
         python3-cffi python3-dev gcc g++ libc6-dev make \
  && apt-get clean \

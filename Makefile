@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine where it has dolfinx, else in the image of the Dockerfile.
 # DEBIAN=sid make TARGET takes that release's image.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint format paper bench stability mutants docs clean
+.PHONY: help demo test test-long lint format paper bench stability oracle mutants docs clean
 DEMOS := example1_tresca example1_coulomb
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
@@ -37,7 +37,10 @@ bench:      ## measure
 stability:  ## try to break the solver, and say how it fared (results/stability)
 	./env python3 -m stability
 
-mutants:    ## put small mistakes into a copy of the package, and say which the tests do not notice (an hour)
+oracle:     ## judge 2,000 random scenes by a program that shares no code with the package (results/oracle, minutes)
+	./env python3 -m stability.oracle
+
+mutants:    ## put small mistakes into copies of the package, and say which the tests do not notice (docs/mutants.md)
 	./env python3 -m stability.mutants
 
 docs: $(SPHINX)  ## make HTML of README and docs/ (build/docs/docs/index.html)

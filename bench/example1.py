@@ -93,8 +93,8 @@ class Answer:
     def of_state(cls, c: ContactState, solves: int, factorisations: int = 0) -> Answer:
         """The package's, from the state of the contact boundary; one rank."""
         order = np.argsort(c.boundary.x[:, 0])
-        slip = np.where(c.bound > 0, c.slip, 0).astype(np.int8)
-        nodal = (c.boundary.x[:, 0], c.pressure, c.shear, c.in_contact, slip)
+        slip = np.where(c.bound > 0, c.direction[:, 0], 0).astype(np.int8)
+        nodal = (c.boundary.x[:, 0], c.pressure, c.shear[:, 0], c.in_contact, slip)
         return cls(*(values[order] for values in nodal), solves, factorisations)
 
     def differs(self, other: Answer, tolerance: float = 1e-6) -> str:

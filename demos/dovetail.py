@@ -77,8 +77,8 @@ def flank_forces(step):
     contact, comm = step.contact, solution.comm
     weight = contact.boundary.weight
     # Along the tangent the right flank rises to the left, the left one to the right.
-    upwards = np.where(contact.boundary.tangent[:, 1] > 0, 1.0, -1.0)
-    normal, shear = np.dot(weight, contact.pressure), np.dot(weight * upwards, contact.shear)
+    upwards = np.where(contact.boundary.tangents[:, 1, 0] > 0, 1.0, -1.0)
+    normal, shear = np.dot(weight, contact.pressure), np.dot(weight * upwards, contact.shear[:, 0])
     return comm.allreduce(normal), comm.allreduce(shear)
 
 

@@ -17,16 +17,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from pydantic import AfterValidator
 
 from signorini_fx.errors import SceneError
+from signorini_fx.magnitudes import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_LARGEST = 1e100  # its square is still a number
-
 
 def _length(given: float) -> float:
-    if not 1 / _LARGEST < given < _LARGEST:
-        raise ValueError(f"a positive length below {_LARGEST:g} is wanted, got {given:g}")
+    if not SMALLEST < given < LARGEST:
+        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is wanted, got {given:g}")
     return given
 
 

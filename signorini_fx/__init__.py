@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "errors": ("ConvergenceError", "InstallationError", "MeshError", "SceneError", "SignoriniError"),
+    "errors": (
+        "ConvergenceError",
+        "InstallationError",
+        "MachineError",
+        "MeshError",
+        "OptionsError",
+        "SceneError",
+        "SignoriniError",
+    ),
     "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "results": ("Status",),
     "io": ("write_results",),

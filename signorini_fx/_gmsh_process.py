@@ -1,6 +1,8 @@
 """What reads a file of gmsh for ``gmsh_files``, as a program of its own: it may end badly, and imports nothing of ours.
 
-python3 -P _gmsh_process.py FILE ARRAYS COMPLAINT SECONDS BYTES
+python3 -P _gmsh_process.py FILE ARRAYS COMPLAINT SECONDS BYTES HALVINGS DEGREE
+
+The cells of a script are divided HALVINGS times, and get nodes between their corners if DEGREE is 2, none if it is 1.
 """
 
 from __future__ import annotations
@@ -21,12 +23,12 @@ _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "
 
 def main(arguments: Sequence[str]) -> int:
     """Read a file within limits, and write what is in it as arrays, or what is wrong."""
-    file, arrays, complaint, seconds, memory = arguments
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
-    resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    file, arrays, complaint, seconds, memory, halvings, degree = arguments
+    _limit(resource.RLIMIT_CORE, 0, 0)
+    _limit(resource.RLIMIT_CPU, int(seconds), int(seconds) + 5)
+    _limit(resource.RLIMIT_AS, int(memory), int(memory))
     try:
-        _read(file, arrays)
+        _read(file, arrays, int(halvings), int(degree))
     except Exception as error:
         reason = str(error) or f"gmsh cannot read it: {type(error).__name__}"
         Path(complaint).write_text(reason.replace(f"'{file}', ", ""), encoding="utf-8")
@@ -34,7 +36,15 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _read(file: str, arrays: str) -> None:
+def _limit(which: int, soft: int, hard: int) -> None:
+    """Set a limit, or keep the one that there is where it is tighter and may not be raised."""
+    _, there = resource.getrlimit(which)
+    if there != resource.RLIM_INFINITY:
+        soft, hard = min(soft, there), min(hard, there)
+    resource.setrlimit(which, (soft, hard))
+
+
+def _read(file: str, arrays: str, halvings: int, degree: int) -> None:
     import gmsh
     import numpy as np
 
@@ -44,7 +54,13 @@ def _read(file: str, arrays: str) -> None:
     try:
         gmsh.merge(file)  # open would also run what lies beside it as FILE.opt
         if file.lower().endswith(".geo"):
+            if degree and halvings:  # the script's own order would be in the way of dividing
+                gmsh.option.setNumber("Mesh.ElementOrder", 1)
             gmsh.model.mesh.generate(2)
+            for _ in range(halvings):
+                gmsh.model.mesh.refine()
+            if degree:
+                gmsh.model.mesh.setOrder(degree)
     except Exception as error:
         raise ValueError(f"gmsh cannot read it: {error}") from None
     tags, x, _ = gmsh.model.mesh.getNodes()

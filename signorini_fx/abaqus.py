@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -41,38 +43,59 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
-def _blocks(text: str) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]:
-    """(keyword, its parameters, data lines split at commas), one after the other."""
-    keyword, parameters, rows = "", dict[str, str](), list[list[str]]()
-    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",", text)  # a keyword line that goes on
-    for line in joined.splitlines():
-        line = line.strip()
+@dataclass
+class _Block:
+    """A keyword with its parameters, its line in the file, and its data lines split at commas."""
+
+    keyword: str
+    parameters: dict[str, str]
+    line: int
+    rows: list[list[str]] = field(default_factory=list)
+
+
+def _blocks(text: str) -> Iterator[_Block]:
+    """The keywords one after the other."""
+    block: _Block | None = None
+    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that goes on
+    following = 1
+    for whole in joined.split("\n"):
+        number, following = following, following + 1 + whole.count("\0")
+        line = whole.replace("\0", "").strip()
         if not line or line.startswith("**"):
             continue
         if line.startswith("*"):
-            if keyword:
-                yield keyword, parameters, rows
+            if block is not None:
+                yield block
             first, *others = (word.strip() for word in line[1:].split(","))
             pairs = (word.partition("=") for word in others)
-            keyword = " ".join(first.upper().split())
             parameters = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
-            rows = []
-        else:
-            rows.append([word for word in (part.strip().strip('"') for part in line.split(",")) if word])
-    if keyword:
-        yield keyword, parameters, rows
+            block = _Block(" ".join(first.upper().split()), parameters, number)
+        elif block is not None:
+            block.rows.append([word for word in (part.strip().strip('"') for part in line.split(",")) if word])
+    if block is not None:
+        yield block
+
+
+# Sets of sets may name the same elements over and over: more members than this in all sets are a mistake.
+_MOST_MEMBERS = 20_000_000
 
 
 class _Reader:
-    """What has been read so far."""
+    """What has been read so far.
 
-    def __init__(self) -> None:
+    Args:
+        room: more nodes or elements than this cannot be in the file.
+    """
+
+    def __init__(self, room: int) -> None:
+        self._room = room
+        self._members = 0
         self.points: dict[int, list[float]] = {}
         self.blocks: list[tuple[str, list[list[int]]]] = []
         self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
-        self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 0 on)
+        self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
 
     def read(self, keyword: str, parameters: dict[str, str], rows: list[list[str]]) -> None:
         match keyword:
@@ -114,14 +137,27 @@ class _Reader:
     def _read_set(
         self, sets: dict[str, list[int]], name: str, parameters: dict[str, str], rows: list[list[str]]
     ) -> None:
-        members = sets.setdefault(name, [])
+        members: dict[int, None] = dict.fromkeys(sets.get(name, ()))
+        taken: set[str] = set()
         for row in rows:
             if "GENERATE" in parameters:
-                first, last, *step = map(int, row)
-                members += range(first, last + 1, *step)
-            else:
-                for word in row:
-                    members += [int(word)] if word.isdigit() else self._member(sets, word)
+                first, last, step = (*map(int, row), 1)[:3]
+                if step < 1 or (last - first) // step > self._room:
+                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not what the file can hold")
+                members.update(dict.fromkeys(range(first, last + 1, step)))
+                continue
+            for word in row:
+                if word.isdigit():
+                    members[int(word)] = None
+                elif word == name:
+                    raise ValueError(f"set {name!r} is named as a part of itself")
+                elif word not in taken:
+                    taken.add(word)
+                    members.update(dict.fromkeys(self._member(sets, word)))
+        self._members += len(members) - len(sets.get(name, ()))
+        if self._members > _MOST_MEMBERS:
+            raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
+        sets[name] = list(members)
 
     def _member(self, sets: dict[str, list[int]], word: str) -> list[int]:
         """A set within a set, perhaps with the name of its instance before it."""
@@ -139,9 +175,13 @@ class _Reader:
                 self.node_sets.setdefault(name, []).extend(
                     [int(row[0])] if row[0].isdigit() else self._member(self.node_sets, row[0])
                 )
-            elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE][1-4]", row[1].upper()):
+            elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
                 members = [int(row[0])] if row[0].isdigit() else self._member(self.element_sets, row[0])
-                self.surfaces.setdefault(name, []).extend((element, int(row[1][1]) - 1) for element in members)
+                faces = self.surfaces.setdefault(name, [])
+                faces.extend((element, int(row[1][1:])) for element in members)
+                self._members += len(members)
+                if self._members > _MOST_MEMBERS:
+                    raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
 
     def result(self) -> RawMesh:
         """Everything in the numbers of arrays."""
@@ -153,7 +193,7 @@ class _Reader:
         ]
         sets = {name: self._rows(members, len(blocks)) for name, members in self.element_sets.items()}
         for name, faces in self.surfaces.items():
-            sides = [self._side(blocks, element, face) for element, face in faces]
+            sides = [self._side(blocks, name, element, face) for element, face in faces]
             blocks.append(("line", np.array(sides, dtype=np.int64).reshape(-1, 2)))
             own = np.arange(len(sides))
             sets = {label: [*members, np.empty(0, dtype=np.int64)] for label, members in sets.items()}
@@ -171,11 +211,13 @@ class _Reader:
             found[block].append(row)
         return [np.array(rows, dtype=np.int64) for rows in found]
 
-    def _side(self, blocks: list[tuple[str, Ints]], element: int, face: int) -> list[int]:
+    def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
         block, row = self.elements[element]
         kind, nodes = blocks[block]
-        corners = 3 if kind.startswith("triangle") else 4
-        return [int(nodes[row, face % corners]), int(nodes[row, (face + 1) % corners])]
+        corners = 3 if kind.startswith("triangle") else 0 if kind.startswith("line") else 4
+        if not 1 <= face <= corners:
+            raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
+        return [int(nodes[row, face - 1]), int(nodes[row, face % corners])]
 
 
 def read(file: Path) -> RawMesh:
@@ -186,15 +228,28 @@ def read(file: Path) -> RawMesh:
     Raises:
         MeshError: it is no such file, or one of several parts; elements that are not plane.
     """
-    reader = _Reader()
     try:
-        for keyword, parameters, rows in _blocks(file.read_text(encoding="utf-8", errors="replace")):
-            reader.read(keyword, parameters, rows)
-        return reader.result()
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    reader = _Reader(len(text))
+    for block in _blocks(text):
+        with _named(file, f"line {block.line}, *{block.keyword}"):
+            reader.read(block.keyword, block.parameters, block.rows)
+    with _named(file, "sets and elements"):
+        mesh = reader.result()
+    return mesh
+
+
+@contextmanager
+def _named(file: Path, place: str) -> Iterator[None]:
+    """Say where it is what cannot be read."""
+    try:
+        yield
     except KeyError as error:
-        raise MeshError(f"{file}: {error} is missing") from None
-    except (ValueError, IndexError, TypeError) as error:
-        raise MeshError(f"{file}: {error}") from None
+        raise MeshError(f"{file}: {place}: {error} is missing") from None
+    except (ValueError, IndexError, TypeError, OverflowError) as error:
+        raise MeshError(f"{file}: {place}: {error}") from None
 
 
 def write(mesh: MeshArrays, file: Path) -> None:

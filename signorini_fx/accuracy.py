@@ -13,18 +13,37 @@ from dataclasses import dataclass, replace
 from math import ceil, inf
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
+from signorini_fx.error_estimates import Errors
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import curved_parameters, load_mesh, triangle_parameters
+from signorini_fx.material import plane_modulus
+from signorini_fx.mesh import (
+    STRAIGHT,
+    TaggedMesh,
+    curvature,
+    curved_parameters,
+    load_file,
+    load_mesh,
+    triangle_parameters,
+)
 from signorini_fx.nested import scene_on
-from signorini_fx.price_list import LevelResult, Price, expected_rates, peak_memory, predict, pressure_error, price_list
+from signorini_fx.pressure_error import corners_of_error, polygon_error
+from signorini_fx.price_list import (
+    LevelResult,
+    Price,
+    expected_rates,
+    grows_for_ever,
+    peak_memory,
+    predict,
+    price_list,
+    with_polygon,
+)
 from signorini_fx.quantities import ContactState
-from signorini_fx.refinement import check_divisible, mark, refine
+from signorini_fx.refinement import cells_at, check_divisible, mark, refine
 from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy, MeshGenerator, Scene
+from signorini_fx.scene import Accuracy, MeshFile, MeshGenerator, Scene
 from signorini_fx.solution import Solution
 from signorini_fx.strategy import LARGEST_GAMMA
 from signorini_fx.task import Task
@@ -32,17 +51,26 @@ from signorini_fx.task import Task
 # Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
 _COARSER = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them, the others two: one to begin with and one to confirm it.
-_FEWEST_MESHES = {"energy": 2, "pressure": 2}
+_FEWEST_MESHES = {"energy": 2, "pressure": 2, "force": 2}
 _MOST_MESHES = 40
-# What the estimates may be too small by (docs/accuracy.md); that of the displacement is the better one.
-_SAFETY = {"energy": 1.4}
+# What the estimates may be too small by (docs/accuracy.md), by quantity and degree; that of the displacement is the
+# better one, with elements of degree 2 most of all.
+_SAFETY = {("energy", 1): 1.7, ("energy", 2): 1.4}
 _UNSURE = 2.0
+# Nodes that are closer than this share of the body's size cannot be told apart reliably.
+_ROUND_OFF = 1e-11
+# Where the polygon's error of a quantity is found.
+_POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
+# How a mesh ends whose cells are at the round-off of their coordinates.
+_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
 # What the regularisation may take of the error that is asked for.
 _REGULARISATION_SHARE = 0.2
 # A mesh is at most so many times finer than the one before (its contact state is a start, its rates are trusted), ...
 _LARGEST_JUMP = 4.0
 # ... and where meshes are compared at least so much: small changes tell little.
 _SMALLEST_JUMP = 1.5
+# The slowest that the pressure's error at a corner is taken to fall with h, and the divisions between two solves.
+_CORNER_RATE, _CORNER_DIVISIONS = 0.25, 4
 # Of the squared error at least half is refined, or there would be many meshes; and not much more than is worth it.
 _BULK = (0.5, 0.75)
 
@@ -55,13 +83,13 @@ class Solved:
         solution: how it ended.
         task: the contact problem; None without one.
         level: what the mesh is worth; None where it has no solution.
-        squares: squared error of each owned cell, shape (cells,).
+        errors: what is estimated on the mesh; None where it has no solution.
     """
 
     solution: Solution
     task: Task | None
     level: LevelResult | None
-    squares: npt.NDArray[np.float64] | None
+    errors: Errors | None
 
 
 def solve_to_accuracy(
@@ -91,26 +119,42 @@ def solve_to_accuracy(
     rates = expected_rates(meshes.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
+    last: Solution | None = None
+    polygon = 0.0
     while True:
         before = time.perf_counter()
-        solved = meshes.first(solve_on) if not levels else solve_on(meshes.scene, state, len(levels))
+        solved = meshes.solve(solve_on, state, len(levels))
         solution, task, level = solved.solution, solved.task, solved.level
+        if last is not None and solution.status in _TOO_FINE:
+            # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
+            say(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
+            return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None:
             return replace(solution, levels=tuple(levels))
-        state = solution.contact
+        if meshes.polygonal and not levels:
+            polygon = polygon_error(level.table, max(map(plane_modulus, scene.material)))
+        state = solution.steps[0].contact
         seconds = parallel.global_max(comm, time.perf_counter() - before + meshes.seconds)
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
-        levels = [*levels[: len(levels) - same_mesh], replace(level, seconds=seconds)]
+        levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
-        solution = replace(solution, levels=tuple(levels), price_list=tuple(rows))
+        solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        first = {"energy": level.energy, "pressure": pressure_error(level.table)}
-        estimate = getattr(rows[-2], goal.of) if rows else first.get(goal.of)
-        error = inf if estimate is None else estimate * _SAFETY.get(goal.of, _UNSURE)
+        estimate = (
+            getattr(rows[-2], goal.of)
+            if rows
+            else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
+        )
+        safety = _SAFETY.get((goal.of, meshes.degree), _UNSURE)
+        error = inf if estimate is None else estimate * safety
         enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
+        hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
+        if hopeless:
+            say(f"accuracy: {hopeless}")
+            return replace(solution, status=Status.OUT_OF_REACH)
         meshes.raise_gamma(task, level.regularisation, left / goal.target)
         allowed = goal.target * (1 - _REGULARISATION_SHARE)
         if not enough or error > allowed:
@@ -125,6 +169,33 @@ def solve_to_accuracy(
             meshes.refine(solved, excess, jump)
         elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)
+
+
+def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size: float) -> str:
+    """Why no mesh will have the accuracy; "" where one may."""
+    table = levels[-1].table
+    if goal.of == "peak" and grows_for_ever(levels):
+        row = int(np.argmax(table.columns["pressure"]))
+        x, y = (round(float(table.columns[name][row]) / size, 9) * size for name in "xy")  # round-off is no position
+        return (
+            f"the largest pressure has no finite value: it grows with every refinement at ({x:.6g}, {y:.6g}); ask for "
+            "the pressure, a force or the energy, or round off the corner"
+        )
+    bare = replace(levels[-1], energy=0.0, pressure=0.0, data=0.0)
+    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * safety
+    if polygon > goal.target:
+        return (
+            f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
+            "no refinement makes smaller: give the .geo, or a mesh of second order"
+        )
+    spacings = [np.diff(table.columns["s"][chain.start : chain.stop]) for chain in table.chains if len(chain) > 1]
+    spacing = min((float(own.min()) for own in spacings), default=inf)
+    if spacing < _ROUND_OFF * size:
+        return (
+            "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
+            "finite norm there: ask for a force or the energy, or round off the corner"
+        )
+    return ""
 
 
 def _beyond(goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float) -> bool:
@@ -150,26 +221,32 @@ class Meshes:
         scene: the scene on the mesh that is to be solved next.
         degree: of the displacement.
         adaptive: whether triangles are divided where the error is.
+        polygonal: whether straight sides stay where the shape may be curved.
         replaced: what takes the place of the scene's elements; "": they stay.
         seconds: what the last refinement took; 0 where the mesh is made with the solve.
     """
 
     def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
-        self._generated = isinstance(scene.mesh, MeshGenerator)
-        if not self._generated:
-            tagged = load_mesh(scene, comm)
-            check_divisible(tagged)  # before hours have been spent on it as it is
-            scene = scene.model_copy(update={"mesh": tagged})
-        given = scene.element, scene.mesh
-        scene, self.adaptive = _prepared(scene, goal)
-        other = (scene.element, scene.mesh) != given
+        self._comm, self._plan = comm, planned(scene, goal, comm)
+        self._of: str = goal.of if goal.of in LOCAL else "force"  # what cells are marked for
+        self._given: Scene = self._plan.scene
+        self.adaptive: bool = self._plan.adaptive
+        self.polygonal: bool = self._plan.polygonal
         how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
-        self.replaced = f"degree {scene.element.degree}, {how}" if other else ""
-        self._given, self._comm = scene, comm
-        self.degree = scene.element.degree
-        self._coarsest, self._divisions = self._coarsest_factor(), 1
-        self.seconds = 0.0
-        self.scene = self._scene()
+        self._regularised = self._given
+        settings = self._given.solver
+        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
+        if goal.of == "pressure" and automatic:
+            # The regularisation blurs the pressure at a corner, over a length that hardly depends on the mesh.
+            solver = settings.model_copy(update={"algorithm": "exact"})
+            self._given = self._given.model_copy(update={"solver": solver})
+        self.degree: int = self._given.element.degree
+        self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
+        self._generated = isinstance(self._given.mesh, MeshGenerator)
+        self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
+        self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
+        self.seconds: float = 0.0
+        self.scene: Scene = self._scene()
 
     def _coarsest_factor(self) -> float:
         """How many times larger the first cells are; a mesh that is no part of the scene's own would lose nodes of it.
@@ -192,6 +269,30 @@ class Meshes:
             self._coarsest /= 2
             self.scene = self._scene()
 
+    def solve(
+        self,
+        solve_on: Callable[[Scene, ContactState | None, int], Solved],
+        state: ContactState | None,
+        number: int,
+    ) -> Solved:
+        """Solve on the mesh that is due; with regularisation where the scene leaves it open and nothing else works."""
+        if self._given.solver == self._regularised.solver:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        try:
+            solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+            if solved.level is not None or solved.task is None:
+                return solved
+        except SceneError:
+            solved = None
+        self._given = self._regularised
+        self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
+        try:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        except SceneError:
+            if solved is not None:
+                return solved
+            raise
+
     def jump(self, excess: float, rate: float, *, compared: bool) -> float:
         """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
         if self.adaptive or not self._generated:
@@ -204,19 +305,37 @@ class Meshes:
     def refine(self, solved: Solved, excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = time.perf_counter()
-        if self.adaptive or not self._generated:
-            cells = None
-            if self.adaptive:
-                assert solved.squares is not None
-                cells = mark(self._comm, solved.squares, float(np.clip(1 - excess**-2, *_BULK)))
-            tagged = refine(solved.solution.discretisation.tagged, cells)
-            self.scene = self.scene.model_copy(update={"mesh": tagged})
-        else:
+        if self._file is not None:
+            self._halvings += 1
+            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+        elif self._generated and not self.adaptive:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
             self._divisions = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
-            mesh = self._scene().mesh
-            self.scene = self.scene.model_copy(update={"mesh": mesh})
+            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+        else:
+            cells = None
+            if self.adaptive:
+                assert solved.errors is not None
+                squares = solved.errors.squares[self._of]
+                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *_BULK)))
+            tagged = refine(solved.solution.discretisation.tagged, cells)
+            if self._of == "pressure" and self.adaptive:
+                tagged = self._divide_corners(tagged, solved, excess)
+            self.scene = self.scene.model_copy(update={"mesh": tagged})
         self.seconds = time.perf_counter() - begin
+
+    def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
+        """Divide the cells at corners in contact several times, where they hold the error of the pressure.
+
+        There it falls so slowly with h, and so few cells are divided, that a solve for each division would be a waste.
+        """
+        assert solved.level is not None
+        corners = corners_of_error(solved.level.table)
+        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / _CORNER_RATE - 1, 0, _CORNER_DIVISIONS))):
+            if not len(corners):
+                break
+            tagged = refine(tagged, cells_at(tagged, corners))
+        return tagged
 
     def raise_gamma(self, task: Task, left: float, excess: float) -> None:
         """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
@@ -243,33 +362,95 @@ class Meshes:
 
     def _scene(self) -> Scene:
         """The scene on the mesh with the divisions that there are."""
+        if self._file is not None:
+            tagged = load_file(self._file, self._comm, halvings=self._halvings, degree=self._plan.geometry)
+            return self._given.model_copy(update={"mesh": tagged})
         return scene_on(self._given, self._coarsest / self._divisions) if self._generated else self._given
 
 
-def _prepared(scene: Scene, goal: Accuracy) -> tuple[Scene, bool]:
-    """The scene with the elements that are to be used, and whether to refine where the error is.
+@dataclass(frozen=True)
+class Plan:
+    """How a scene is refined.
+
+    Attributes:
+        scene: with the elements that are to be used; its mesh is a generator's, a file's whose cells are all divided,
+            or one whose triangles are.
+        adaptive: whether triangles are divided where the error is.
+        replaced: whether elements or cells are others than those of the scene.
+        polygonal: whether straight sides stay where the shape may be curved.
+        geometry: degree of the geometry of a file's mesh; None: as the file has it.
+    """
+
+    scene: Scene
+    adaptive: bool
+    replaced: bool
+    polygonal: bool = False
+    geometry: int | None = None
+
+
+# What is estimated well on meshes that are fine in one place and coarse in another; the rest compares meshes point by
+# point, which they do not bear well.
+LOCAL = ("energy", "pressure", "force")
+
+
+def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """How to refine the mesh of a scene.
 
     Raises:
         SceneError: cells on arcs are to be divided, which would converge to the solution on a polygon.
+        MeshError: the mesh cannot be refined.
     """
-    if goal.refinement == "adaptive" and isinstance(scene.mesh, MeshGenerator):
-        name = scene.mesh.generator
-        if triangle_parameters(name, scene.mesh.parameters) is None:
-            message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
-            raise SceneError([("accuracy.refinement", message)])
-    if goal.refinement != "auto":
-        return scene, goal.refinement == "adaptive"
-    # The other estimates compare meshes point by point, which those that differ from place to place do not bear well.
-    if goal.of not in ("energy", "pressure"):
-        return scene, False
-    element = scene.element.model_copy(update={"degree": 2})
     if isinstance(scene.mesh, MeshGenerator):
-        parameters = triangle_parameters(scene.mesh.generator, scene.mesh.parameters)
-        divided = parameters is not None
-        if parameters is None:  # arcs: cells of degree 2 on them, and all of them smaller
-            parameters = curved_parameters(scene.mesh.generator, scene.mesh.parameters)
-        if parameters is None:
-            return scene, False
-        mesh = MeshGenerator(generator=scene.mesh.generator, parameters=parameters)
-        return scene.model_copy(update={"mesh": mesh, "element": element}), divided
-    return scene.model_copy(update={"element": element}), True
+        return _planned_generator(scene, goal)
+    if isinstance(scene.mesh, MeshFile):
+        return _planned_file(scene, scene.mesh, goal, comm)
+    tagged = load_mesh(scene, comm)
+    check_divisible(tagged)  # before hours have been spent on it as it is
+    scene = scene.model_copy(update={"mesh": tagged})
+    if goal.refinement != "auto" or goal.of not in LOCAL:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
+    return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _of_degree_2(scene: Scene) -> Scene:
+    return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
+
+
+def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
+    assert isinstance(scene.mesh, MeshGenerator)
+    name, given = scene.mesh.generator, scene.mesh.parameters
+    triangles = triangle_parameters(name, given)
+    if goal.refinement == "adaptive" and triangles is None:
+        message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
+    # Arcs: cells of degree 2 on them, and all of them smaller.
+    parameters = curved_parameters(name, given) if triangles is None else triangles
+    if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False)
+    mesh = MeshGenerator(generator=name, parameters=parameters)
+    better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
+    return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
+
+
+def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """Curved sides stay curved: all cells are divided then, since dolfinx bisects straight ones only."""
+    drawn = file.file.suffix.lower() == ".geo"
+    tagged = load_file(file, comm, degree=2 if drawn else None)
+    curved = curvature(tagged) > STRAIGHT * tagged.size
+    degree = compat.geometry_degree(tagged.mesh)
+    triangles = tagged.mesh.topology.cell_name() == "triangle"
+    better = goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    if goal.refinement == "adaptive" or (better and goal.of in LOCAL and triangles and not curved):
+        if curved:
+            message = (
+                "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "
+                "would stay the polygon that they are; use 'uniform'"
+            )
+            raise SceneError([("accuracy.refinement", message)])
+        straight = load_file(file, comm, degree=1)
+        check_divisible(straight)
+        divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
+        return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
+    whole = _of_degree_2(scene) if better else scene
+    geometry = (2 if curved and whole.element.degree == 2 else 1) if drawn or not curved else None
+    return Plan(whole, False, whole.element != scene.element, not drawn and degree == 1, geometry)

@@ -8,6 +8,7 @@ rank may own none of the facets around it.  A node of two contact boundaries is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -59,29 +60,65 @@ class ContactBoundary:
         """Number of contact nodes on this rank."""
         return int(self.nodes.size)
 
+    @cached_property
+    def tangents(self) -> Nodal:
+        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1); see ``tangents_of``."""
+        return tangents_of(self.normal)
+
     @property
-    def tangent(self) -> Nodal:
-        """Unit tangent t_i = (-n_2, n_1), shape (n, 2): for a body above its foundation it points along x[0]."""
-        return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
+    def frames(self) -> Nodal:
+        """(n, T) of each node, one direction per column, shape (n, d, d)."""
+        return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
-    def prescribed(self, direction: Nodal) -> npt.NDArray[np.bool_]:
-        """Nodes with a prescribed displacement along their direction (``normal`` or ``tangent``), shape (n,).
+    @property
+    def immovable(self) -> npt.NDArray[np.bool_]:
+        """Nodes that cannot move along their normal: what is free at them is across it, shape (n,).
 
-        What the contact does to them, the support takes.
+        What the contact does to them there, the support takes.
         """
-        return (np.abs(direction) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) from nodal displacements of shape (n, 2)."""
-        return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ij->i", y, self.tangent)
+        """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
+        return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
 
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Nodal w (lambda n + mu t), shape (n, 2): (lambda, tau_N .) + (mu, tau_T .), minus of which loads the body."""
-        return (self.weight * pressure)[:, None] * self.normal + (self.weight * shear)[:, None] * self.tangent
+        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus of which loads the body."""
+        traction = pressure[:, None] * self.normal + np.einsum("ik,ijk->ij", shear, self.tangents)
+        return self.weight[:, None] * traction
 
     def norm(self, values: Nodal) -> float:
-        """The norm of L2(Gamma_c) by the nodal rule, collective."""
-        return float(np.sqrt(parallel.global_sum(self.comm, np.dot(self.weight, values**2))))
+        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
+        squares = np.tensordot(self.weight, values**2, axes=1).sum()
+        return float(np.sqrt(parallel.global_sum(self.comm, squares)))
+
+    def scale(self, values: Nodal) -> float:
+        """The norm without the nodes where a support takes a part of the normal force; collective.
+
+        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
+        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
+        """
+        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
+        return self.norm(free) or self.norm(values)
+
+
+def tangents_of(normal: Nodal) -> Nodal:
+    """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
+
+    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space any two unit vectors
+    that make a right-handed frame (n, t_1, t_2) do (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8); nothing may
+    compare them from node to node.
+    """
+    if normal.shape[1] == 2:
+        return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
+    x, y, z = normal.T
+    sign = np.where(z < 0, -1.0, 1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack((1.0 + sign * x * x * a, sign * b, -sign * x), axis=1)
+    second = np.stack((b, sign + y * y * a, -y), axis=1)
+    return np.stack((first, second), axis=2)
 
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:

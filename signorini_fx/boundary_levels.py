@@ -101,9 +101,8 @@ def _finest(task: Task) -> _Level:
 def _coarser(fine: _Level) -> _Level:
     """Every second node of each chain, its ends, and the nodes of two boundaries."""
     boundary, system = fine.boundary, fine.system
-    _, first, node_of, counts = np.unique(
-        system.contact_dofs[:, 0], return_index=True, return_inverse=True, return_counts=True
-    )
+    unknowns, _ = system.contact.entries()
+    _, first, node_of, counts = np.unique(unknowns[:, 0], return_index=True, return_inverse=True, return_counts=True)
     shared = counts[node_of.ravel()] > 1
     kept: list[Indices] = []
     ranges: list[Indices] = []
@@ -123,9 +122,8 @@ def _coarser(fine: _Level) -> _Level:
     # From entries to nodes, which entries of two boundaries share.
     coarse_nodes, coarse_first, coarse_of = np.unique(node_of.ravel()[rows], return_index=True, return_inverse=True)
     merge = _matrix([(np.arange(before), coarse_of.ravel(), np.ones(before))], (before, coarse_nodes.size))
-    contact_dofs = (2 * coarse_of.ravel()[:, None] + np.arange(2)).astype(np.int32)
-    dofs = system.contact_dofs[first]
-    kept_dofs = system.contact_dofs[rows[coarse_first]].ravel()
+    dofs = unknowns[first]
+    kept_dofs = unknowns[rows[coarse_first]].ravel()
     prolongation = _of_dofs(interpolation[first] @ merge, dofs, kept_dofs, system.fixed)
     coarse = replace(
         boundary,
@@ -154,11 +152,11 @@ def _coarser(fine: _Level) -> _Level:
         slip_origin=some(d.slip_origin),
     )
     return _Level(
-        CoarsenedSystem.of(system, prolongation, kept_dofs, contact_dofs),
+        CoarsenedSystem.of(system, prolongation, kept_dofs, coarse, coarse_of.ravel()),
         coarse,
         data,
         None if law is None else FrictionLaw(law.given[rows], law.coefficient[rows], some(law.cap)),
-        None if sets is None else ActiveSets(sets.contact[rows], sets.slip[rows]),
+        None if sets is None else ActiveSets.of(sets.contact[rows], sets.direction[rows]),
         ranges,
         rows,
     )
@@ -184,8 +182,8 @@ def _matrix(entries: list[Entries], shape: tuple[int, int]) -> sp.csr_matrix:
 
 def _of_dofs(
     nodal: sp.csr_matrix,
-    dofs: npt.NDArray[np.int32],
-    kept: npt.NDArray[np.int32],
+    dofs: Indices,
+    kept: Indices,
     fixed: npt.NDArray[np.bool_],
 ) -> sp.csr_matrix:
     """Both components; a prescribed one is interpolated from nothing, and nothing from it."""

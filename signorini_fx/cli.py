@@ -5,21 +5,23 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 import textwrap
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from signorini_fx import __version__
+from signorini_fx import __version__, terminal
+from signorini_fx.errors import OutputError, SceneError, SignoriniError, shortened
 from signorini_fx.launcher import started_as_root
 
 if TYPE_CHECKING:
     from signorini_fx.checks import Check, Cost
-    from signorini_fx.result_folder import ResultFolder
     from signorini_fx.solution import Solution
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
@@ -29,11 +31,11 @@ class _Parser(argparse.ArgumentParser):
     """Prints on one rank, and ends with the exit code of bad input."""
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        if started_as_root():
-            super()._print_message(message, file)
+        if message and started_as_root():
+            terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n{self.format_usage()}")
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {shortened(message)}\n{self.format_usage()}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -56,9 +58,9 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
     solve.add_argument(
         "--accuracy",
-        type=float,
+        type=_accuracy,
         metavar="E",
-        help="relative error to reach by refining, such as 0.05 (overrides accuracy.target)",
+        help="relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)",
     )
     quantities = ("energy", "pressure", "force", "zone", "peak")
     solve.add_argument(
@@ -66,7 +68,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles where the error is")
     solve.add_argument(
-        "--budget", action="append", type=_budget, metavar="60s|4GB", help="what the accuracy may cost; may be repeated"
+        "--budget",
+        action="append",
+        type=_budget,
+        metavar="60s|4GB",
+        help="what the accuracy may cost, in s, min or h, or in MB or GB; may be repeated",
     )
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
@@ -98,13 +104,31 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+_NUMBER = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*"
+# Ending -> key of the scene, and what one of it is there: seconds, GB.
+_BUDGETS = {
+    **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
+    **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
+}
+
+
+def _accuracy(text: str) -> float:
+    """0.05 or 5%."""
+    found = re.fullmatch(rf"{_NUMBER}(%?)\s*", text)
+    try:
+        return float(found[1]) / 100 if found and found[2] else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is wanted, got {text!r}") from None
+
+
 def _budget(text: str) -> tuple[str, float]:
     """60s or 4GB as the key of the scene and its value."""
-    for ending, key in (("GB", "memory"), ("s", "seconds")):
-        number = text.removesuffix(ending)
-        if number != text and number.replace(".", "", 1).isdigit():
-            return key, float(number)
-    raise argparse.ArgumentTypeError(f"a time like 60s or a memory like 4GB is wanted, got {text!r}")
+    found = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
+    if found is None:
+        wanted = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is wanted"
+        raise argparse.ArgumentTypeError(f"{wanted}, got {text!r}")
+    key, unit = _BUDGETS[found[2]]
+    return key, float(found[1]) * unit
 
 
 def _overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -123,105 +147,156 @@ def _overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code is the same on every rank."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        del sys.argv[1:]  # dolfinx reads them when it is imported, and does not survive what is not UTF-8
+    terminal.prepare()
     petsc_options: list[str] = []
     if "--" in arguments:
         split = arguments.index("--")
         arguments, petsc_options = arguments[:split], arguments[split + 1 :]
     options = _parser().parse_args(arguments)
-    if options.command == "new":
-        return _new(options.file)
-    if options.command == "schema":
-        return _schema()
-    if options.command == "report":
-        return _report(options)
-    if options.command in ("convert", "mesh-info"):
-        return _mesh_file(options)
-    from signorini_fx.errors import InstallationError
-    from signorini_fx.requirements import check_fenicsx
+    match options.command:
+        case "new":
+            return _alone(partial(_new, options.file))
+        case "schema":
+            return _alone(_schema)
+        case "report":
+            return _alone(partial(_report, options))
+        case "convert" | "mesh-info":
+            return _alone(partial(_mesh_file, options))
+        case "info":
+            return _on_ranks(_info)
+        case "check":
+            return _on_ranks(partial(_check, options, petsc_options))
+        case "work-precision":
+            return _on_ranks(partial(_work_precision, options, petsc_options))
+    return _on_ranks(partial(_solve, options, petsc_options))
+
+
+def _complain(text: object) -> int:
+    terminal.say(f"signorini-fx: error: {text}", error=True)
+    return EXIT_BAD_INPUT
+
+
+def _alone(run: Callable[[], str]) -> int:
+    """Run a command that one of several processes does, and print what it gives."""
+    if not started_as_root():
+        return EXIT_OK
+    try:
+        terminal.say(run())
+    except SignoriniError as error:
+        return _complain(error)
+    except MemoryError:
+        return _complain(_OUT_OF_MEMORY)
+    except KeyboardInterrupt:
+        terminal.say("signorini-fx: interrupted", error=True)
+        return EXIT_INTERRUPTED
+    return EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK
+
+
+_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; limits are in ulimit -a"
+
+
+_PATIENCE = 1.0  # seconds
+
+
+def _on_ranks(run: Callable[[], int]) -> int:
+    """Run a command that all ranks share; every way in which it can end, in one place."""
+    from signorini_fx.requirements import check_fenicsx, check_machine
 
     try:
+        check_machine()
         check_fenicsx()
-    except InstallationError as error:
-        if started_as_root():
-            print(f"signorini-fx: error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+    except SignoriniError as error:
+        return _complain(error) if started_as_root() else EXIT_BAD_INPUT
     from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+
+    def end(code: int) -> int:
+        """An error that only one rank meets would leave the others waiting for ever."""
+        if comm.size > 1:
+            comm.Abort(code)
+        return code
 
     # mpirun and batch systems ask with SIGTERM, and kill soon after.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        match options.command:
-            case "info":
-                code = _info()
-            case "check":
-                code = _check(options, petsc_options)
-            case "work-precision":
-                code = _work_precision(options, petsc_options)
-            case _:
-                code = _solve(options, petsc_options)
-        from signorini_fx import parallel
-
-        return code or (EXIT_BAD_INPUT if parallel.output_lost() else EXIT_OK)
+        code = run()
+        return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
+    except SignoriniError as error:  # these come on all ranks alike
+        _forget_petsc_options()
+        return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
     except KeyboardInterrupt as interruption:
-        if MPI.COMM_WORLD.rank == 0:
-            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode())
-        if MPI.COMM_WORLD.size > 1:
-            MPI.COMM_WORLD.Abort(EXIT_INTERRUPTED)
-        return EXIT_INTERRUPTED
-    except Exception:
-        # An error that only one rank meets would leave the others waiting for ever.
+        if comm.rank == 0:
+            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
+        return end(EXIT_INTERRUPTED)
+    except Exception as error:
+        told = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
+        if told is not None:
+            if comm.rank > 0:  # if the first rank has met it too, it has ended this one by then
+                time.sleep(_PATIENCE)
+            return end(_complain(told))
         traceback.print_exc()
-        if MPI.COMM_WORLD.size > 1:
-            MPI.COMM_WORLD.Abort(EXIT_CRASH)
-        return EXIT_CRASH
+        return end(EXIT_CRASH)
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _forget_petsc_options() -> None:
+    """At its end PETSc lists options that nobody has used, and obeys others: not after an error that comes before."""
+    if "petsc4py.PETSc" in sys.modules:
+        from petsc4py import PETSc
+
+        options = PETSc.Options()
+        for name in options.getAll():
+            options.delValue(name)
+
+
+def _refused_by_petsc(error: Exception) -> SignoriniError | None:
+    """What to say of an error of PETSc that options of the user may have caused."""
+    if "petsc4py" not in sys.modules:
+        return None
+    from petsc4py import PETSc
+
+    from signorini_fx.options import refused
+
+    return refused(error) if isinstance(error, PETSc.Error) else None
 
 
 def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.errors import SceneError, SignoriniError
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
-    folder: ResultFolder | None = None
     progress = _Progress()
+    text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
+    scene = parse_scene_text(text, options.scene, _overrides(options))
+    start_petsc(comm, petsc_options)
+    from signorini_fx import io
+    from signorini_fx.result_folder import ResultFolder
+    from signorini_fx.solver import solve
+    from signorini_fx.summary import render, table_row
+
+    def keep(solution: Solution) -> None:
+        io.write_results(solution, path / io.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        progress.kept = path / io.LAST_LEVEL
+
+    observers: list[Callable[[Any], None]] = [progress]
+    if not options.quiet:
+        observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
     try:
-        text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
-        scene = parse_scene_text(text, options.scene, _overrides(options))
-
-        import petsc4py
-
-        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
-        from signorini_fx import io
-        from signorini_fx.result_folder import ResultFolder
-        from signorini_fx.solver import solve
-        from signorini_fx.summary import render, table_row
-
-        def keep(solution: Solution) -> None:
-            io.write_results(solution, path / io.LAST_LEVEL, fields=not options.no_fields, pictures=False)
-            progress.kept = path / io.LAST_LEVEL
-
-        folder = ResultFolder(comm, path)
-        observers: list[Callable[[Any], None]] = [progress]
-        if not options.quiet:
-            observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
-        solution = solve(scene, comm, check=False, observers=observers, keep=keep)
-        progress.solved = True
-        summary = io.write_results(solution, folder, fields=not options.no_fields, pictures=not options.no_pictures)
-    except SignoriniError as error:
-        if folder is not None:
-            folder.discard()
-        if isinstance(error, SceneError):
-            error = SceneError(error.problems, str(options.scene))
-        parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
-        return EXIT_BAD_INPUT
+        with ResultFolder(comm, path) as folder:
+            solution = solve(scene, comm, check=False, observers=observers, keep=keep)
+            progress.solved = True
+            summary = io.write_results(solution, folder, fields=not options.no_fields, pictures=not options.no_pictures)
+    except SceneError as error:
+        raise error.of(options.scene) from None
     except KeyboardInterrupt:
-        if comm.size == 1 and folder is not None:
-            folder.discard()
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
@@ -257,135 +332,95 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.errors import SceneError, SignoriniError
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene import read_scene
 
     comm = MPI.COMM_WORLD
-    folder = options.out or Path("results") / f"work_precision_{options.scene.stem}"
-    claimed: ResultFolder | None = None
+    path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
+    if comm.size > 1:
+        problem = ("work-precision", "compares methods on one rank: run it without mpirun")
+        raise SceneError([problem], str(options.scene))
+    scene = read_scene(options.scene)
+    start_petsc(comm, petsc_options)
+    from signorini_fx import work_precision
+    from signorini_fx.result_folder import ResultFolder, cannot_be_written
+
     try:
-        if comm.size > 1:
-            raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
-        scene = read_scene(options.scene)
-
-        import petsc4py
-
-        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
-        from signorini_fx import work_precision
-        from signorini_fx.result_folder import ResultFolder, cannot_be_written
-
-        claimed = ResultFolder(comm, folder)  # find out early that it cannot be written
-        study = work_precision.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
-        try:
-            work_precision.write_study(study, claimed.part)
-        except OSError as error:
-            raise cannot_be_written(folder, error) from None
-        claimed.commit(())
-    except SignoriniError as error:
-        if claimed is not None:
-            claimed.discard()
-        if isinstance(error, SceneError):
-            error = SceneError(error.problems, str(options.scene))
-        parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
-        return EXIT_BAD_INPUT
-    parallel.log_on_root(comm, f"\n{textwrap.fill(work_precision.advice(study), width=110)}\n\nresults: {folder}/")
+        with ResultFolder(comm, path) as folder:  # find out early that it cannot be written
+            study = work_precision.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+            try:
+                work_precision.write_study(study, folder.part)
+            except OSError as error:
+                raise cannot_be_written(path, error) from None
+            folder.commit(())
+    except SceneError as error:
+        raise error.of(options.scene) from None
+    parallel.log_on_root(comm, f"\n{textwrap.fill(work_precision.advice(study), width=110)}\n\nresults: {path}/")
     return EXIT_OK
 
 
-def _new(file: Path) -> int:
-    """Write the starting scene; only one of several processes does."""
+def _new(file: Path) -> str:
+    """Write the starting scene."""
     from signorini_fx.template import starting_scene
 
-    if not started_as_root():
-        return EXIT_OK
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(starting_scene())
     except FileExistsError:
-        print(f"signorini-fx: error: {file}: is there already: give another name, or remove it", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise OutputError(f"{file}: is there already: give another name, or remove it") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        print(f"signorini-fx: error: {file}: cannot be written: {reason}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    print(f"{file} is a scene that solves as it is; change it, then: signorini-fx check {file}")
-    return EXIT_OK
+        raise OutputError(f"{file}: cannot be written: {reason}") from None
+    return f"{file} is a scene that solves as it is; change it, then: signorini-fx check {file}"
 
 
-def _report(options: argparse.Namespace) -> int:
-    """Write the page of a result folder; only one of several processes does."""
-    from signorini_fx.errors import SignoriniError
+def _report(options: argparse.Namespace) -> str:
+    """Write the page of a result folder."""
     from signorini_fx.report import write_report
 
-    if not started_as_root():
-        return EXIT_OK
-    try:
-        print(write_report(options.folder, options.out))
-    except SignoriniError as error:
-        print(f"signorini-fx: error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    return EXIT_OK
+    return str(write_report(options.folder, options.out))
 
 
-def _mesh_file(options: argparse.Namespace) -> int:
-    """Rewrite or describe a mesh file; only one of several processes does."""
-    from signorini_fx.errors import SignoriniError
+def _mesh_file(options: argparse.Namespace) -> str:
+    """Rewrite or describe a mesh file."""
     from signorini_fx.mesh_formats import read_file, write_file
     from signorini_fx.mesh_info import mesh_info, render
 
-    if not started_as_root():
-        return EXIT_OK
-    try:
-        if options.command == "convert":
-            mesh = read_file(options.source)
-            write_file(mesh, options.target)
-            print(render(mesh_info(mesh), str(options.target)))
-        else:
-            info = mesh_info(read_file(options.file))
-            print(json.dumps(info, indent=2) if options.json else render(info, str(options.file)))
-    except SignoriniError as error:
-        print(f"signorini-fx: error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
-    return EXIT_OK
+    if options.command == "convert":
+        mesh = read_file(options.source)
+        write_file(mesh, options.target)
+        return render(mesh_info(mesh), str(options.target))
+    info = mesh_info(read_file(options.file))
+    return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 
-def _schema() -> int:
+def _schema() -> str:
     from signorini_fx.template import scene_schema
 
-    if started_as_root():
-        print(json.dumps(scene_schema(), indent=2))
-    return EXIT_OK
+    return json.dumps(scene_schema(), indent=2)
 
 
 def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.errors import SceneError, SignoriniError
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     try:
         text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
         scene = parse_scene_text(text, options.scene)
-
-        import petsc4py
-
-        petsc4py.init(["signorini-fx", "-no_signal_handler", *petsc_options])
+        start_petsc(comm, petsc_options)
         from signorini_fx.checks import check_scene
 
         check = check_scene(scene, comm)
     except SignoriniError as error:
-        if isinstance(error, SceneError):
-            error = SceneError(error.problems, str(options.scene))
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
             report = {"problems": [{"path": path, "message": message} for path, message in problems]}
             parallel.log_on_root(comm, json.dumps(report, indent=2))
-        parallel.log_on_root(comm, f"signorini-fx: error: {error}", error=True)
-        return EXIT_BAD_INPUT
+        raise error.of(options.scene) if isinstance(error, SceneError) else error from None
     parallel.log_on_root(comm, json.dumps(check.as_dict(), indent=2) if options.json else _render(check))
     return EXIT_OK
 

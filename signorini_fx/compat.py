@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import basix
 import dolfinx
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +43,14 @@ def geometry_degree(domain: mesh.Mesh) -> int:
     return int((geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap).degree)
 
 
+def geometry_element(domain: mesh.Mesh) -> Any:
+    """The Lagrange element of the geometry of the cells, as basix has it."""
+    geometry: Any = domain.geometry
+    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+    cell = getattr(basix.CellType, domain.topology.cell_name())
+    return basix.create_element(basix.ElementFamily.P, cell, cmap.degree, basix.LagrangeVariant(cmap.variant))
+
+
 def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
     geometry: Any = domain.geometry
@@ -53,4 +62,12 @@ def has_vtx() -> bool:
     return bool(dolfinx.common.has_adios2)
 
 
-__all__ = ["VERSION", "geometry_cells", "geometry_degree", "gmsh_model_to_mesh", "has_vtx", "interpolation_points"]
+__all__ = [
+    "VERSION",
+    "geometry_cells",
+    "geometry_degree",
+    "geometry_element",
+    "gmsh_model_to_mesh",
+    "has_vtx",
+    "interpolation_points",
+]

@@ -10,13 +10,14 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.discretisation import Body
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import sample
+from signorini_fx.magnitudes import LARGEST
 from signorini_fx.scene import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 
 # gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-_AUTOMATIC_GAMMA = 1e5
+AUTOMATIC_GAMMA = 1e5
 
 
 def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
@@ -38,15 +39,13 @@ def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
     return FrictionLaw(given, coefficient, cap if capped else None)
 
 
-def regularised_data(
-    scene: Scene, discretisation: Discretisation, boundary: ContactBoundary, law: FrictionLaw | None
-) -> RegularisedData:
+def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: FrictionLaw | None) -> RegularisedData:
     """The regularised problem that the scene asks for, with no shifts and the given part of the friction bound."""
     gap = np.zeros(boundary.size)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
-    automatic = _AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size
+    automatic = AUTOMATIC_GAMMA * scene.young / body.tagged.size
     settings = scene.solver
     zero = np.zeros(boundary.size)
     return RegularisedData(
@@ -55,7 +54,7 @@ def regularised_data(
         gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
         sigma=np.inf if settings.sigma == "auto" else settings.sigma,
         lambda_hat=zero,
-        mu_hat=zero,
+        mu_hat=np.zeros(boundary.tangents.shape[::2]),
         bound=None if law is None else law.given,
         bilateral=bilateral_nodes(scene, boundary),
     )
@@ -72,11 +71,11 @@ def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], p
     points = np.zeros((3, int(np.count_nonzero(here))))
     points[:2] = boundary.x[here].T
     values = sample(value, points)
-    bad = np.flatnonzero(~np.isfinite(values) | (values < minimum))
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST) | (values < minimum))
     error = None
     if bad.size:
         x, y = points[:2, bad[0]]
-        wanted = "finite" if minimum == -np.inf else "finite and not negative"
+        wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
         error = SceneError([(path, f"is {values[bad[0]]:g} at ({x:g}, {y:g}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)
     return values
@@ -85,7 +84,7 @@ def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], p
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
     """The sets of the first linear solve and its number (section 7: a solve that only makes the start has number 0)."""
     region = scene.solver.initial_contact
-    every = ActiveSets.all_in_contact(boundary.size)
+    every = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
     if isinstance(region, str):
         return every, 0
     if isinstance(region, Box):
@@ -99,4 +98,4 @@ def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int
         inside = sample(region, points) > 0
     if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
         raise SceneError([("solver.initial_contact", "holds no contact node")])
-    return ActiveSets(inside, every.slip), 1
+    return ActiveSets.of(inside, every.direction), 1

@@ -22,10 +22,13 @@ class ContactTable:
             slip- or, where the bound is 0, none, whether or not the node is in contact (Tresca friction acts on open
             nodes too).
         chains: the connected pieces of the boundary, as ranges of rows.
+        nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
+            table that belongs to no mesh.
     """
 
     columns: dict[str, npt.NDArray[Any]]
     chains: list[range]
+    nodes: npt.NDArray[np.int64] | None = None
 
     def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
         """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
@@ -58,13 +61,13 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
             boundary.x,
             contact.gap,
             contact.u_n,
-            contact.u_t,
+            contact.u_t[:, 0],
             contact.pressure,
-            contact.shear,
+            contact.shear[:, 0],
             contact.bound,
             contact.in_contact,
             contact.sliding_sign(),
-            contact.slip_length,
+            contact.slip_length[:, 0],
             boundary.normal,
             boundary.weight,
         ]
@@ -98,4 +101,4 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "n_y": n_y,
         "weight": weight,
     }
-    return ContactTable(columns, pieces)
+    return ContactTable(columns, pieces, numbers[order])

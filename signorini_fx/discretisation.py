@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any
 
@@ -12,18 +12,19 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import forms, parallel
-from signorini_fx.assembly import action, assemble
+from signorini_fx import compat, forms, parallel
 from signorini_fx.boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.loads import LoadCase, check_finite, compile_load, load_case, load_groups, rigid_resultant
+from signorini_fx.loads import AppliedLoad, LoadCase, applied_load, check_finite, load_case, load_groups
 from signorini_fx.material import lame_parameters
 from signorini_fx.mesh import TaggedMesh
+from signorini_fx.pieces import find_pieces
 from signorini_fx.results import Inventory, Timings
 from signorini_fx.rigid import RigidMotions, rigid_motions
-from signorini_fx.scene import Scene
+from signorini_fx.scene import PrescribedDisplacement, Scene
 from signorini_fx.supports import check_overlap, dirichlet_conditions, fixed_dofs
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.
@@ -31,42 +32,61 @@ LOCKING_POISSON = 0.45
 
 
 @dataclass(frozen=True)
-class Discretisation:
-    """The assembled elastic body and its contact boundary.
+class Body:
+    """What a scene makes of a mesh before any stiffness is assembled: all that its data say of the body.
 
     Attributes:
         scene: where it comes from.
         tagged: the mesh.
         space: vector Lagrange space Y_h of the displacement.
-        forms: the compiled terms of a(., .).
-        stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
-        cases: the loads, by their load factors.
-        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
-        boundary: the contact nodes, None for a scene without contact.
-        motions: rigid motions that the supports leave free.
         lame: Lame parameters as coefficients of the forms.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
-        inventory: what was compiled and assembled.
+        supports: the prescribed displacements, one component each.
+        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
+        applied: the loads, by their load factors.
+        boundary: the contact nodes, None for a scene without contact.
+        motions: motions without strain that the supports leave free.
+        inventory: what was compiled and assembled; the elastic forms are named and compiled later.
     """
 
     scene: Scene
     tagged: TaggedMesh
     space: fem.FunctionSpace
-    forms: tuple[fem.Form, ...]
-    stiffness: PETSc.Mat
-    cases: tuple[LoadCase, ...]
-    fixed: npt.NDArray[np.bool_]
-    boundary: ContactBoundary | None
-    motions: RigidMotions
     lame: tuple[Any, Any]
     reduced: int | None
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+    fixed: npt.NDArray[np.bool_]
+    applied: tuple[AppliedLoad, ...]
+    boundary: ContactBoundary | None
+    motions: RigidMotions
     inventory: Inventory
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.tagged.mesh.comm
+        return comm
 
     @property
     def dofs(self) -> int:
         """Global number of displacement unknowns."""
         index_map = self.space.dofmap.index_map
         return int(index_map.size_global * self.space.dofmap.index_map_bs)
+
+
+@dataclass(frozen=True)
+class Discretisation(Body):
+    """The assembled elastic body and its contact boundary.
+
+    Attributes:
+        forms: the compiled terms of a(., .).
+        stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
+        cases: the right-hand sides of the applied loads.
+    """
+
+    forms: tuple[fem.Form, ...]
+    stiffness: PETSc.Mat
+    cases: tuple[LoadCase, ...]
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the dofs ``x``."""
@@ -75,77 +95,85 @@ class Discretisation:
         function.x.scatter_forward()
         return function
 
-    def internal_forces(self, displacement: fem.Function) -> PETSc.Vec:
-        """a(y, .) assembled anew, cell by cell, prescribed dofs included; a force per dof, collective."""
-        index_map = self.space.dofmap.index_map
-        return action(self.forms, displacement, np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
-
-    def external_forces(self, step: int) -> PETSc.Vec:
-        """L of a load step assembled anew, a force per dof, collective."""
-        total = self.stiffness.createVecRight()
-        total.set(0.0)
-        for case in self.cases:
-            if case.form is not None:
-                total.axpy(case.factors[step], assemble(case.form))
-        return total
-
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     """Compile and assemble what the scene lists.
 
     Raises:
+        SceneError: see ``prepare``.
+        MeshError: see ``prepare``.
+    """
+    return assemble_body(prepare(scene, tagged, timings), timings)
+
+
+def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
+    """Compile and assemble loads and contact boundaries, and find every mistake; collective.
+
+    Raises:
         SceneError: with every mistake that only the mesh reveals: boundaries and regions that are not there or empty,
             contact and prescribed displacement in conflict, expressions that are not finite.
+        MeshError: the cells of the mesh do not hang together.
     """
-    mesh = tagged.mesh
     facets = boundary_facets(scene, tagged)
-    inventory = Inventory()
+    pieces = find_pieces(tagged.mesh)
+    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (2,)))
+    lame = lame_coefficients(scene, tagged)
+    reduced = reduced_degree(scene, tagged.mesh)
+    inventory = Inventory(list(_ELASTIC[: 1 if reduced is None else 2]))
+    z = ufl.TestFunction(space)
     with timings.phase("compile"):
-        space = fem.functionspace(mesh, ("Lagrange", scene.element.degree, (2,)))
-        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-        lame = lame_coefficients(scene, tagged)
-        reduced = reduced_degree(scene, mesh)
-        terms = forms.elastic_forms(y, z, *lame, reduced)
-        names = ("elasticity", "reduced volumetric elasticity")
-        elastic = tuple(
-            inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=False)
-        )
         supports = dirichlet_conditions(scene, space, facets, tagged)
-        groups = load_groups(scene)
-        load_forms = [compile_load(loads, space, z, facets, inventory) for loads in groups.values()]
+        fixed = fixed_dofs(space, [support for _, support in supports])
+        applied = [
+            applied_load(factors, loads, space, z, facets, supports, inventory)
+            for factors, loads in load_groups(scene).items()
+        ]
         contact_forms = [
             inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
             for e in scene.contact
         ]
+        check_finite(tagged.mesh.comm, applied)
     with timings.phase("assemble"):
-        every = [support for _, support in supports]
+        parts = [
+            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction)
+            for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
+        ]
+        boundary = join(parts) if parts else None
+        motions = rigid_motions(space, fixed.reshape(-1, 2), pieces)
+    if boundary is not None:
+        check_overlap(scene, boundary, facets, tagged)
+    return Body(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory)
+
+
+_ELASTIC = ("elasticity", "reduced volumetric elasticity")
+
+
+def assemble_body(body: Body, timings: Timings) -> Discretisation:
+    """Compile and assemble the stiffness of a body, and the right-hand sides that need it; collective."""
+    scene, space = body.scene, body.space
+    with timings.phase("compile"):
+        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+        mesh = space.mesh
+        degree = forms.elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
+        terms = forms.elastic_forms(y, z, *body.lame, degree, body.reduced)
+        elastic = tuple(
+            body.inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)
+        )
+    with timings.phase("assemble"):
+        every = [support for _, support in body.supports]
         stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
         for form in elastic[1:]:
             stiffness.assemble()
             fem_petsc.assemble_matrix(stiffness, form, every, scene.young)  # type: ignore[arg-type]
         stiffness.assemble()
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
-        inventory.matrices.append("stiffness")
-        fixed = fixed_dofs(space, every)
+        body.inventory.matrices.append("stiffness")
         cases = tuple(
-            load_case(factors, loads, load_form, elastic, stiffness, supports, space, scene)
-            for (factors, loads), load_form in zip(groups.items(), load_forms, strict=True)
+            load_case(load, elastic, stiffness, body.supports, body.fixed, scene.young, body.motions)
+            for load in body.applied
         )
-        parts = [
-            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction)
-            for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
-        ]
-    boundary = join(parts) if parts else None
-    check_finite(cases)
-    owned = space.dofmap.index_map.size_local
-    x = space.tabulate_dof_coordinates()[:owned, :2]
-    motions = rigid_motions(mesh.comm, x, fixed.reshape(-1, 2), tagged.size)
-    cases = tuple(replace(case, resultant=rigid_resultant(case.load, motions, x, fixed)) for case in cases)
-    if boundary is not None:
-        check_overlap(scene, boundary, facets, tagged)
-    return Discretisation(
-        scene, tagged, space, elastic, stiffness, cases, fixed, boundary, motions, lame, reduced, inventory
-    )
+    known = {field.name: getattr(body, field.name) for field in fields(body)}
+    return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases)
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

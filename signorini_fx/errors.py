@@ -8,8 +8,30 @@ if TYPE_CHECKING:
     from signorini_fx.solution import Solution
 
 
+# What a terminal shows of a message: a file or a mistake may be of any length, and there may be any number of them.
+_MOST_LINES, _LONGEST_LINE = 20, 1_000
+
+
 class SignoriniError(Exception):
     """Base class: catch it to catch everything that this package raises on purpose."""
+
+    def __str__(self) -> str:
+        return shortened(super().__str__())
+
+
+def shortened(message: str) -> str:
+    """A message with its first lines only, and of a long line its two ends; it says how much was left out."""
+    first, *others = message.split("\n", _MOST_LINES)
+    lines = [first, *others[: _MOST_LINES - 1]]
+    left = message.count("\n") + 1 - len(lines)
+    half = _LONGEST_LINE // 2
+    cut = [
+        line
+        if len(line) <= _LONGEST_LINE
+        else f"{line[:half]} ... ({len(line) - 2 * half:,} characters) ... {line[-half:]}"
+        for line in lines
+    ]
+    return "\n".join(cut + ([f"... and {left:,} more"] if left else []))
 
 
 class SceneError(SignoriniError):
@@ -23,6 +45,10 @@ class SceneError(SignoriniError):
         self.problems = problems
         self.source = source
         super().__init__("\n".join(f"{source}: {path}: {message}" for path, message in problems))
+
+    def of(self, source: object) -> SceneError:
+        """The same mistakes as those of a scene that is called ``source``."""
+        return SceneError(self.problems, str(source))
 
     def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
         """Errors travel between ranks."""
@@ -42,7 +68,16 @@ class ConvergenceError(SignoriniError):
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
-        super().__init__(f"{solution.status.value}: {solution.status.advice}")
+        warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
+        super().__init__(f"{solution.status.value}: {solution.status.advice}{''.join(warnings)}")
+
+
+class OptionsError(SignoriniError):
+    """PETSc does not take an option that the user has set."""
+
+
+class MachineError(SignoriniError):
+    """The machine lacks what every solve needs: a C compiler, memory, a folder that can be written."""
 
 
 class OutputError(SignoriniError):

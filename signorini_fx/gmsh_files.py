@@ -36,16 +36,22 @@ _COMMAND = re.compile(
 _CAD = re.compile(r'\bMerge\s*"[^"]+\.(?:step|stp|brep|iges|igs)"\s*;', re.IGNORECASE)
 
 
-def read_gmsh(file: Path) -> RawMesh:
+def read_gmsh(file: Path, halvings: int = 0, degree: int | None = None) -> RawMesh:
     """A mesh or a script of gmsh as arrays; physical groups are sets.
 
     Args:
         file: ends in ``.msh`` or ``.geo``; it is there.
+        halvings: how often gmsh divides all cells that it made of a script, with the new nodes on the true shape.
+        degree: 1: the cells that it makes of a script have straight sides; 2: nodes between their corners on the true
+            shape; None: what the script asks for.
 
     Raises:
         MeshError: it is not what its ending says, a script does more than draw, or gmsh cannot make a mesh of it.
     """
-    with tempfile.TemporaryDirectory() as folder, np.load(_arrays(file, Path(folder)), allow_pickle=False) as arrays:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        np.load(_arrays(file, Path(folder), halvings, degree or 0), allow_pickle=False) as arrays,
+    ):
         sets = json.loads(str(arrays["sets"]))
         blocks = [(kind, arrays[f"block_{k}"]) for k, kind in enumerate(json.loads(str(arrays["kinds"])))]
         points, physical = arrays["points"], json.loads(str(arrays["physical"]))
@@ -64,7 +70,7 @@ def _repeated(groups: list[int], count: int) -> Ints:
     return np.tile(np.array(groups or [-1], dtype=np.int64), (count, 1))
 
 
-def _arrays(file: Path, folder: Path) -> Path:
+def _arrays(file: Path, folder: Path, halvings: int, degree: int) -> Path:
     """Let the other process write what is in the file, and say what has become of it."""
     script = file.suffix.lower() == ".geo"
     try:
@@ -87,7 +93,7 @@ def _arrays(file: Path, folder: Path) -> Path:
     command = [sys.executable, "-P", _gmsh_process.__file__, str(file.absolute()), str(arrays), str(complaint)]
     try:
         process = subprocess.run(
-            [*command, str(seconds), str(memory)],
+            [*command, str(seconds), str(memory), str(halvings), str(degree)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

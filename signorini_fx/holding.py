@@ -8,6 +8,8 @@ that ask for it least.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
@@ -15,7 +17,7 @@ from scipy.optimize import linprog
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, length
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 
@@ -40,35 +42,41 @@ def hold(
         data: the problem.
         boundary: the contact nodes.
         motions: rigid motions of the body.
-        resultant: what the load does on the rigid motions, shape (3,).
+        resultant: what the load does on the rigid motions of the pieces, shape (3 pieces,).
 
     Returns:
         The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
     """
-    if motions.free.shape[1] == 0 or motions.held_by(boundary, following.contact, _stick(following, data)):
+    loose = motions.unheld(boundary, following.contact, _stick(following, data))
+    if not loose.any():
         return following, None, False
     bound = data.friction_bound(pressure)
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
     able = (bound > 0) if data.has_friction else ~everywhere
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
-    if not balance_exists(data, boundary, motions, resultant):
-        pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight, pressure)) > 0
-        pressing = pressed and resultant.any()  # without a load a pressure is round-off
+    assembly = motions.assembly_of(boundary.nodes)
+    leaving = unbalanced(data, boundary, motions, resultant) & loose
+    if leaving.any():
+        here = leaving[assembly]
+        pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
+        # Without a load a pressure is round-off.
+        pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], 3)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
-    slipping = _ranked(boundary, (sets.slip == 0) & (following.slip != 0) & able, np.abs(shear) - bound)
-    opening = _ranked(boundary, sets.contact & ~following.contact, -pressure)
+    here = loose[assembly]  # what the sets hold is left to them
+    slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
+    opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
         for share in _shares(max(_count(boundary, slipping), _count(boundary, opening))):
             kept_stick = _least(boundary, slipping, share) if slipping_counts else ~everywhere
             kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
-            stick = kept_stick | (kept_contact & able & (sets.slip == 0))
-            held = ActiveSets(following.contact | kept_contact, np.where(stick, 0, following.slip).astype(np.int8))
+            stick = kept_stick | (kept_contact & able & ~sets.slip)
+            held = replace(following, contact=following.contact | kept_contact).sticking(stick)
             if motions.held_by(boundary, held.contact, _stick(held, data)):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
-    contact = following.contact | sets.contact
-    everything = ActiveSets(contact, np.where(contact & able, 0, following.slip).astype(np.int8))
+    contact = following.contact | (here & sets.contact)
+    everything = replace(following, contact=contact).sticking(here & contact & able)
     if motions.held_by(boundary, contact, _stick(everything, data)):
         return everything, None, True
     return sets, None, True
@@ -93,10 +101,11 @@ def fewest_ties(
     Returns:
         Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
     """
-    along = _ranked(boundary, np.isfinite(opening) & ~sets.contact, opening)
-    across = _ranked(boundary, np.isfinite(slipping) & (sets.slip != 0), slipping)
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
-    stick = (sets.slip == 0) & np.isfinite(slipping)
+    stick = ~sets.slip & np.isfinite(slipping)
+    here = motions.unheld(boundary, normal, stick)[motions.assembly_of(boundary.nodes)]
+    along = _ranked(boundary, here & np.isfinite(opening) & ~sets.contact, opening)
+    across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
         tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
@@ -114,45 +123,114 @@ def balance_exists(
     motions: RigidMotions,
     resultant: npt.NDArray[np.float64],
 ) -> bool:
-    """Whether admissible contact tractions can balance the load on the free rigid motions; collective.
+    """Whether admissible contact tractions can balance the load on the free rigid motions; collective."""
+    return not unbalanced(data, boundary, motions, resultant).any()
 
-    lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load: a
-    linear programme with one to three equations.  Where it has no solution there is no static equilibrium, whatever the
-    body's shape and stiffness.  Its unknowns are nodal forces over the size of the resultant, because the tolerances of
-    the programme are absolute.
+
+def unbalanced(
+    data: RegularisedData,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    resultant: npt.NDArray[np.float64],
+) -> npt.NDArray[np.bool_]:
+    """The assemblies whose load no admissible contact tractions can balance, shape (assemblies,); collective.
+
+    lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load on
+    the free rigid motions: a linear programme for each assembly, with one to three equations where it is one piece.
+    Where it has no solution there is no static equilibrium, whatever the body's shape and stiffness.  Its unknowns are
+    nodal forces over the size of the resultant, because the tolerances of the programme are absolute.
     """
-    if not resultant.any():  # nothing presses: every position off the foundation is as good as another
-        return False
-    modes = boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
-    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ij,ijk->ik", boundary.tangent, modes)
     zero = np.zeros(boundary.size)
-    given = zero if data.bound is None else boundary.weight * data.bound
-    coupling = zero if data.coupling is None else data.coupling
-    bilateral = zero if data.bilateral is None else data.bilateral.astype(float)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, given, coupling, bilateral)))
+    bound, coupling = (zero if values is None else values for values in (data.bound, data.coupling))
+    every = reactions(boundary, motions, bound, coupling, data.bilateral)
+    leaving = np.zeros(int(motions.pieces.assembly.max()) + 1, dtype=bool)
+    for number, columns, rows in motions.assemblies():
+        here, load = every.of(number, columns), resultant[rows]
+        # Where nothing presses every position off the foundation is as good as another.
+        pressed = load.any() and here.given.size > 0
+        leaving[number] = not (pressed and _balances(here, motions.free[:, columns].T @ resultant, load))
+    return leaving
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """What the contact nodes of all ranks, n of them, can do against k motions; the same on every rank.
+
+    Attributes:
+        normal: each motion along the normal of each node, shape (n, k).
+        tangential: along its tangent, shape (n, k).
+        given: given part of the friction bound, a force, shape (n,).
+        coefficient: F where the bound follows the pressure, shape (n,).
+        bilateral: whether the contact cannot open, shape (n,).
+        assembly: number of the assembly that the node is in, shape (n,).
+    """
+
+    normal: Nodal
+    tangential: Nodal
+    given: Nodal
+    coefficient: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    assembly: npt.NDArray[np.int64]
+
+    def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
+        """The nodes and the motions of one assembly."""
+        here = self.assembly == number
+        return Reactions(
+            normal=self.normal[here][:, columns],
+            tangential=self.tangential[here][:, columns],
+            given=self.given[here],
+            coefficient=self.coefficient[here],
+            bilateral=self.bilateral[here],
+            assembly=self.assembly[here],
+        )
+
+
+def reactions(
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    bound: Nodal,
+    coefficient: Nodal,
+    bilateral: npt.NDArray[np.bool_] | None,
+) -> Reactions:
+    """The reactions that friction bounds (stresses, and shares of the pressure) allow for; collective."""
+    modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
+    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
+    tangential = np.einsum("ij,ijk->ik", boundary.tangents[:, :, 0], modes)
+    two_sided = np.zeros(boundary.size) if bilateral is None else bilateral
+    laws = np.column_stack((boundary.weight * bound, coefficient, two_sided, motions.assembly_of(boundary.nodes)))
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, laws)))
     k = motions.free.shape[1]
-    normal, tangential = table[:, :k], table[:, k : 2 * k]
-    given, coupling, bilateral = table[:, 2 * k :].T
-    n = len(table)
+    given, shares, sides, assembly = table[:, 2 * k :].T
+    return Reactions(table[:, :k], table[:, k : 2 * k], given, shares, sides > 0, assembly.astype(np.int64))
+
+
+def _balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> bool:
+    """The linear programme of one assembly.
+
+    Args:
+        here: its contact nodes.
+        work: what the load does on its free motions, shape (k,).
+        load: what it does on the motions of its pieces, free or not: its size is the unit of force.
+    """
+    n, given, coupling = here.given.size, here.given, here.coefficient
     # mu <= given + coupling lambda and -mu <= given + coupling lambda; an infinite bound is no row.
     finite = np.isfinite(given)
     cone, unit = -sparse.diags(coupling).tocsr()[finite], sparse.identity(n, format="csr")[finite]
     rows, limits = sparse.bmat([[cone, unit], [cone, -unit]]), np.tile(given[finite], 2)
-    scale = max(float(np.abs(resultant).max()), 1e-300)
+    scale = max(float(np.abs(load).max()), 1e-300)
     result = linprog(
         np.zeros(2 * n),
         A_ub=rows,
         b_ub=limits / scale,
-        A_eq=np.hstack((normal.T, tangential.T)),
-        b_eq=motions.free.T @ resultant / scale,
-        bounds=[(None if sign else 0.0, None) for sign in bilateral] + [(None, None)] * n,
+        A_eq=np.hstack((here.normal.T, here.tangential.T)),
+        b_eq=work / scale,
+        bounds=[(None if sign else 0.0, None) for sign in here.bilateral] + [(None, None)] * n,
     )
     return bool(result.status == 0)
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    return (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
+    return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
 
 
 def _ranked(boundary: ContactBoundary, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:

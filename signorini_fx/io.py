@@ -17,8 +17,9 @@ from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
+from signorini_fx.compilation import compiling
 from signorini_fx.contact_table import ContactTable, contact_table
-from signorini_fx.errors import OutputError
+from signorini_fx.csv_text import as_text
 from signorini_fx.material import shear_energy_density, stress
 from signorini_fx.result_folder import SUMMARY, ResultFolder, cannot_be_written
 from signorini_fx.results import as_rows
@@ -59,15 +60,9 @@ def write_results(
     Raises:
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
-    comm = solution.comm
-    if not isinstance(folder, ResultFolder):
-        folder = ResultFolder(comm, folder)
-    try:
-        summary = _write(solution, folder, fields=fields, pictures=pictures)
-    except OutputError:
-        folder.discard()
-        raise
-    folder.commit(_FILES)
+    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
+        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        claimed.commit(_FILES)
     return summary
 
 
@@ -98,13 +93,31 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
                 write_csv(part / "contact_steps.csv", along_steps)
             if gathered is not None:
                 _draw(solution, gathered, table, part)
-            text = json.dumps(summary, indent=2, allow_nan=False)
+            text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            raise cannot_be_written(folder.path, error) from None
+        except Exception as error:  # matplotlib fails once more on the file that a full disk has cut off
+            if (reason := _of_the_system(error)) is None:
+                raise
+            raise cannot_be_written(folder.path, reason) from None
 
     parallel.on_root(comm, write)
     return summary
+
+
+def _of_the_system(error: BaseException | None) -> OSError | None:
+    """The error of the system that others have followed, None: there is none."""
+    while error is not None and not isinstance(error, OSError):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _finite(value: Any) -> Any:
+    """Plain data as JSON has it: what a solve that failed could not compute is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
@@ -152,12 +165,19 @@ def describe(value: Any) -> Any:
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Rows with a header; numbers with all their digits."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    """Rows with a header; numbers with all their digits, names as text that no spreadsheet takes for a formula."""
+    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
         if rows:
             writer = csv.DictWriter(file, rows[0].keys())
             writer.writeheader()
-            writer.writerows({k: v.item() if isinstance(v, np.generic) else v for k, v in row.items()} for row in rows)
+            writer.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
+
+
+def _cell(value: Any) -> Any:
+    """A value as it stands in a CSV file."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return as_text(value) if isinstance(value, str) else value
 
 
 def _hypothesis(solution: Solution) -> str:
@@ -180,7 +200,9 @@ def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
         (scalar, density),
     ):
         points = compat.interpolation_points(function.function_space.element)
-        function.interpolate(fem.Expression(expression, points, dtype=default_scalar_type))
+        with compiling():
+            compiled = fem.Expression(expression, points, dtype=default_scalar_type)
+        function.interpolate(compiled)
     return vector, scalar
 
 
@@ -249,7 +271,9 @@ def gather_cells(solution: Solution) -> GatheredCells:
     constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
     points = compat.interpolation_points(constant.function_space.element)
-    constant.interpolate(fem.Expression(density, points, dtype=default_scalar_type))
+    with compiling():
+        compiled = fem.Expression(density, points, dtype=default_scalar_type)
+    constant.interpolate(compiled)
     space = linear.function_space
     cells = space.dofmap.list[:owned].astype(np.int64)
     if cells.shape[1] == 4:

@@ -18,6 +18,11 @@ def lame_parameters(material: LinearElastic) -> tuple[float, float]:
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
 
 
+def plane_modulus(material: LinearElastic) -> float:
+    """Stress per strain along a line, nothing acting across it: E / (1 - nu^2) in plane strain, E in plane stress."""
+    return material.young / (1 - material.poisson**2) if material.hypothesis == "plane strain" else material.young
+
+
 def strain(y: Any) -> Any:
     """Linearised strain, epsilon(y) of section 2.1, shape (2, 2)."""
     return ufl.sym(ufl.grad(y))

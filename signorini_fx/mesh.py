@@ -9,14 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import ValidationError
-from scipy.spatial import ConvexHull
+from pydantic import TypeAdapter, ValidationError
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from signorini_fx import compat, mesh_formats, meshes, parallel
@@ -27,7 +27,7 @@ from signorini_fx.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase, p
 # Boundaries and regions.
 _Names = tuple[mesh_formats.Tags, mesh_formats.Tags]
 # Midside nodes farther off than this share of the body's size make a side curved.
-_STRAIGHT = 1e-9
+STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,11 @@ class TaggedMesh(TaggedMeshBase):
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
         x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
         low, high = x.min(axis=0), x.max(axis=0)
-        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        try:
+            corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        except QhullError:
+            extents = " by ".join(f"{extent:g}" for extent in high - low)
+            raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
         return float(pdist(corners).max())
 
 
@@ -103,20 +107,25 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     match scene.mesh:
         case TaggedMesh():
             tagged = scene.mesh
-        case MeshFile(file=file, boundaries=boundaries, regions=regions, data=data):
-            tagged = read_mesh(file, comm, boundaries, regions, data)
+        case MeshFile():
+            tagged = load_file(scene.mesh, comm)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
             raise TypeError(f"no mesh: {scene.mesh!r}")
-    if scene.element.degree == 1 and _curvature(tagged) > _STRAIGHT * tagged.size:
+    if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even turn without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         raise SceneError([("element.degree", message)])
     return tagged
 
 
-def _curvature(tagged: TaggedMesh) -> float:
+def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
+    """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
+    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree)
+
+
+def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
     mesh = tagged.mesh
     if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
@@ -135,19 +144,8 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
     Raises:
         SceneError: unknown generator, or parameters that it refuses.
     """
-    generate: Callable[..., TaggedMesh] = _generator(name).generate
-    try:
-        return generate(comm, **parameters)
-    except ValidationError as error:
-        known = ", ".join(list(inspect.signature(generate).parameters)[1:])
-        raise SceneError([_parameter_problem(detail, known) for detail in error.errors()]) from None
-
-
-def _parameter_problem(detail: Any, known: str) -> tuple[str, str]:
-    """Path and sentence for a parameter that a generator refuses, with those that it knows."""
-    path = f"mesh.parameters.{'.'.join(map(str, detail['loc']))}"
-    unknown = detail["type"] == "unexpected_keyword_argument"
-    return path, plain_message(detail) + (f"; there are: {known}" if unknown else "")
+    generate: Callable[..., TaggedMesh] = _generator(name, parameters).generate
+    return generate(comm, **parameters)
 
 
 def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
@@ -156,7 +154,7 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     Raises:
         SceneError: the generator has no function ``coarser(parameters, factor)``.
     """
-    coarser = getattr(_generator(name), "coarser", None)
+    coarser = getattr(_generator(name, parameters), "coarser", None)
     if coarser is None:
         raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
     result: dict[str, Any] = coarser(dict(parameters), factor)
@@ -169,7 +167,7 @@ def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, A
     Raises:
         SceneError: unknown generator.
     """
-    triangles = getattr(_generator(name), "triangles", None)
+    triangles = getattr(_generator(name, parameters), "triangles", None)
     return None if triangles is None else triangles(dict(parameters))
 
 
@@ -179,7 +177,7 @@ def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any
     Raises:
         SceneError: unknown generator.
     """
-    known = inspect.signature(_generator(name).generate).parameters
+    known = inspect.signature(_generator(name, parameters).generate).parameters
     return {**parameters, "order": 2} if "order" in known else None
 
 
@@ -189,6 +187,8 @@ def read_mesh(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
 
@@ -199,6 +199,8 @@ def read_mesh(
             positive where both ends of an exterior facet of the boundary are.
         regions: the same for cells with all their corners.
         data: the cell data that numbers refer to; None: the only one.
+        halvings: how often all cells are divided into four, of a .geo on the true shape.
+        degree: of the geometry, as in ``mesh_formats.read_file``.
 
     Raises:
         MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
@@ -206,7 +208,7 @@ def read_mesh(
     """
 
     def build() -> _Names:
-        arrays = mesh_formats.read_file(file, boundaries, regions, data)
+        arrays = mesh_formats.read_file(file, boundaries, regions, data, halvings, degree)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
@@ -217,12 +219,32 @@ def read_mesh(
     return _from_gmsh(comm, build)
 
 
-def _generator(name: str) -> Any:
-    """The module of a generator."""
+def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
+    """The module of a generator, which takes these parameters.
+
+    Raises:
+        SceneError: there is none of this name, or it refuses parameters: all that are wrong.
+    """
     known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
     if name not in known:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
-    return importlib.import_module(f"signorini_fx.meshes.{name}")
+    module = importlib.import_module(f"signorini_fx.meshes.{name}")
+    generate = inspect.unwrap(module.generate)
+    types = get_type_hints(generate, include_extras=True)
+    names = [key for key, one in inspect.signature(generate).parameters.items() if one.kind is one.KEYWORD_ONLY]
+    problems: list[tuple[str, str]] = []
+    for key, value in parameters.items():
+        path = f"mesh.parameters.{key}"
+        if key not in names:
+            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
+            continue
+        try:
+            TypeAdapter(types[key]).validate_python(value)
+        except ValidationError as error:
+            problems += [(path, plain_message(detail)) for detail in error.errors()]
+    if problems:
+        raise SceneError(problems)
+    return module
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.magnitudes import LARGEST
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -249,8 +250,8 @@ def _plane_points(raw: RawMesh, body: list[int], name: str) -> tuple[Floats, Int
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
     points = np.asarray(raw.points, dtype=np.float64)[used]
-    if not np.isfinite(points).all():
-        raise MeshError(f"{name}: a node has coordinates that are not finite")
+    if not (np.abs(points) <= LARGEST).all():
+        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST:g}")
     spread = np.ptp(points, axis=0)
     if points.shape[1] > 2 and spread[2] > 1e-9 * max(spread[:2]):
         raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant: x[2] varies by {spread[2]:g}")

@@ -6,6 +6,7 @@ meshio is asked format by format, for its own ``meshio.read`` ends the process w
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 from signorini_fx import abaqus, gmsh_files
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh_arrays import LINES, Ints, MeshArrays, RawMesh, Selection, combinations, in_the_plane, plain
+from signorini_fx.mesh_halving import halved, straightened
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
@@ -33,14 +35,21 @@ def read_file(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
 ) -> MeshArrays:
     """A plane mesh from a file, the format by its suffix.
+
+    A .geo is meshed again, on the true shape; other meshes are divided as they are, on their own curved sides.
 
     Args:
         file: .msh or .geo (gmsh), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
         boundaries: names for boundaries, by a number in the cell data or by a rule (see ``in_the_plane``).
         regions: the same for parts of the body.
         data: the cell data that numbers refer to.
+        halvings: how often all cells are divided into four.
+        degree: of the geometry: 1: straight sides; 2 (.geo only): nodes between the corners as well; None: as the file
+            has it.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is no plane mesh of one kind of cell.
@@ -49,9 +58,17 @@ def read_file(
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
-    if not file.is_file():
+    if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
-    return in_the_plane(reader(file), str(file), boundaries, regions, data)
+    if file.suffix.lower() == ".geo":
+        raw = gmsh_files.read_gmsh(file, halvings, degree)
+        return in_the_plane(raw, str(file), boundaries, regions, data)
+    mesh = in_the_plane(reader(file), str(file), boundaries, regions, data)
+    if degree == 1:
+        mesh = straightened(mesh)
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
 
 
 def write_file(mesh: MeshArrays, file: Path) -> None:
@@ -167,6 +184,7 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
     def read(file: Path) -> RawMesh:
         module = _meshio(kind)
         try:
+            _check_data_files(file, kind)
             if kind == "xdmf" and (several := _grids(file)):
                 return _read_grids(file, several)
             found = module.read(str(file))
@@ -189,6 +207,57 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
         return raw
 
     return read
+
+
+# What arrays in a file of HDF5 may take: so much, and so many bytes for each byte of the file (they may be compressed).
+_BASE_BYTES, _BYTES_PER_BYTE = 1 << 30, 200
+
+
+def _check_data_files(file: Path, kind: str) -> None:
+    """Whether a file and those that it names hold their data themselves: none elsewhere, none without an end.
+
+    Raises:
+        ValueError: one does not.
+    """
+    named = {file.name: "HDF"} if kind == "med" else dict[str, str]()
+    if kind == "xdmf":
+        for item in ElementTree.parse(file).getroot().iter():
+            form = item.get("Format", item.get("format", "XML")).upper()
+            if item.tag.endswith("DataItem") and form != "XML":
+                named[(item.text or "").strip().partition(":")[0]] = form
+            elif item.tag.endswith("include") and item.get("href"):
+                raise ValueError("it includes another file: put everything into one")
+    for name, form in named.items():
+        if not name or Path(name).name != name:
+            raise ValueError(f"it names the file {name!r}: its data must be in a file beside it")
+        if not os.path.isfile(file.with_name(name)):
+            raise ValueError(f"there is no regular file {name!r} beside it, which it names")
+        if form == "HDF":
+            _check_hdf5(file.with_name(name))
+
+
+def _check_hdf5(file: Path) -> None:
+    import h5py
+
+    largest = _BASE_BYTES + _BYTES_PER_BYTE * file.stat().st_size
+    with h5py.File(file) as data:
+        groups, seen = [data["/"]], set()
+        while groups:
+            group = groups.pop()
+            if (place := h5py.h5o.get_info(group.id).addr) in seen:  # links may run in a circle
+                continue
+            seen.add(place)
+            for name in group:
+                if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+                    raise ValueError(f"{file.name}: {name!r} is in another file")
+                found = group.get(name)
+                if isinstance(found, h5py.Group):
+                    groups.append(found)
+                elif isinstance(found, h5py.Dataset):
+                    if found.external or found.is_virtual:
+                        raise ValueError(f"{file.name}: {name!r} is in another file")
+                    if found.nbytes > largest:
+                        raise ValueError(f"{file.name}: {name!r} would take {found.nbytes / 1e9:.3g} GB")
 
 
 def _grids(file: Path) -> list[ElementTree.Element]:

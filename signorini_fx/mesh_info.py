@@ -20,7 +20,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
         each), ``area``, ``perimeter`` (with straight sides);
         ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
-        ``pieces`` (parts of the body that share no node), ``coincident`` (points at the place of another one);
+        ``pieces`` (parts of the body that share no side), ``coincident`` (points at the place of another one);
         ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``length`` and ``bounds``;
         ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``.
     """
@@ -68,13 +68,15 @@ def _without(named: Mapping[str, Ints], count: int) -> Ints:
 
 
 def _pieces(mesh: MeshArrays) -> int:
-    """Number of parts that share no node."""
+    """Number of parts that share no side, through which forces pass."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
-    count = len(mesh.points)
-    links = coo_array((np.ones(first.size, dtype=bool), (first, mesh.cells.ravel())), shape=(count, count))
+    ends = np.sort(np.stack((mesh.corners, np.roll(mesh.corners, -1, axis=1)), axis=2), axis=2).reshape(-1, 2)
+    sides = np.unique(ends[:, 0] * len(mesh.points) + ends[:, 1], return_inverse=True)[1].ravel()
+    cells = np.repeat(np.arange(len(mesh.cells)), mesh.corners.shape[1])
+    count = len(mesh.cells) + int(sides.max()) + 1
+    links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
     return int(connected_components(links, directed=False)[0])
 
 
@@ -99,7 +101,7 @@ def render(info: Mapping[str, Any], name: str) -> str:
     row("extent", f"x[0] {left:g} to {right:g}, x[1] {low:g} to {high:g}; area {info['area']:g}")
     row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
     if info["pieces"] > 1:
-        row("pieces", f"{info['pieces']} parts of the body share no node: each must be held or in contact")
+        row("pieces", f"{info['pieces']} parts of the body share no side: each must be held by itself")
     if info["coincident"]:
         row("warning", f"{info['coincident']} points are where another one is: the cells there do not hang together")
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal
+from signorini_fx.complementarity import ActiveSets, Nodal, length, unit
 from signorini_fx.mesh import coarser_parameters
 from signorini_fx.quantities import ContactState
 from signorini_fx.scene import MeshGenerator, Scene
@@ -49,24 +49,38 @@ def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
     """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes; collective."""
     boundary = coarse.boundary
-    rows = parallel.gather_rows(
-        boundary.comm,
-        np.column_stack((boundary.part, boundary.x, coarse.in_contact, coarse.slip, coarse.pressure, coarse.shear)),
-    )
+    tangents = boundary.tangents
+    # Directions and shears as vectors of space: the tangents of neighbours need not agree.
+    state = [
+        boundary.part,
+        boundary.x,
+        coarse.in_contact,
+        coarse.pressure,
+        np.einsum("ijk,ik->ij", tangents, coarse.direction),
+        np.einsum("ijk,ik->ij", tangents, coarse.shear),
+    ]
+    dim = boundary.x.shape[1]
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
     contact = np.zeros(fine.size, dtype=bool)
-    slip = np.zeros(fine.size, dtype=np.int8)
-    pressure, shear = np.zeros(fine.size), np.zeros(fine.size)
+    direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
+    pressure = np.zeros(fine.size)
     for part in np.unique(fine.part):
         here, there = fine.part == part, rows[rows[:, 0] == part]
         # Two neighbours: a node in the middle between two sets joins the one that holds more, contact and stick; the
         # iteration gives up what is too much faster than it finds what is missing.
         count = min(2, len(there))
-        distance, nearest = (a.reshape(-1, count) for a in cKDTree(there[:, 1:3]).query(fine.x[here], count))
+        places = cKDTree(there[:, 1 : 1 + dim])
+        distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
         share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
         near = (distance <= _MIDDLE * distance[:, :1]) | (np.arange(count) == 0)
-        states = there[nearest]
-        contact[here] = (near & (states[:, :, 3] > 0)).any(axis=1)
-        slips = np.where(near, states[:, :, 4], states[:, :1, 4])
-        slip[here] = np.where((slips == slips[:, :1]).all(axis=1), slips[:, 0], 0)
-        pressure[here], shear[here] = ((share * states[:, :, k]).sum(axis=1) for k in (5, 6))
-    return ActiveSets(contact, slip), (pressure, shear)
+        touching, load, sliding, sheared = np.split(there[nearest][:, :, 1 + dim :], (1, 2, 2 + dim), axis=2)
+        contact[here] = (near & (touching[:, :, 0] > 0)).any(axis=1)
+        sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
+        together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)
+        direction[here] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
+        pressure[here] = (share * load[:, :, 0]).sum(axis=1)
+        shear[here] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
+    turned = np.einsum("ijk,ij->ik", fine.tangents, direction)
+    slip = length(turned) > 0
+    sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0))
+    return sets, (pressure, np.einsum("ijk,ij->ik", fine.tangents, shear))

@@ -1,11 +1,18 @@
-"""PETSc options: one prefix, and the user's always win."""
+"""PETSc options: one prefix, and the user's always win; what PETSc would not take is refused by its name."""
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.errors import OptionsError
 
 PREFIX = "sfx_"
 
@@ -17,7 +24,11 @@ _WATCHING = ("monitor", "view", "converged_reason")
 def user_sets(start: str) -> bool:
     """Whether the user has set any option whose name begins with ``start`` (without the prefix), but to watch."""
     names = (name for name in PETSc.Options().getAll() if name.startswith(PREFIX + start))
-    return any(not any(word in name for word in _WATCHING) for name in names)
+    return any(not _watches(name) for name in names)
+
+
+def _watches(name: str) -> bool:
+    return any(word in name for word in _WATCHING)
 
 
 @contextmanager
@@ -32,3 +43,144 @@ def defaults(values: Mapping[str, str]) -> Iterator[None]:
     finally:
         for name in ours:
             options.delValue(name)
+
+
+# --- what the user has mistyped --------------------------------------------------------------------------------------
+
+
+def refuse_mistyped(comm: MPI.Comm) -> None:
+    """Try the user's options on a few equations, before anything else is computed; collective.
+
+    Raises:
+        OptionsError: PETSc does not take one of them; the message names it.
+    """
+    options = PETSc.Options()
+    values = {name: options.getString(name, "") for name in options.getAll()}
+    given = {name: value for name, value in values.items() if name.startswith(PREFIX)}
+    parallel.on_root(comm, lambda: _check_files({name: value for name, value in values.items() if _watches(name)}))
+    if not given:
+        return
+    quiet = {name: value for name, value in given.items() if not _watches(name)}
+    for name in given:
+        options.delValue(name)
+    try:
+        complaint = _complaint(comm, quiet)
+        if complaint is not None:
+            alone = ((name, _complaint(comm, {name: value})) for name, value in quiet.items())
+            name, complaint = next(((n, reason) for n, reason in alone if reason is not None), (None, complaint))
+            shown = quiet if name is None else {name: quiet[name]}
+            raise OptionsError(f"PETSc option {_spelt(shown)}: {complaint}")
+        for name, value in given.items():
+            if _watches(name) and (reason := _complaint(comm, {name: value}, solve=False)) is not None:
+                raise OptionsError(f"PETSc option {_spelt({name: value})}: {reason}")
+    finally:
+        for name, value in given.items():
+            options[name] = value or None
+
+
+def refused(error: PETSc.Error) -> OptionsError | None:
+    """What to say of an error of PETSc that options of the user may have caused; None if there are none."""
+    options = PETSc.Options()
+    given = {name: options.getString(name, "") for name in options.getAll() if name.startswith(PREFIX)}
+    return OptionsError(f"PETSc fails with the options {_spelt(given)}: {_last_line(error)}") if given else None
+
+
+def _spelt(options: Mapping[str, str]) -> str:
+    return " ".join(f"-{name} {value}".strip() for name, value in options.items())
+
+
+def _last_line(error: PETSc.Error) -> str:
+    """The reason in the trace of calls that PETSc gives, without the number of the rank."""
+    return re.sub(r"^\[\d+\] *", "", str(error).splitlines()[-1])
+
+
+def _check_files(watching: Mapping[str, str]) -> None:
+    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not hear.
+
+    Args:
+        watching: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
+    """
+    for name, value in watching.items():
+        file = value.split(":")[1] if ":" in value else ""
+        if not file:
+            continue
+        folder = Path(file).parent
+        try:
+            fits = folder.is_dir() and os.access(Path(file) if Path(file).exists() else folder, os.W_OK)
+        except (OSError, ValueError):
+            fits = False
+        if not fits or Path(file).is_dir():
+            raise OptionsError(f"PETSc option -{name} {value}: {file!r} cannot be written")
+
+
+def _complaint(comm: MPI.Comm, trial: Mapping[str, str], *, solve: bool = True) -> str | None:
+    """What PETSc says against options when it solves a few equations with them, None: nothing; collective."""
+    options = PETSc.Options()
+    for name, value in trial.items():
+        options[name] = value or None
+    try:
+        snes, x = _few_equations(comm)
+        snes.setFromOptions()
+        if solve:
+            snes.solve(None, x)
+    except PETSc.Error as error:
+        return _last_line(error)
+    finally:
+        for name in trial:
+            with suppress(PETSc.Error):
+                options.delValue(name)
+    return None
+
+
+def _few_equations(comm: MPI.Comm) -> tuple[PETSc.SNES, PETSc.Vec]:
+    """A small symmetric system, set up like that of a body.
+
+    The Krylov method is one that reads all options, since PETSc overlooks mistakes in those that a direct solver does
+    not need.
+    """
+    own = 4
+    matrix = PETSc.Mat().createAIJ(((own, None), (own, None)), nnz=(3, 1), comm=comm)
+    matrix.setBlockSize(2)
+    first, last = matrix.getOwnershipRange()
+    size = matrix.getSize()[0]
+    for row in range(first, last):
+        for column, value in ((row - 1, -1.0), (row, 4.0), (row + 1, -1.0)):
+            if 0 <= column < size:
+                matrix.setValue(row, column, value)
+    matrix.assemble()
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    x, load = matrix.createVecs()
+    load.set(1.0)
+    x.set(0.0)
+
+    def residual(snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        matrix.mult(x, out)
+        out.axpy(-1.0, load)
+
+    snes = PETSc.SNES().create(comm)
+    snes.setOptionsPrefix(PREFIX)
+    snes.setType(PETSc.SNES.Type.NEWTONLS)
+    snes.setFunction(residual, load.duplicate())
+    snes.setJacobian(lambda snes, x, jacobian, preconditioner: None, matrix)
+    ksp = snes.getKSP()
+    ksp.setOperators(matrix)
+    ksp.setType(PETSc.KSP.Type.GMRES)
+    pc = ksp.getPC()
+    if _has_mumps(matrix):
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+    else:  # PETSc's own factorisation is for one rank
+        pc.setType(PETSc.PC.Type.NONE)
+    return snes, x
+
+
+def _has_mumps(matrix: PETSc.Mat) -> bool:
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOperators(matrix)
+    pc.setType(PETSc.PC.Type.CHOLESKY)
+    try:
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+    except PETSc.Error:
+        return False
+    return True

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
+import resource
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx import terminal
 from signorini_fx.errors import SignoriniError
 
 T = TypeVar("T")
@@ -26,34 +27,7 @@ def is_root(comm: MPI.Comm) -> bool:
 def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:
     """Print ``text`` once."""
     if is_root(comm):
-        stream = sys.stderr if error else sys.stdout
-        try:
-            print(text, file=stream, flush=True)
-        except OSError as reason:
-            _give_up(stream, reason)
-
-
-def output_lost() -> bool:
-    """Whether something could not be printed although somebody reads on."""
-    return _lost
-
-
-_lost = False
-
-
-def _give_up(stream: TextIO, reason: OSError) -> None:
-    """Go on in silence where nobody reads on (``| head``) or nothing can be written: results are worth more than text.
-
-    What the stream still holds would be written at the end once more, so its descriptor leads nowhere from now on.
-    """
-    global _lost
-    with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-    if stream is sys.stdout and not isinstance(reason, BrokenPipeError):
-        _lost = True
-        print(f"signorini-fx: the output cannot be written: {reason.strerror}", file=sys.stderr)
+        terminal.say(text, error=error)
 
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
@@ -62,6 +36,20 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     total = np.empty_like(local)
     comm.Allreduce(local, total, op=MPI.SUM)
     return total
+
+
+def sums_by(
+    comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
+) -> npt.NDArray[np.float64]:
+    """Sums over the ranks of values, shape (n, d), by the numbers 0 to count - 1 that they have, shape (n,).
+
+    Returns:
+        The sums, shape (count, d), the same on every rank.
+    """
+    total = np.zeros((count, values.shape[1]))  # a float on a rank without values too, where bincount gives integers
+    for column in range(values.shape[1]):
+        total[:, column] = np.bincount(numbers, values[:, column], minlength=count)
+    return global_sum(comm, total)
 
 
 def any_rank(comm: MPI.Comm, condition: bool) -> bool:
@@ -116,12 +104,18 @@ def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
 
 
 def machine_memory(comm: MPI.Comm) -> float:
-    """Memory of all machines that the ranks run on, or what a control group leaves of it, bytes; collective."""
+    """Memory of all machines that the ranks run on, or what limits leave of it, bytes; collective.
+
+    Limits are those of a control group, and the address space that each rank may have (``ulimit -v``).
+    """
     own = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
         own = min(own, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     first = machine.rank == 0
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if allowed != resource.RLIM_INFINITY:
+        own = min(own, float(allowed) * machine.size)
     machine.Free()
     return float(global_sum(comm, np.array(own if first else 0.0)))
 

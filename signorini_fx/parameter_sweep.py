@@ -11,14 +11,16 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.certificate import Certificate, Law, certify
 from signorini_fx.discretisation import Discretisation, discretise
 from signorini_fx.errors import SceneError
+from signorini_fx.expressions import sample
 from signorini_fx.mesh import load_mesh
 from signorini_fx.problem import ContactProblem
-from signorini_fx.quantities import Certificate, ContactState, Forces, certify
+from signorini_fx.quantities import ContactState
 from signorini_fx.resting import Rest
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import Scene
+from signorini_fx.scene import CoulombFriction, Friction, Scene
 from signorini_fx.solver import contact_task, from_rest
 from signorini_fx.strategy import run
 
@@ -40,6 +42,8 @@ class SweepPoint:
     status: Status
     contact: ContactState
     linear_solves: int
+    _scene: Scene
+    _law: Law
     _discretisation: Discretisation
     _problem: ContactProblem
     _x: PETSc.Vec
@@ -54,10 +58,8 @@ class SweepPoint:
 
     def certificate(self) -> Certificate:
         """The conditions of the problem, checked anew on the whole body; collective."""
-        displacement = self.displacement()
-        forces = Forces.of(self._discretisation, displacement, 0)
-        forces.external.scale(self._load)
-        return certify(self._discretisation, displacement, forces, self.contact)
+        tagged, displacement = self._discretisation.tagged, self.displacement()
+        return certify(self._scene, tagged, displacement, self.contact.tractions, law=self._law, scale=self._load)
 
 
 def sweep(
@@ -101,8 +103,24 @@ def sweep(
         contact = task.contact()
         x = task.answer.x.copy()
         solves, problem = history.linear_solves - before, task.problem
-        points.append(SweepPoint(value, status, contact, solves, discretisation, problem, x, load, task.rest))
+        own = scene if coefficients is None else _with_coefficient(scene, value)
+        points.append(
+            SweepPoint(value, status, contact, solves, own, task.promised, discretisation, problem, x, load, task.rest)
+        )
         if status is Status.CONVERGED:
             task.first_sets, task.first_iteration = task.problem.sets, 1
             task.start = task.answer.multipliers()
     return points
+
+
+def _with_coefficient(scene: Scene, value: float) -> Scene:
+    """The scene with another friction coefficient where Coulomb friction acts."""
+
+    def replaced(friction: Friction) -> Friction:
+        if not isinstance(friction, CoulombFriction):
+            return friction
+        old = friction.coefficient
+        return friction.model_copy(update={"coefficient": lambda x: np.where(sample(old, x) > 0, value, 0.0)})
+
+    contact = tuple(effect.model_copy(update={"friction": replaced(effect.friction)}) for effect in scene.contact)
+    return scene.model_copy(update={"contact": contact})

@@ -27,6 +27,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from signorini_fx.csv_text import as_name
+
 Floats = npt.NDArray[np.float64]
 Table = Mapping[str, npt.NDArray[Any]]
 
@@ -93,17 +95,20 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
         Name -> one entry a row: floats where every entry is a number (an empty one is nan), strings elsewhere.
 
     Raises:
-        ValueError: a row has more or fewer entries than the header.
+        ValueError: a row has more or fewer entries than the header, or it is no CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader = csv.reader(file)
-        names = next(reader, [])
         rows: list[list[str]] = []
-        for row in reader:
-            if row and len(row) != len(names):
-                raise ValueError(f"{path}, line {reader.line_num}: {len(row)} entries under {len(names)} names")
-            if row:
-                rows.append(row)
+        try:
+            names = next(reader, [])
+            for row in reader:
+                if row and len(row) != len(names):
+                    raise ValueError(f"{path}, line {reader.line_num}: {len(row)} entries under {len(names)} names")
+                if row:
+                    rows.append(row)
+        except csv.Error as error:
+            raise ValueError(f"{path}, line {reader.line_num}: {error}") from None
     return {name: _column(name, [row[k] for row in rows]) for k, name in enumerate(names)}
 
 
@@ -113,7 +118,7 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
             return np.array([float(entry) if entry.strip() else math.nan for entry in entries], dtype=np.float64)
         except ValueError:
             pass
-    return np.array(entries, dtype=np.str_)
+    return np.array(list(map(as_name, entries)), dtype=np.str_)
 
 
 def plain(text: str) -> str:

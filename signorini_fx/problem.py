@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
@@ -15,47 +17,63 @@ from signorini_fx.complementarity import (
     Nodal,
     RegularisedData,
     classify,
+    law_residual,
+    length,
     multipliers,
     release,
-    tangent_coefficients,
+    tangent,
     trial_pressure,
 )
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.holding import fewest_ties, hold
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.results import Status
 from signorini_fx.rigid import RigidMotions
 
 
+@dataclass(frozen=True)
+class NextSets:
+    """The active sets of the next linear solve, and where they come from.
+
+    Attributes:
+        sets: what the next linear solve takes.
+        wanted: what the iterate asks for; ``sets`` differ from them where those would not hold the body.
+        repaired: whether they do.
+        escapes: how the body gets away whatever the sets are; None: it does not.
+    """
+
+    sets: ActiveSets
+    wanted: ActiveSets
+    repaired: bool = False
+    escapes: Status | None = None
+
+
 class ContactProblem(Protocol):
     """What the semi-smooth Newton method needs of a problem.
 
-    ``sets`` are those of the last linear solve; evaluating the residual classifies the nodes anew (``following``)
-    without touching them, so that SNES may evaluate it as often as it likes; assembling the Jacobian takes the new sets
-    over.
+    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without touching
+    them, so that SNES may evaluate it as often as it likes; assembling the Jacobian takes the next sets over.
 
     Attributes:
         system: the elastic system.
-        boundary: the contact nodes.
+        boundary: the contact points.
         data: what outer algorithms change.
+        affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
+            sets that come back mean a cycle.
         sets: active sets of the last linear solve.
-        following: active sets of the last residual.
+        next: active sets of the last residual.
         force_scale: size of the forces in the last residual.
-        loose: how the body gets away from the sets of the last residual; None: they hold it.
-        kept: whether these sets differ from those that the iterate asked for, in order to hold it.
-        wanted: those that it asked for.
-        moved: contact nodes whose blocks in the Jacobian differ from those of its last factorisation; None: there is
+        moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
 
     system: ElasticSystem
     boundary: ContactBoundary
     data: RegularisedData
+    affine: bool
     sets: ActiveSets
-    following: ActiveSets
+    next: NextSets
     force_scale: float
-    loose: Status | None
-    kept: bool
-    wanted: ActiveSets
     moved: int | None
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -73,7 +91,10 @@ class ContactProblem(Protocol):
         """(lambda, mu) at the contact nodes for given sets."""
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """The friction bounds that the current and the following sets stand for."""
+        """The friction bounds that the current and the next sets stand for."""
+
+    def law_residual(self, x: PETSc.Vec) -> float:
+        """Largest distance of mu from the projection (3.4), relative to the largest bound; collective."""
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
@@ -105,22 +126,19 @@ ROUND_OFF = 1e-8
 _ATTAINABLE = 1e-7
 
 
-class ProblemState:
+class ProblemState(ABC):
     """The state that every contact problem keeps, and what becomes of it; see ``ContactProblem``."""
 
-    def __init__(
-        self, system: ElasticSystem, boundary: ContactBoundary, physical: ContactBoundary, motions: RigidMotions
-    ) -> None:
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
-        self.sets = self.following = ActiveSets.all_in_contact(boundary.size)
+        tangents = boundary.tangents.shape[2]
+        self.affine = tangents == 1  # in space the direction of slip turns
+        self.sets = ActiveSets.all_in_contact(boundary.size, tangents)
+        self.next = NextSets(self.sets, self.sets)
         self.force_scale = 0.0
-        self.loose: Status | None = None
-        self.kept = False
-        self.wanted = self.sets
         self.moved: int | None = None
-        self._physical = physical
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
@@ -133,11 +151,29 @@ class ProblemState:
         self.data = data
         self._forced_first = first_sets is not None
         if first_sets is not None:
-            self.following = release(first_sets, data)
+            first = release(first_sets, data)
+            self.next = NextSets(first, first)
+
+    @abstractmethod
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+
+    @abstractmethod
+    def away(self, x: PETSc.Vec) -> Nodal:
+        """Distance of mu from the projection (3.4) at each contact point, stress, shape (n,)."""
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
-        return self.boundary.traces(x.getArray(readonly=True)[self.system.contact_dofs])
+        return self.system.contact.traces(x)
+
+    def law_residual(self, x: PETSc.Vec) -> float:
+        """See ``ContactProblem``."""
+        bound, _ = self.friction_bounds(x)
+        size = parallel.local_max(np.where(np.isfinite(bound), bound, 0.0))
+        away, size = (
+            parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
+        )
+        return away / size if size > 0 else away
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """See ``ContactProblem``: never, where sets are constraints."""
@@ -145,12 +181,12 @@ class ProblemState:
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """See ``ContactProblem``."""
-        stick = (sets.slip == 0) if data.has_friction else np.zeros_like(sets.contact)
-        return self._motions.held_by(self._physical, sets.contact, stick)
+        stick = ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
+        return self._motions.held_by(self.boundary, sets.contact, stick)
 
     def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
         """See ``ContactProblem``."""
-        return fewest_ties(sets, opening, slipping, self._physical, self._motions)
+        return fewest_ties(sets, opening, slipping, self.boundary, self._motions)
 
     def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
         """See ``ContactProblem``."""
@@ -160,7 +196,7 @@ class ProblemState:
         u_n, u_t = self.traces(x)
         stretch = data.gamma_n * np.maximum(np.abs(u_n), np.abs(data.gap))
         if data.has_friction:
-            stretch = np.maximum(stretch, data.gamma_t * np.abs(u_t))
+            stretch = np.maximum(stretch, data.gamma_t * length(u_t))
         largest = parallel.global_max(self.system.comm, parallel.local_max(self.boundary.weight * stretch))
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
@@ -176,19 +212,12 @@ class ProblemState:
         if jacobian.handle in self._definite:
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
-    def _hold(self, pressure: Nodal, shear: Nodal) -> None:
-        """Replace the following sets by sets that hold the body, or note how it gets away."""
-        self.wanted = self.following
-        self.following, self.loose, self.kept = hold(
-            self.following,
-            self.sets,
-            pressure,
-            shear,
-            self.data,
-            self._physical,
-            self._motions,
-            self.system.resultant,
+    def _hold(self, wanted: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
+        """Take sets that hold the body for the next ones, or note how it gets away."""
+        sets, escapes, repaired = hold(
+            wanted, self.sets, pressure, shear, self.data, self.boundary, self._motions, self.system.resultant
         )
+        self.next = NextSets(sets, wanted, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take the size of the forces A x as the scale of the residual."""
@@ -204,8 +233,8 @@ class RegularisedProblem(ProblemState):
     """
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
-        super().__init__(system, boundary, boundary, motions)
-        self._blocks = _NodeBlocks(system, boundary)
+        super().__init__(system, boundary, motions)
+        self._tangent = _ContactTangent(system.matrix, system.contact)
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
@@ -217,20 +246,23 @@ class RegularisedProblem(ProblemState):
         pressure, _ = self.multipliers(x, self.sets)
         return self.data.friction_bound(pressure), self.data.friction_bound(trial_pressure(u_n, self.data))
 
+    def away(self, x: PETSc.Vec) -> Nodal:
+        """See ``ProblemState``."""
+        return law_residual(self.sets, *self.traces(x), self.data)
+
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
-        if not self._forced_first:
-            self.following = classify(self.sets, *self.traces(x), self.data)
-        self._hold(*self.multipliers(x, self.sets))
-        self._imbalance(x, self.following, f)
+        u_n, u_t = self.traces(x)
+        wanted = self.next.wanted if self._forced_first else classify(self.sets, u_n, u_t, self.data)
+        self._hold(wanted, *multipliers(self.sets, u_n, u_t, self.data))
+        self._imbalance(x, self.next.sets, f)
 
     def _imbalance(self, x: PETSc.Vec, sets: ActiveSets, f: PETSc.Vec) -> None:
         """R(x) for given sets."""
         self.system.matrix.mult(x, f)
         self._measure(f, x)
         f.axpy(-1.0, self.system.load)
-        forces = self.boundary.nodal_forces(*self.multipliers(x, sets)) * self.boundary.free
-        np.add.at(f.getArray(), self.system.contact_dofs, forces)
+        self.system.contact.add_forces(*self.multipliers(x, sets), f)
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """See ``ContactProblem``."""
@@ -238,59 +270,72 @@ class RegularisedProblem(ProblemState):
         self._imbalance(x, sets, force)
         if not force.norm() <= tolerance * self.force_scale:
             return False
-        self.sets = self.following = sets
+        self.sets = sets
+        self.next = NextSets(sets, sets)
         return True
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """See ``ContactProblem``."""
-        self.sets = self.following
+        self.sets = self.next.sets
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is left alone.
-        self.moved = self._blocks.insert(jacobian, *tangent_coefficients(self.sets, self.data))
+        self.moved = self._tangent.insert(jacobian, tangent(self.sets, self.data))
         self._declare(jacobian)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
-        self._blocks.factorised[jacobian.handle] = self._blocks.inserted[jacobian.handle]
+        self._tangent.factorised[jacobian.handle] = self._tangent.inserted[jacobian.handle]
 
 
-class _NodeBlocks:
-    """The 2 x 2 diagonal blocks of the contact nodes: the only entries of the Jacobian that ever change."""
+class _ContactTangent:
+    """A + B^T D B: the entries of the Jacobian that contact changes, and nothing else of it."""
 
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary) -> None:
-        self._comm = system.comm
-        self.inserted: dict[int, npt.NDArray[np.float64]] = {}
-        self.factorised: dict[int, npt.NDArray[np.float64]] = {}
-        first = system.matrix.getOwnershipRange()[0]
-        dofs, node = np.unique(system.contact_dofs, axis=0, return_inverse=True)
-        self._node = node.ravel()
-        self._rows = (first + dofs).astype(PETSc.IntType)
-        self._elastic = np.array([system.matrix.getValues(rows, rows) for rows in self._rows]).reshape(-1, 2, 2)
-        masked = boundary.free[:, :, None] & boundary.free[:, None, :]
-        weight = boundary.weight[:, None, None] * masked
-        n, t = boundary.normal, boundary.tangent
-        self._nn, self._tt, self._tn = (weight * np.einsum("ij,ik->ijk", a, b) for a, b in ((n, n), (t, t), (t, n)))
+    def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
+        self._comm = matrix.comm.tompi4py()
+        self.inserted: dict[int, Nodal] = {}
+        self.factorised: dict[int, Nodal] = {}
+        unknowns, blocks = contact.entries()
+        self._blocks = np.where(contact.fixed[unknowns][:, None, :], 0.0, blocks)
+        self._weighted = contact.weight[:, None, None] * self._blocks
+        # Pairs of unknowns that some point joins: the rows of B^T D B, each with its columns in order.
+        first, columns = matrix.getOwnershipRange()[0], contact.fixed.size
+        pairs = unknowns[:, :, None] * columns + unknowns[:, None, :]
+        keys, place = np.unique(pairs, return_inverse=True)
+        self._place = place.ravel()
+        row, column = keys // max(columns, 1), keys % max(columns, 1)
+        rows, counts = np.unique(row, return_counts=True)
+        self._starts = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType)
+        self._rows = (first + rows).astype(PETSc.IntType)
+        self._columns = (first + column).astype(PETSc.IntType)
+        spans = list(pairwise(self._starts))
+        elastic = [
+            matrix.getValues([number], self._columns[a:b]).ravel()
+            for number, (a, b) in zip(self._rows, spans, strict=True)
+        ]
+        self._elastic = np.concatenate([np.empty(0), *elastic])
 
-    def insert(self, matrix: PETSc.Mat, normal: Nodal, tangential: Nodal, coupling: Nodal | None) -> int | None:
-        """Put A's blocks plus w (normal n n + tangential t t + coupling t n) into the matrix, if they are not there.
+    def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> int | None:
+        """Put A + B^T D B into a copy of A, if it is not there.
+
+        Args:
+            matrix: a matrix with the pattern and, elsewhere, the values of A.
+            blocks: D of each point, stress per length, shape (n, d, d).
 
         Returns:
-            How many nodes differ from the last factorisation, None if there is none; the same on all ranks.
+            How many points differ from the last factorisation, None if there is none; the same on all ranks.
         """
-        state = np.stack([normal, tangential, np.zeros_like(normal) if coupling is None else coupling])
         known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
-        differ = [1 + state.size if old is None else np.count_nonzero((old != state).any(axis=0)) for old in known]
+        differ = [
+            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2))) for old in known
+        ]
         changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
         since = None if known[1] is None else moved
         if changed == 0:
             return since
-        self.inserted[matrix.handle] = state
-        contact = normal[:, None, None] * self._nn + tangential[:, None, None] * self._tt
-        if coupling is not None:
-            contact += coupling[:, None, None] * self._tn
-        blocks = self._elastic.copy()
-        np.add.at(blocks, self._node, contact)
+        self.inserted[matrix.handle] = blocks
+        added = np.einsum("nia,nij,njb->nab", self._weighted, blocks, self._blocks)
+        values = self._elastic + np.bincount(self._place, added.ravel(), minlength=self._elastic.size)
         if self._rows.size:
-            matrix.setValuesRCV(self._rows, self._rows, blocks)
+            matrix.setValuesIJV(self._starts, self._columns, values, rowmap=self._rows)
         matrix.assemble()
         return since

@@ -7,9 +7,11 @@ body is the picture that ``solve`` drew.  Every text passes ``tag``, which escap
 from __future__ import annotations
 
 import base64
+import contextlib
 import html
 import json
 import math
+import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
@@ -22,28 +24,30 @@ import numpy as np
 from signorini_fx import __version__
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.pyvista_pictures import FIELDS
-from signorini_fx.results import CERTIFICATE_TOLERANCE, FAR_AWAY, FEW_NODES, Status
+from signorini_fx.results import CERTIFICATE_TOLERANCE, FEW_NODES, Status
 
 PAGE = "report.html"
 _LONG = 40  # rows from which on a table is folded
 _WIDE_TABLE = 8  # columns from which on print takes small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
+_LARGEST_SUMMARY = 100_000_000  # bytes; it grows with the load steps only
 _MOST_ROWS = 400  # of a table; the CSV file has all
 _VOID = frozenset({"br", "img", "meta"})
 
 # Every figure of the certificate: its limit, None where it is reported only, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {
     "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
+    "supports": (CERTIFICATE_TOLERANCE, "largest difference from a prescribed displacement"),
     "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
     "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
     "wrong_way_slip": (CERTIFICATE_TOLERANCE, "slip in the direction of the friction force"),
-    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond pressure / gamma_n"),
+    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond what the law allows for"),
     "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
     "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
-    "displacement": (FAR_AWAY, "largest displacement over the size of the body"),
-    "penetration": (None, "deepest penetration; the regularisation allows pressure / gamma_n"),
+    "displacement": (None, "largest displacement over the size of the body"),
+    "penetration": (None, "deepest penetration; the regularised law allows pressure / gamma_n"),
     "complementarity": (None, "largest product of pressure and distance"),
-    "stick_slip": (None, "largest slip where the body sticks; the regularisation allows shear / gamma_t"),
+    "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
 }
 
 
@@ -135,15 +139,19 @@ def read_summary(folder: Path) -> dict[str, Any]:
         ResultError: the folder is not there, no result folder, or half written.
     """
     file = folder / "summary.json"
-    if not folder.is_dir():
-        what = "is a file" if folder.exists() else "is not there"
+    if not os.path.isdir(folder):  # a name may be of any length
+        what = "is a file" if os.path.exists(folder) else "is not there"
         raise ResultError(f"{folder}: {what}: give the folder that signorini-fx solve wrote, such as results/NAME")
     if not file.is_file():
         begun = any((folder / name).exists() for name in (".part", "history.csv", "contact.csv"))
         what = "is half written, it has no summary.json yet: let solve finish, or solve again"
         raise ResultError(f"{folder}: {what if begun else 'is no result folder, it has no summary.json'}")
     try:
+        if file.stat().st_size > _LARGEST_SUMMARY:
+            raise ResultError(f"{file}: is longer than what signorini-fx solve writes: give a folder that it wrote")
         summary = json.loads(file.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ResultError(f"{file}: cannot be read: nested too deeply: solve again") from None
     except (OSError, ValueError) as error:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
@@ -190,12 +198,16 @@ def _drawn(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
 # --- sections --------------------------------------------------------------------------------------------------------
 
 
+# A solution, less accurate than asked for.
+_SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
+
+
 def _outcome(summary: dict[str, Any]) -> Markup:
     good = summary["status"] == Status.CONVERGED.value
-    short = summary["status"] == Status.BUDGET.value
+    short = summary["status"] in _SHORT_OF_ACCURACY
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not good:
-        last = "the last mesh that the budget allowed" if short else "the last iterate: to look at, not to use"
+        last = "the last mesh" if short else "the last iterate: to look at, not to use"
         verdict = f"{verdict} All figures are of {last}."
     if not good and summary["linear_solves"] == 0:
         verdict += " Nothing had to be solved to tell: it is the body without displacement."
@@ -203,6 +215,7 @@ def _outcome(summary: dict[str, Any]) -> Markup:
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
     status = tag("div", *text, class_=f"status {'good' if good else 'short' if short else 'bad'}")
+    warned = _findings(summary, "warning")
     names = {
         "contact_force": "contact force on the body",
         "friction_force": "friction force on the body",
@@ -218,7 +231,14 @@ def _outcome(summary: dict[str, Any]) -> Markup:
     figures.append(("seconds", f"{sum(summary['timings'].values()):.3g}"))
     cards = [tag("div", tag("dt", label), tag("dd", value)) for label, value in figures]
     note = "Forces are per unit thickness, and what the foundation exerts on the body; units are those of the scene."
-    return joined([status, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+    return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+
+
+def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
+    """What the solver has found about the scene and the result, empty where there is nothing of that level."""
+    found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
+    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in found]
+    return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 
 def _clean(value: Any, scale: float) -> Any:
@@ -229,7 +249,7 @@ def _clean(value: Any, scale: float) -> Any:
 def _certificate(summary: dict[str, Any]) -> Markup:
     rows, classes = [], []
     for name, value in summary["certificate"].items():
-        if name == "holds":
+        if name in ("holds", "law"):
             continue
         limit, meaning = JUDGED.get(name, (None, ""))
         missed = limit is not None and not (_is_number(value) and value <= limit)
@@ -237,9 +257,10 @@ def _certificate(summary: dict[str, Any]) -> Markup:
         judged = "" if limit is None else f"<= {limit:g}"
         rows.append((_named(name.replace("_", " "), meaning), _short(value), verdict, judged))
         classes.append("missed" if missed else "")
+    law = f" Judged by {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     note = (
-        "The conditions of the problem, checked anew after the iteration with forces assembled from the displacement "
-        "alone. Every figure is relative: to the largest stress, displacement or force."
+        "The conditions of the problem, checked anew after the iteration from the displacement and the contact "
+        f"tractions alone.{law} Every figure is relative: to the largest stress, deformation or force."
     )
     parts = [tag("p", note, class_="note"), table(["figure", "value", "", "limit"], rows, classes)]
     if "functionals" in summary:
@@ -400,7 +421,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
             "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what will hurt, "
             "and why."
         )
-        if summary["status"] != Status.BUDGET.value:
+        if summary["status"] not in _SHORT_OF_ACCURACY:
             return advice
     prices = summary.get("price_list", [])
     if prices:
@@ -430,8 +451,6 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
                 f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
                 "its largest pressure are used."
             )
-        if not runs:
-            advice.append("Nothing is in contact: check loads and gap if contact was expected.")
         if np.any(contact["bound"] > 0) and not np.any(contact["friction"] == "stick"):
             advice.append("Every node with friction slips: friction is at its limit.")
     if summary.get("fields"):
@@ -465,7 +484,7 @@ def page(folder: Path) -> str:
     except FileNotFoundError as error:
         name = Path(error.filename).name
         raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
-    except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError) as error:
         raise ResultError(
             f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not belong together "
             f"({type(error).__name__}: {error}): solve again"
@@ -533,11 +552,13 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
     folder = Path(folder)
     file = folder / PAGE if file is None else Path(file)
     text = page(folder)
+    part = file.parent / f".{file.name}.part"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        part = file.with_name(f".{file.name}.part")
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
         part.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        with contextlib.suppress(OSError, ValueError):
+            part.unlink(missing_ok=True)
+        raise OutputError(f"{file}: cannot be written: {getattr(error, 'strerror', None) or error}") from None
     return file

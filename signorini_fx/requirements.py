@@ -1,12 +1,16 @@
-"""Whether FEniCSx is there: found out without importing it."""
+"""Whether FEniCSx is there, and the machine fit for it: found out without importing it."""
 
 from __future__ import annotations
 
+import resource
 from importlib.util import find_spec
 
-from signorini_fx.errors import InstallationError
+from signorini_fx.errors import InstallationError, MachineError
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
+# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; where
+# there is less its libraries wait for ever, or end the process.
+_ADDRESS_SPACE, _DATA = 1.0e9, 0.5e9
 
 
 def check_fenicsx() -> None:
@@ -14,3 +18,17 @@ def check_fenicsx() -> None:
     missing = [name for name in FENICSX if find_spec(name) is None]
     if missing:
         raise InstallationError(f"{', '.join(missing)} cannot be imported")
+
+
+def check_machine() -> None:
+    """Raise ``MachineError`` where a limit leaves too little memory to begin with."""
+    for limit, needed, option in (
+        (resource.RLIMIT_AS, _ADDRESS_SPACE, "-v"),
+        (resource.RLIMIT_DATA, _DATA, "-d"),
+    ):
+        allowed, _ = resource.getrlimit(limit)
+        if allowed != resource.RLIM_INFINITY and allowed < needed:
+            raise MachineError(
+                f"the memory of each process is limited to {allowed / 1e6:.0f} MB (ulimit {option}): "
+                f"at least {needed / 1e6:.0f} MB are needed, raise the limit"
+            )

@@ -27,7 +27,7 @@ class Rest:
     """A rigid motion, and what it is at the contact nodes.
 
     Attributes:
-        motion: coefficients of translation and rotation, lengths, shape (3,).
+        motion: coefficients of translation and rotation of each piece of the body, lengths, shape (3 pieces,).
         u_n: its tau_N y.
         u_t: its tau_T y.
     """
@@ -54,31 +54,50 @@ def resting_place(
     collective.
 
     The work of the load is largest over the rigid motions that do not enter the foundation: a linear programme with
-    as many unknowns as motions that the contact resists.
+    as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest each by itself.
     """
-    if motions.free.shape[1] == 0 or data.bilateral is not None:
+    if motions.free.shape[1] == 0:
         return None
-    modes = boundary.free[:, :, None] * (motions.at(boundary.x) @ motions.free)
+    modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, data.gap)))
-    normal_modes, gap = table[:, :-1], table[:, -1]
-    values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
-    resisted = vectors[:, values > _SMALL * values[-1]]
-    work = (motions.free @ resisted).T @ resultant
-    size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
-    if size == 0 or largest == 0:
+    bilateral = np.zeros(boundary.size) if data.bilateral is None else data.bilateral
+    of_node = motions.assembly_of(boundary.nodes)
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, data.gap, bilateral, of_node)))
+    motion = np.zeros(motions.free.shape[0])
+    for number, columns, _ in motions.assemblies():
+        here = table[table[:, -1] == number]
+        if len(here) and not here[:, -2].any():
+            free = motions.free[:, columns]
+            moved = _rest_of(here[:, :-3][:, columns], here[:, -3], free.T @ resultant)
+            motion += 0.0 if moved is None else free @ moved
+    if not motion.any():
         return None
-    rows = normal_modes @ resisted
-    place = _furthest(rows, gap / size, work / largest)
-    if place is None:
-        return None
-    motion = size * (motions.free @ (resisted @ place))
-    at_nodes = boundary.free[:, :, None] * motions.at(boundary.x) @ motion
+    at_nodes = boundary.free * (motions.at(boundary.nodes) @ (motions.free.T @ motion))
     u_n = np.einsum("ij,ij->i", boundary.normal, at_nodes)
-    u_t = np.einsum("ij,ij->i", boundary.tangent, at_nodes)
+    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_nodes)
     # A motion along the normals has no tangential part but for round-off.
     still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
+
+
+def _rest_of(
+    normal_modes: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], load: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64] | None:
+    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests.
+
+    Args:
+        normal_modes: what each motion is along the normals of its contact nodes, shape (n, k).
+        gap: at these nodes, shape (n,).
+        load: what the load does on the motions, shape (k,).
+    """
+    values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
+    resisted: npt.NDArray[np.float64] = vectors[:, values > _SMALL * values[-1]]
+    work = resisted.T @ load
+    size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
+    if size == 0 or largest == 0:
+        return None
+    place = _furthest(normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest))
+    return None if place is None else size * (resisted @ place)
 
 
 def _furthest(

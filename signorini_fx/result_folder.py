@@ -14,11 +14,12 @@ import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Self
 
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.errors import OutputError
+from signorini_fx.errors import OutputError, SignoriniError
 
 SUMMARY = "summary.json"
 _PART = ".part"
@@ -27,7 +28,8 @@ _PART = ".part"
 class ResultFolder:
     """The claim of one run on a folder, from its first moment to its last; every method is collective.
 
-    The claim is a lock on the folder itself, which the system takes away with the process, however that ends.
+    The claim is a lock on the folder itself, which the system takes away with the process, however that ends.  As a
+    context it takes back what was made where it is left without ``commit``.
 
     Args:
         comm: the ranks of the run.
@@ -46,6 +48,18 @@ class ResultFolder:
         self.part = self.path / _PART
         self._lock: int | None = None
         parallel.on_root(comm, self._claim)
+        self._claimed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if not self._claimed:
+            return
+        if error is None or isinstance(error, SignoriniError):  # these come on all ranks alike
+            self.discard()
+        else:  # the others may never come: this rank removes what it sees
+            self._remove()
 
     def reserve(self, size: float) -> None:
         """Find out whether so many bytes can be written here: libraries that write fields do not survive a full disk.
@@ -87,23 +101,24 @@ class ResultFolder:
                     source.replace(self.path / source.name)
                 self.part.rmdir()
             except OSError as error:
+                shutil.rmtree(self.part, ignore_errors=True)
                 raise cannot_be_written(self.path, error) from None
             finally:
                 self._release()
 
+        self._claimed = False
         parallel.on_root(self._comm, move)
 
     def discard(self) -> None:
         """Take back what was made; older results stay."""
+        self._claimed = False
+        parallel.on_root(self._comm, lambda: self._remove() if self._lock is not None else None)
 
-        def remove() -> None:
-            if self._lock is not None:
-                shutil.rmtree(self.part, ignore_errors=True)
-                with contextlib.suppress(OSError):
-                    self.path.rmdir()  # only if there is nothing else in it
-                self._release()
-
-        parallel.on_root(self._comm, remove)
+    def _remove(self) -> None:
+        shutil.rmtree(self.part, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            self.path.rmdir()  # only if there is nothing else in it
+        self._release()
 
     def _claim(self) -> None:
         try:

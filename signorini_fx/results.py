@@ -9,12 +9,15 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, TypeVar
 
+from signorini_fx.compilation import compiling
+
 T = TypeVar("T")
 
 # A violation above this share of the solution's own scale refuses the certificate.
 CERTIFICATE_TOLERANCE = 1e-6
-# A body that moves by so many times its size is no small deformation, and its figures are round-off.
-FAR_AWAY = 1e3
+# Strains, rotations and displacements (over the size of the body) from which on linear elasticity is off by notable
+# terms: the neglected part of the strain is half of this share.
+SMALL_DEFORMATION = 0.1
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure say much.
 FEW_NODES = 8
 
@@ -32,8 +35,10 @@ class Status(Enum):
     SINGULAR = "linear system singular"
     LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
+    TOO_LARGE = "deformation too large for linear elasticity"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
+    OUT_OF_REACH = "accuracy out of reach"
 
     @property
     def advice(self) -> str:
@@ -66,14 +71,21 @@ _ADVICE = {
         "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
         "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
+    Status.TOO_LARGE: (
+        "strains, rotations or displacements are beyond what linear elasticity can mean: check the units of E, of the "
+        "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
+    ),
     Status.NOT_CERTIFIED: (
         "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh; "
-        "a displacement of many times the body's size points to wrong units or supports"
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
     ),
     Status.BUDGET: (
         "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "
         "see the price list for what is missing; raise the budget, or ask for less"
+    ),
+    Status.OUT_OF_REACH: (
+        "the result is a certified solution, less accurate than asked for, and no finer mesh would have the accuracy: "
+        "the events of the history say why"
     ),
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }
@@ -140,10 +152,15 @@ class Inventory:
     matrices: list[str] = field(default_factory=list)
 
     def compile(self, name: str, make: Callable[[], T]) -> T:
-        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache."""
+        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache.
+
+        Raises:
+            MachineError: it cannot be compiled.
+        """
         if name not in self.forms:
             self.forms.append(name)
-        return make()
+        with compiling():
+            return make()
 
 
 @dataclass

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -32,6 +33,7 @@ from pydantic import (
     model_validator,
 )
 
+from signorini_fx import magnitudes
 from signorini_fx.errors import SceneError
 from signorini_fx.expressions import Expression
 
@@ -47,6 +49,13 @@ def _shown(given: Any) -> str:
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
+def _bounded(number: float) -> float:
+    wrong = magnitudes.complaint(number)
+    if wrong is not None:
+        raise ValueError(f"{wrong}, got {_shown(number)}")
+    return number
+
+
 def _value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
@@ -58,7 +67,7 @@ def _value(given: Any) -> Any:
             number = math.inf
         if not math.isfinite(number):
             raise ValueError("the number must be finite")
-        return number
+        return _bounded(number)
     if isinstance(given, str):
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
@@ -82,7 +91,7 @@ def _number_or_auto(given: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
     if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
         raise ValueError(f"a positive number or 'auto' is wanted, got {_shown(given)}")
-    return given
+    return given if given == "auto" else _bounded(given)
 
 
 def _count_or_auto(given: Any) -> Any:
@@ -91,8 +100,8 @@ def _count_or_auto(given: Any) -> Any:
     return given
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
 
@@ -346,6 +355,9 @@ class SolverSettings(_Model):
         max_outer_iterations: outer iterations allowed.
         tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
             relatively by no more than this.
+        largest_deformation: the largest deformation that is taken for one: mean size of the displacement gradient
+            (strain and rotation), and largest displacement over the size of the body; beyond it linear elasticity has
+            no meaning, and the outcome says so.
         fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
             Limits on iterations that are lower than usual are kept: they are an end, no failure.
     """
@@ -357,7 +369,7 @@ class SolverSettings(_Model):
     sigma: Automatic = "auto"
     initial_contact: Box | Literal["auto", "all"] | Value = "auto"
     gamma_first: Automatic = "auto"
-    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)] = 1.0
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(_bounded)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
     linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
@@ -365,6 +377,7 @@ class SolverSettings(_Model):
     max_iterations: Count = 100
     max_outer_iterations: Count = 100
     tolerance: Positive = 1e-7
+    largest_deformation: Positive = 0.5
     fallbacks: bool = True
 
     @field_validator("initial_contact", mode="before")
@@ -383,9 +396,9 @@ class Accuracy(_Model):
         of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
             the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
-            estimated error is; ``auto``: for displacement and pressure, bodies with straight sides from a generator and
-            all meshes that are from none get triangles of degree 2, divided where the error is; bodies with arcs from a
-            generator elements and cells of degree 2, refined uniformly; else uniform.
+            estimated error is; ``auto``: for displacement, pressure and force, bodies with straight sides get
+            triangles of degree 2, divided where the error is; bodies with arcs from a generator, drawings (.geo) and
+            mesh files with curved cells elements and cells of degree 2, refined uniformly; else uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """
@@ -458,8 +471,8 @@ class Scene(_Model):
             raise ValueError("all materials must have the same hypothesis")
         if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
             raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
-        if self.accuracy is not None and (not self.contact or self.steps > 1):
-            raise ValueError("accuracy needs a scene with contact and one load step")
+        if self.accuracy is not None and not self.contact:
+            raise ValueError("accuracy needs a scene with contact")
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
@@ -521,7 +534,9 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     return scene
 
 
-_LARGEST_FILE = 5_000_000
+_LARGEST_FILE = 1_000_000
+# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
+_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
 
 
 def read_scene_text(path: Path) -> str:
@@ -531,7 +546,7 @@ def read_scene_text(path: Path) -> str:
         SceneError: the file cannot be read as text, or has no end.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
@@ -555,6 +570,9 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
     Raises:
         SceneError: syntax error with line and column, or every mistake of the content at once.
     """
+    if found := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
     try:
         data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
@@ -562,7 +580,8 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
     for table, entries in (overrides or {}).items():
-        data[table] = {**(data.get(table) or {}), **entries}
+        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
+            data[table] = {**said, **entries}
     return parse_scene(data, str(path), path.parent)
 
 
@@ -585,22 +604,28 @@ def plain_message(detail: Any) -> str:
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
+        case {"type": "model_type"}:
+            return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
     return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
 
 
+# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
+_MOST_GUESSES = 50
+
+
 def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
     """One entry a path: where pydantic tried several types, what each of them would have wanted."""
     found: dict[str, list[str]] = {}
-    for detail in error.errors():
-        path, message = _problem(detail, data)
+    for number, detail in enumerate(error.errors()):
+        path, message = _problem(detail, data, guess=number < _MOST_GUESSES)
         found.setdefault(path, []).append(message)
     return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
 
 
-def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
+def _problem(detail: Any, data: Mapping[str, Any], *, guess: bool) -> tuple[str, str]:
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
     path = ""
     node: Any = data
@@ -616,7 +641,7 @@ def _problem(detail: Any, data: Mapping[str, Any]) -> tuple[str, str]:
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
     given = detail.get("input")
-    if detail["type"] == "extra_forbidden":
+    if detail["type"] == "extra_forbidden" and guess:
         message += _meant(str(detail["loc"][-1]))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"

@@ -9,10 +9,13 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algorithms.ssn import History
+from signorini_fx.certificate import Certificate
 from signorini_fx.contact_table import ContactTable, contact_table
+from signorini_fx.deformation import Deformation
 from signorini_fx.discretisation import Discretisation
+from signorini_fx.findings import Finding
 from signorini_fx.price_list import LevelResult, Price
-from signorini_fx.quantities import Certificate, ContactState, Functionals
+from signorini_fx.quantities import ContactState, Functionals
 from signorini_fx.results import Status, Timings
 from signorini_fx.scene import Scene
 
@@ -26,6 +29,7 @@ class StepResult:
         status: how it ended.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the conditions of the step, checked anew.
+        deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness.
         linear_solves: linear solves of the step.
     """
@@ -34,6 +38,7 @@ class StepResult:
     status: Status
     contact: ContactState | None
     certificate: Certificate
+    deformation: Deformation
     strain_energy: float
     linear_solves: int
 
@@ -59,6 +64,7 @@ class Solution:
         parameters: gamma_n, gamma_t, sigma in force.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
+        findings: what is to be known of the scene and of the result.
         levels: the meshes of a nested iteration, coarsest first; empty without.
         price_list: what each of them is worth and costs, and the next one; empty without.
     """
@@ -76,6 +82,7 @@ class Solution:
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
     linear_algebra: str = "full"
+    findings: tuple[Finding, ...] = ()
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
 

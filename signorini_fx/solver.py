@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -17,23 +16,30 @@ from signorini_fx.accuracy import Solved, solve_to_accuracy
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.ssn import History
 from signorini_fx.boundary import ContactBoundary
+from signorini_fx.certificate import Before, Certificate, certify
+from signorini_fx.complementarity import FrictionLaw, RegularisedData
 from signorini_fx.contact_data import first_sets, friction_law, regularised_data
+from signorini_fx.contact_table import contact_table
+from signorini_fx.deformation import Deformation, deformation_of
 from signorini_fx.discretisation import Discretisation, discretise
+from signorini_fx.error_estimates import Errors, estimate_errors, worst_of
 from signorini_fx.errors import ConvergenceError, MeshError, SceneError
 from signorini_fx.estimators import StressRecovery
+from signorini_fx.findings import Finding, result_findings, scene_findings
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh import load_mesh
 from signorini_fx.nested import carry_over, coarser_scenes
+from signorini_fx.nodal_forces import NodalForces
 from signorini_fx.price_list import LevelResult, peak_memory, price_list
-from signorini_fx.quantities import ContactState, Forces, certify, functionals
+from signorini_fx.quantities import ContactState, functionals
 from signorini_fx.resting import Rest, resting_place
 from signorini_fx.results import IterationRecord, Status, Timings
 from signorini_fx.scene import MeshGenerator, Scene
 from signorini_fx.solution import Solution, StepResult
-from signorini_fx.strategy import run
+from signorini_fx.strategy import PROBLEMS, run
 from signorini_fx.task import Task
 
 
@@ -57,8 +63,11 @@ def solve(
     Raises:
         SceneError: the scene does not fit its mesh.
         MeshError: the mesh cannot be had.
+        OptionsError: PETSc does not take an option that the user has set.
+        MachineError: a form cannot be compiled.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
+    options.refuse_mistyped(comm)
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
@@ -107,12 +116,20 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     """Solve on one of several meshes, and say what it is worth; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
-    solution, task = _solve_mesh(scene, comm, history, state)
+    found: list[Errors] = []
+
+    def estimate(d: Discretisation, task: Task, step: StepResult) -> None:
+        assert step.contact is not None
+        table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
+        data = task.problem.data
+        compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+        found.append(estimate_errors(d, task.displacement(), step.strain_energy, table, step.step, compliance))
+
+    solution, task = _solve_mesh(scene, comm, history, state, estimate)
     if not solution.converged or task is None:
         return Solved(solution, task, None, None)
-    squares = StressRecovery(solution.discretisation).squares(task.displacement())
-    level = _level_result(number, solution, task, history.iterations[before:], squares)
-    return Solved(solution, task, level, squares)
+    errors = worst_of(found)
+    return Solved(solution, task, _level_result(number, solution, task, history.iterations[before:], errors), errors)
 
 
 # Coarser meshes that are tried where nothing else has helped.
@@ -126,6 +143,8 @@ def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Soluti
     try:
         coarse = coarser_scenes(scene, 1 + _HELPING_MESHES)
         history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
+        history.allow(PROBLEMS * scene.solver.max_iterations)
+        history.kept = True
         solution = _solve_nested([*coarse, scene], comm, history)
     except (SceneError, MeshError) as error:
         history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
@@ -138,7 +157,7 @@ def _level_result(
     solution: Solution,
     task: Task,
     own: list[IterationRecord],
-    squares: npt.NDArray[np.float64],
+    errors: Errors,
 ) -> LevelResult:
     """What a mesh is worth and what it took; two back substitutions, collective.
 
@@ -147,13 +166,12 @@ def _level_result(
         solution: the solution on it.
         task: its contact problem.
         own: the linear solves on this mesh.
-        squares: estimated squared error of each owned cell.
+        errors: what is estimated on it.
     """
     seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
     size = np.sqrt(2 * solution.steps[-1].strain_energy)
-    recovered = float(np.sqrt(parallel.global_sum(solution.comm, squares.sum())))
     regularisation = pressure_regularisation = 0.0
     data = task.problem.data
     if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
@@ -171,17 +189,24 @@ def _level_result(
         seconds=seconds,
         memory=peak_memory(solution.comm),
         status=solution.status.value,
-        energy=recovered / size if size > 0 else 0.0,
+        energy=errors.energy,
+        pressure=errors.pressure,
+        inside=errors.inside,
+        data=errors.data,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
-        force=np.concatenate(contact.forces),
+        force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
     )
 
 
 def _solve_mesh(
-    scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    state: ContactState | None,
+    after: Callable[[Discretisation, Task, StepResult], object] = lambda discretisation, task, step: None,
 ) -> tuple[Solution, Task | None]:
     """Solve on one mesh, from the contact state of a coarser one if there is any."""
     timings = Timings()
@@ -197,13 +222,20 @@ def _solve_mesh(
     elif boundary_levels.worthwhile(task):
         with timings.phase("iterate"):
             boundary_levels.start_from_few_nodes(task)
-    return solve_contact(discretisation, task, timings), task
+    return solve_contact(discretisation, task, timings, after), task
 
 
-def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) -> Solution:
-    """All load steps, until one has no solution."""
+def solve_contact(
+    discretisation: Discretisation,
+    task: Task,
+    timings: Timings,
+    after: Callable[[Discretisation, Task, StepResult], object] = lambda discretisation, task, step: None,
+) -> Solution:
+    """All load steps, until one has no solution; ``after`` is called while the task still holds what a step left."""
     scene, history = discretisation.scene, task.history
     steps: list[StepResult] = []
+    original = task.data if task.rest is None else replace(task.data, gap=task.data.gap + task.rest.u_n)
+    last: Before | None = None
     for step in range(scene.steps):
         before = history.linear_solves
         with timings.phase("iterate"):
@@ -213,17 +245,27 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
         with timings.phase("certify"):
             displacement = total_displacement(discretisation, task)
             contact = task.contact()
-            forces = Forces.of(discretisation, displacement, step)
-            certificate = certify(discretisation, displacement, forces, contact)
-            if status is Status.CONVERGED and not certificate.holds:
-                status = Status.NOT_CERTIFIED
-            energy = forces.strain_energy
-        steps.append(StepResult(step, status, contact, certificate, energy, history.linear_solves - before))
+            certificate = certify(
+                scene,
+                discretisation.tagged,
+                displacement,
+                contact.tractions,
+                law=task.promised,
+                step=step,
+                before=last,
+            )
+            last = Before(displacement, contact.tractions)
+            deformation = deformation_of(discretisation, displacement)
+            status = _judged(status, certificate, deformation, scene)
+            energy = certificate.strain_energy
+        solves = history.linear_solves - before
+        steps.append(StepResult(step, status, contact, certificate, deformation, energy, solves))
         if status is not Status.CONVERGED:
             break
+        after(discretisation, task, steps[-1])
     values = None
     if not task.has_coulomb:
-        values = functionals(forces, contact, replace(task.problem.data, gap=contact.gap))
+        values = functionals(certificate.potential_energy, contact, replace(task.problem.data, gap=contact.gap))
     return Solution(
         scene=scene,
         status=status,
@@ -237,8 +279,37 @@ def solve_contact(discretisation: Discretisation, task: Task, timings: Timings) 
         history=history,
         parameters=_parameters(task, energy),
         linear_algebra=task.linear_algebra,
+        findings=tuple(_findings(discretisation, steps, task.law, original)),
         timings=timings,
     )
+
+
+def _judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
+    """What becomes of the outcome of an iteration when its result is looked at.
+
+    A residual that stagnates is as a rule that of a body that is far away: then this comes first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > scene.solver.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
+
+
+def _findings(
+    discretisation: Discretisation,
+    steps: Sequence[StepResult],
+    law: FrictionLaw | None = None,
+    data: RegularisedData | None = None,
+) -> list[Finding]:
+    """What ``check`` says of the scene, and what its result says; collective."""
+    solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
+    found = scene_findings(discretisation, law, data, estimates=not solved)
+    if not solved:
+        return found
+    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
+    return [*found, *result_findings([step.deformation for step in steps], touching=touching)]
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
@@ -266,12 +337,12 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
         with timings.phase("certify"):
             displacement = discretisation.function(x)
-            forces = Forces.of(discretisation, displacement, step)
-            certificate = certify(discretisation, displacement, forces, None)
-            if status is Status.CONVERGED and not certificate.holds:
-                status = Status.NOT_CERTIFIED
-            energy = forces.strain_energy
-        steps.append(StepResult(step, status, None, certificate, energy, int(status is not Status.NOT_HELD)))
+            certificate = certify(discretisation.scene, discretisation.tagged, displacement, None, step=step)
+            deformation = deformation_of(discretisation, displacement)
+            status = _judged(status, certificate, deformation, discretisation.scene)
+            energy = certificate.strain_energy
+        solves = int(status is not Status.NOT_HELD)
+        steps.append(StepResult(step, status, None, certificate, deformation, energy, solves))
         if status is not Status.CONVERGED:
             break
     return Solution(
@@ -285,6 +356,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         certificate=certificate,
         steps=tuple(steps),
         history=history,
+        findings=tuple(_findings(discretisation, steps)),
         timings=timings,
     )
 
@@ -350,9 +422,11 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         allowed = _PATH_SHARE[discretisation.scene.element.degree]
         return lambda x: allowed * recovery.error(system.displacement(x))
 
+    forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
+
     def share(x: PETSc.Vec) -> float:
         displacement = discretisation.function(system.displacement(x))
-        return float(wanted * np.sqrt(2 * Forces.of(discretisation, displacement, 0).strain_energy))
+        return float(wanted * np.sqrt(2 * forces.strain_energy(displacement)))
 
     return share
 
@@ -366,6 +440,5 @@ def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: P
     """A displacement that is counted from a resting place, as one from where the body was at first."""
     function = discretisation.function(displacement)
     if rest is not None:
-        x = discretisation.space.tabulate_dof_coordinates()[:, :2]
-        function.x.array[:] += (discretisation.motions.at(x) @ rest.motion).ravel()
+        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
     return function

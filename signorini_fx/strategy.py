@@ -17,11 +17,14 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
+from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact_data import AUTOMATIC_GAMMA
 from signorini_fx.holding import balance_exists
 from signorini_fx.results import OuterRecord, Status
 from signorini_fx.task import Task
@@ -34,14 +37,36 @@ START_GAMMA = 100.0
 CONTINUATION_SHARE = 1e-4
 # Fixed points that do not contract are damped, more and more.
 _DAMPING = (0.5, 0.2)
+# A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
+# so many problems that run to their last iteration.  A fixed point with its most problems takes a fifth of them.
+PROBLEMS = 20
+# The model of the path has one pole: it is of no use where the two gammas are farther apart than this.
+_MOST_APART = 10.0
 # The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
 _AUGMENTED_SHARE = 1e-3
 
 
 def run(task: Task) -> Status:
     """Solve the current load step; the iterate, the sets and the data stay in the task."""
+    task.augmented = False
+    if task.settings.algorithm == "alm":
+        enough = with_enough_digits(task.data, _natural(task))
+        if (enough.gamma_n, enough.gamma_t) != (task.data.gamma_n, task.data.gamma_t):
+            task.history.add(
+                f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
+            )
+        task.data = enough
     if _nothing_acts(task):
         return _stay(task)
+    task.history.allow(PROBLEMS * task.settings.max_iterations)
+    status = _solve(task)
+    if status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+        task.history.add("all methods together have taken as many linear solves as they may")
+    return status
+
+
+def _solve(task: Task) -> Status:
+    """The method of the scene, and what takes over where it fails."""
     coulomb = task.law if task.has_coulomb else None
     status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
     if task.settings.fallbacks and task.gave_up(status) and task.settings.algorithm != "alm":
@@ -63,10 +88,16 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
     data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
     task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
     task.monolithic = False
-    everywhere = ActiveSets.all_in_contact(task.boundary.size)
+    everywhere = ActiveSets.all_in_contact(*task.data.mu_hat.shape)
     if coulomb is None:
         status = augmented_lagrangian(
-            newton, data, everywhere, first_iteration=1, tolerance=s.tolerance, max_outer=s.max_outer_iterations
+            newton,
+            data,
+            everywhere,
+            natural=_natural(task),
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
         )
     else:
         start = _coulomb_start(task)
@@ -80,12 +111,17 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
                 None,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
-                shift=True,
+                augmentation=Augmentation(newton, _natural(task), s.tolerance),
             )
     if status is not Status.CONVERGED:
         return failed
-    task.regularisation_error = None  # what path-following left is not left here
+    task.augmented, task.regularisation_error = True, None  # what path-following left is not left here
     return status
+
+
+def _natural(task: Task) -> float:
+    """The gamma that a scene has where it names none."""
+    return AUTOMATIC_GAMMA * task.natural_gamma
 
 
 def _nothing_acts(task: Task) -> bool:
@@ -112,9 +148,9 @@ def _stay(task: Task) -> Status:
 
 def _touch_nothing(task: Task) -> None:
     """The sets of a body that nothing was solved for: no contact, hence no traction."""
-    nodes = task.boundary.size
-    task.problem.set_data(task.data, ActiveSets(np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=np.int8)))
-    task.problem.sets = task.problem.following
+    none = np.zeros(task.boundary.size, dtype=bool)
+    task.problem.set_data(task.data, ActiveSets.of(none, np.zeros_like(task.data.mu_hat)))
+    task.problem.sets = task.problem.next.sets
 
 
 def _given_friction(task: Task, data: RegularisedData) -> Status:
@@ -128,9 +164,10 @@ def _given_friction(task: Task, data: RegularisedData) -> Status:
         case "path-following":
             # A later load step begins with the gamma that the one before has found.
             first = START_GAMMA * task.natural_gamma if task.step == 0 else data.gamma_n
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / _MOST_APART, _MOST_APART))
             status, last, task.regularisation_error = path_following(
                 newton,
-                replace(data, gamma_n=first, gamma_t=first * data.gamma_t / data.gamma_n),
+                replace(data, gamma_n=first, gamma_t=ratio * first),
                 task.first_sets,
                 first_iteration=task.first_iteration,
                 goal=lambda: task.goal(task.x),
@@ -144,6 +181,7 @@ def _given_friction(task: Task, data: RegularisedData) -> Status:
                 newton,
                 data,
                 task.first_sets,
+                natural=_natural(task),
                 first_iteration=task.first_iteration,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
@@ -174,12 +212,10 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             return status
         start, first_sets = newton.multipliers(), None
         if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
-            contact = task.problem.following.contact
-            first_sets = ActiveSets(contact, np.zeros(contact.size, dtype=np.int8))
+            first_sets = ActiveSets.of(task.problem.next.sets.contact, np.zeros_like(task.data.mu_hat))
     data = replace(task.data, bound=law.given)
-    state, sets = newton.x.copy(), task.problem.sets
 
-    def fixed(damping: float = 1.0) -> Status:
+    def fixed(damping: float) -> Status:
         return fixed_point(
             newton,
             data,
@@ -188,44 +224,85 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             first_sets,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
-            shift=s.algorithm == "alm",
+            augmentation=Augmentation(newton, _natural(task), s.tolerance) if s.algorithm == "alm" else None,
             damping=damping,
         )
 
     def monolithic() -> Status:
-        task.monolithic = True
         if s.algorithm != "alm":
             return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
         return augmented_lagrangian(
             task.unsymmetric_newton,
             replace(data, bound=law.given, coupling=law.coefficient),
             first_sets,
+            natural=_natural(task),
             first_iteration=1,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
         )
 
-    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
-    smooth = law.cap is None and task.data.bilateral is None and task.system.unsymmetric
     started = s.coulomb == "auto" and task.start is not None and task.step == 0 and s.algorithm != "alm"
-    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", fixed)]
-    if smooth:
-        ways.insert(0 if s.coulomb == "newton" or started else 1, ("monolithic Newton", monolithic))
+    return _either_way(task, newton, fixed, monolithic, monolithic_first=s.coulomb == "newton" or started)
+
+
+def _either_way(
+    task: Task,
+    newton: SemismoothNewton,
+    fixed: Callable[[float], Status],
+    monolithic: Callable[[], Status],
+    *,
+    monolithic_first: bool,
+) -> Status:
+    """The fixed point or the monolithic Newton method; where it fails the other, then damped, from the same start.
+
+    Args:
+        task: the contact problem.
+        newton: the inner method that holds the start.
+        fixed: the fixed point with a damping.
+        monolithic: Newton's method.
+        monolithic_first: which comes first.
+    """
+    s, law, problem = task.settings, task.law, newton.problem
+    state, sets = newton.x.copy(), problem.sets
+
+    def unsymmetric() -> Status:
+        task.monolithic = True
+        return monolithic()
+
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", lambda: fixed(1.0))]
+    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
+    if law is not None and law.cap is None and task.data.bilateral is None and task.system.unsymmetric:
+        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", unsymmetric))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
-    needed = ways[0][1] is monolithic
-    for place, (name, way) in enumerate(ways):
-        if place > needed and not (s.fallbacks and task.gave_up(status)):
+    needed = ways[0][1] is unsymmetric
+    task.monolithic = False
+    status = _proved(task, ways[0][1]())
+    for place, (name, way) in enumerate(ways[1:], start=1):
+        settled = status in (Status.CONVERGED, Status.SINGULAR)
+        if settled or (place > needed and not (s.fallbacks and task.gave_up(status))):
             break
-        if place > 0:
-            task.history.add(f"{status.value}: {name} from the same start")
-            state.copy(newton.x)
-            task.problem.sets = sets
-            task.monolithic = False
-        status = way()
-        if status in (Status.CONVERGED, Status.SINGULAR):
-            break
+        task.history.add(f"{status.value}: {name} from the same start")
+        state.copy(newton.x)
+        problem.sets = sets
+        task.monolithic = False
+        status = _proved(task, way())
     return status
+
+
+def _proved(task: Task, status: Status) -> Status:
+    """An outcome of Coulomb friction: that a body slides under the bound of one Tresca problem proves nothing.
+
+    The bound of such a problem is that of the pressure before.  Where the law itself allows for an equilibrium the
+    fixed point has failed, and another method may find it.
+    """
+    law = task.law
+    if status not in (Status.SLIDES, Status.OPEN) or law is None or task.data.bilateral is not None:
+        return status
+    if _no_balance(task, law) is not None:
+        return status
+    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
+    return Status.OUTER_MAX_ITERATIONS
 
 
 def _no_balance(task: Task, law: FrictionLaw) -> Status | None:
@@ -258,17 +335,25 @@ def _coulomb_start(task: Task) -> RegularisedData:
 
 
 def _exact(task: Task) -> Status:
-    """The unregularised limit, from the sets of the regularised solution."""
-    sets = task.problem.sets
+    """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
+    s, law, sets = task.settings, task.law, task.problem.sets
     pressure, _ = task.newton.multipliers()
     newton = task.exact_newton
     task.problem = newton.problem
     newton.x.getArray()[:] = newton.problem.system.start.getArray(readonly=True)
-    bound = None if task.law is None else task.law.bound(pressure)
-    data = replace(task.data, gamma_n=np.inf, gamma_t=np.inf, bound=bound)
-    status = newton.solve(data, sets)
-    if task.law is None or not task.has_coulomb or status is not Status.CONVERGED:
-        return status
-    s = task.settings
-    start = newton.multipliers()
-    return fixed_point(newton, data, task.law, start, None, tolerance=s.tolerance, max_outer=s.max_outer_iterations)
+    limit = replace(task.data, gamma_n=np.inf, gamma_t=np.inf)
+    if law is None or not task.has_coulomb:
+        return newton.solve(replace(limit, bound=None if law is None else law.bound(pressure)), sets)
+
+    def fixed(damping: float) -> Status:
+        data = replace(limit, bound=law.bound(pressure))
+        status = newton.solve(data, sets)
+        if status is not Status.CONVERGED:
+            return status
+        start, most = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(newton, data, law, start, None, tolerance=s.tolerance, max_outer=most, damping=damping)
+
+    def monolithic() -> Status:
+        return coulomb_newton(task.exact_unsymmetric_newton, limit, law, sets)
+
+    return _either_way(task, newton, fixed, monolithic, monolithic_first=task.monolithic)

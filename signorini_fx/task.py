@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from signorini_fx.algorithms.ladder import climb
 from signorini_fx.algorithms.ssn import History, SemismoothNewton
 from signorini_fx.boundary import ContactBoundary
+from signorini_fx.certificate import UNREGULARISED, Law
 from signorini_fx.complementarity import (
     ActiveSets,
     FrictionLaw,
@@ -54,6 +55,7 @@ class Task:
         x: the iterate.
         problem: the problem that holds the answer.
         monolithic: whether Coulomb friction was solved monolithically.
+        augmented: whether augmentation took over, which leaves nothing of the regularisation.
         regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
     """
 
@@ -76,6 +78,7 @@ class Task:
     x: PETSc.Vec = field(init=False)
     problem: ContactProblem = field(init=False)
     monolithic: bool = False
+    augmented: bool = False
     regularisation_error: float | None = None
 
     def __post_init__(self) -> None:
@@ -83,13 +86,14 @@ class Task:
         self._regularised = self.problem = RegularisedProblem(self.system, self.boundary, self.motions)
         self._symmetric = self._newton(self._regularised)
         self._unsymmetric: SemismoothNewton | None = None
-        self._exact: SemismoothNewton | None = None
+        self._exact: dict[bool, SemismoothNewton] = {}
 
-    def _newton(self, problem: ContactProblem, *, symmetric: bool = True) -> SemismoothNewton:
-        start = self.x if problem is self._regularised else problem.system.start.copy()
+    def _newton(
+        self, problem: ContactProblem, x: PETSc.Vec | None = None, *, symmetric: bool = True
+    ) -> SemismoothNewton:
         return SemismoothNewton(
             problem,
-            start,
+            self.x if x is None else x,
             self.settings.max_iterations,
             self.history,
             symmetric=symmetric,
@@ -112,10 +116,19 @@ class Task:
     @property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        if self._exact is None:
-            system, boundary = rotate(self.system, self.boundary)
-            self._exact = self._newton(ExactProblem(system, boundary, self.boundary, self.motions))
-        return self._exact
+        if True not in self._exact:
+            system = rotate(self.system, self.boundary)
+            problem = ExactProblem(system, self.boundary, self.motions)
+            self._exact[True] = self._newton(problem, system.start.copy())
+        return self._exact[True]
+
+    @property
+    def exact_unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        exact = self.exact_newton
+        if False not in self._exact:
+            self._exact[False] = self._newton(exact.problem, exact.x, symmetric=False)
+        return self._exact[False]
 
     @property
     def answer(self) -> SemismoothNewton:
@@ -143,15 +156,19 @@ class Task:
             # Of the law itself: the iteration may have stopped with the bound of the pressure before.
             bound=np.zeros_like(pressure) if not data.has_friction or self.law is None else self.law.bound(pressure),
             in_contact=sets.contact,
-            slip=sets.slip,
+            direction=sets.direction,
             has_friction=data.has_friction,
             bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
             slip_length=slip_of(u_t, data),
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
-            lambda_hat=data.lambda_hat,
-            mu_hat=data.mu_hat,
-            compliance=(1 / data.gamma_n, 1 / data.gamma_t),
         )
+
+    @property
+    def promised(self) -> Law:
+        """The contact law that the answer promises to meet: without regularisation, or with the gamma in force."""
+        if self.augmented or self.settings.algorithm in ("alm", "exact"):
+            return UNREGULARISED
+        return Law(self.problem.data.gamma_n, self.problem.data.gamma_t)
 
     def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:
         """Start from sets and (lambda, mu) that another mesh, or fewer contact nodes, have led to."""

@@ -200,8 +200,8 @@ def solved_load(scene: dict[str, Any]) -> float:
     from signorini_fx.scene import parse_scene
 
     parsed = parse_scene(scene)
-    case = discretise(parsed, load_mesh(parsed, MPI.COMM_SELF), Timings()).external_forces(0)
-    return -float(case.getArray()[1::2].sum())
+    applied = discretise(parsed, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied
+    return -sum(float(load.forces[1::2].sum()) for load in applied)
 
 
 def _sliding() -> Finding:

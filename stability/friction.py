@@ -116,14 +116,15 @@ def _scene(coefficient: float, load: float = 1.0, **settings: Any) -> dict[str, 
         "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
         "body_force": {"x": 15.0 * load, "y": -6.0},
         "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
-        "solver": settings,
+        # The three states are what the problem is known for: they are numbers, not displacements of a body.
+        "solver": {"largest_deformation": 10.0, **settings},
     }
 
 
 def _from(state: str, coefficient: float, load: float = 1.0, **settings: Any) -> Solution:
     def sets(boundary: ContactBoundary) -> ActiveSets:
         contact, slip = _SETS[state]
-        return ActiveSets(np.full(boundary.size, contact), np.full(boundary.size, slip, dtype=np.int8))
+        return ActiveSets.of(np.full(boundary.size, contact), np.full((boundary.size, 1), float(slip)))
 
     def start(boundary: ContactBoundary) -> tuple[Nodal, Nodal]:
         reaction = STIFFNESS @ STATES[state] - FORCE

@@ -82,10 +82,10 @@ def apart(one: Solution, other: Solution, length: float = 1.0, stress: float = 1
     """Largest relative difference of displacement, pressure and shear, ``one`` in other units."""
     assert one.contact is not None
     assert other.contact is not None
-    pressure = np.stack([one.contact.pressure, one.contact.shear]) / stress
+    pressure = np.column_stack([one.contact.pressure, one.contact.shear]) / stress
     return max(
         difference(one.displacement.x.array / length, other.displacement.x.array),
-        difference(pressure, np.stack([other.contact.pressure, other.contact.shear])),
+        difference(pressure, np.column_stack([other.contact.pressure, other.contact.shear])),
     )
 
 

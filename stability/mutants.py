@@ -1,480 +1,436 @@
 """The mutation check: small mistakes put into a copy of the package one at a time; the tests must notice each.
 
-    ./env python3 -m stability.mutants [--quick] [--only WORD,...] [--out DIR]        (make mutants)
+    ./env python3 -m stability.mutants [--only WORD,...] [--near] [--workers N] [--again] [--out DIR]   (make mutants)
 
-A mutant replaces one piece of text, which must occur exactly once, so that a list that no longer fits the code is an
-error and no silent success.  The tests that are quick and matter run against the copy until one fails.  What survives
-is listed; exit code 1 if anything does.
+The mistakes are listed in ``stability/mistakes.py``.  Each is tried on the number of ranks that it names, against the
+test that noticed it the last time (the table of docs/mutants.md says which), then against the tests that it names, then
+against quick ones about everything, then against the whole quick suite; the first failure ends the trial.  A test
+counts only if it passes on the code as it is.  What no test notices survives; that is right only for a mutant with
+a reason why it changes no result.
+
+An interrupted run goes on where it was, as long as neither package nor tests have changed.  A run of the whole list
+writes the table.  The exit code is 1 if a mutant survives without a reason.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
+import contextlib
+import hashlib
+import json
 import os
+import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
-# Those that are likely to notice come first, and none of them takes longer than some seconds.
-TESTS = (
-    "complementarity", "algorithms", "patch", "oracle", "example1", "outcomes", "effects", "forms", "load_steps",
-    "invariances", "manufactured", "hertz", "scene", "expressions", "mesh_errors", "ranks", "patch_anywhere",
-    "price_list", "paper", "accuracy", "refinement", "boundary_levels", "inexact",
+from stability.mistakes import MUTANTS, QUICK, ROOT, Mutant
+
+PAGE = ROOT / "docs" / "mutants.md"
+BEGIN, END = "<!-- written by make mutants -->", "<!-- end -->"
+NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
+# These would see that the copy is not the code that they know, and not what the mistake does.
+_NOT_FOR_COPIES = ("tests/test_mutants.py",)
+# What comes first in the suite: quick, and about everything.
+_FIRST = (
+    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "ladder", "invariances",
+    "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "boundary_levels", "expressions",
 )  # fmt: skip
-_SECONDS = 600.0
-CAUGHT, SURVIVES, HANGS = "caught", "SURVIVES", "time limit passed"
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """A mistake.
-
-    Attributes:
-        file: module of the package.
-        old: text that occurs exactly once in it.
-        new: what takes its place.
-        idea: the mistake in words.
-    """
-
-    file: str
-    old: str
-    new: str
-    idea: str
-
-    def spoil(self, package: Path) -> None:
-        """Put the mistake into a copy of the package.
-
-        Raises:
-            ValueError: the list does not fit the code.
-        """
-        path = package / self.file
-        text = path.read_text(encoding="utf-8")
-        if text.count(self.old) != 1:
-            raise ValueError(f"{self.file}: {self.old!r} occurs {text.count(self.old)} times, not once")
-        path.write_text(text.replace(self.old, self.new), encoding="utf-8")
-
-
-MUTANTS = (
-    # The pointwise maps.
-    Mutant("complementarity.py", "data.gamma_n * (u_n - data.gap)", "data.gamma_n * (u_n + data.gap)", "gap, sign"),
-    Mutant(
-        "complementarity.py",
-        "np.where(sets.contact, trial_pressure(u_n, data), 0.0)",
-        "trial_pressure(u_n, data)",
-        "open nodes are pulled: max dropped",
-    ),
-    Mutant(
-        "complementarity.py",
-        "data.mu_hat + data.gamma_t * slip_of(u_t, data)\n    return pressure",
-        "data.mu_hat - data.gamma_t * slip_of(u_t, data)\n    return pressure",
-        "friction drives the slip: sign",
-    ),
-    Mutant(
-        "complementarity.py",
-        "return sets.slip * np.where(sets.slip == 0, 0.0, bound)",
-        "return -sets.slip * np.where(sets.slip == 0, 0.0, bound)",
-        "slip sets swapped",
-    ),
-    Mutant(
-        "complementarity.py",
-        "plus = (mu > bound) | ((mu == bound) & (xi > 0))",
-        "plus = mu > bound",
-        "a slip node never stays in its set",
-    ),
-    Mutant(
-        "complementarity.py",
-        "minus = (mu < -bound) | ((mu == -bound) & (xi < 0))",
-        "minus = (mu < -bound) | ((mu == -bound) & (xi > 0))",
-        "slip against mu is kept",
-    ),
-    Mutant(
-        "complementarity.py",
-        "plus = xi + data.sigma * (mu - bound) > 0",
-        "plus = xi + data.sigma * (mu + bound) > 0",
-        "finite sigma: wrong bound",
-    ),
-    Mutant(
-        "complementarity.py",
-        "self.bound + self.coupling * np.maximum(pressure, 0.0)",
-        "self.bound + self.coupling * pressure",
-        "friction bound of a negative pressure",
-    ),
-    Mutant(
-        "complementarity.py",
-        "normal = np.where(sets.contact, data.gamma_n, 0.0)",
-        "normal = np.where(~sets.contact, data.gamma_n, 0.0)",
-        "tangent: contact set swapped",
-    ),
-    Mutant(
-        "complementarity.py",
-        "tangential = np.where(sets.slip == 0, data.gamma_t, 0.0)",
-        "tangential = np.where(sets.slip == 0, data.gamma_n, 0.0)",
-        "tangent: gamma_n for gamma_t",
-    ),
-    Mutant(
-        "complementarity.py",
-        "None if data.coupling is None else sets.slip * data.coupling * normal",
-        "None if data.coupling is None else -sets.slip * data.coupling * normal",
-        "monolithic tangent: sign of F",
-    ),
-    Mutant(
-        "complementarity.py",
-        "pressure = pushing if data.bilateral",
-        "pressure = pressure if data.bilateral",
-        "projection drops its max",
-    ),
-    Mutant(
-        "complementarity.py", "np.clip(shear, -bound, bound)", "np.minimum(shear, bound)", "projection clips one side"
-    ),
-    Mutant(
-        "complementarity.py",
-        "self.given + self.coefficient * np.abs(pressure)",
-        "self.given + self.coefficient * pressure",
-        "bilateral Coulomb: |lambda| dropped",
-    ),
-    Mutant("complementarity.py", "np.minimum(bound, self.cap)", "np.maximum(bound, self.cap)", "cap: min for max"),
-    Mutant("complementarity.py", "contact | data.bilateral", "contact", "bilateral contact may open"),
-    Mutant("complementarity.py", "u_t - data.slip_origin", "u_t", "load steps: slip from zero"),
-    # The data of a scene.
-    Mutant(
-        "contact_data.py",
-        'coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)',
-        'given[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)',
-        "Coulomb taken for Tresca",
-    ),
-    Mutant(
-        "contact_data.py",
-        'gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t',
-        'gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_n',
-        "gamma_t of the scene ignored",
-    ),
-    Mutant(
-        "contact_data.py",
-        'np.inf if settings.sigma == "auto" else settings.sigma',
-        "np.inf",
-        "sigma of the scene ignored",
-    ),
-    Mutant(
-        "contact_data.py",
-        "_AUTOMATIC_GAMMA * scene.young / discretisation.tagged.size",
-        "_AUTOMATIC_GAMMA * scene.young",
-        "automatic gamma without its length",
-    ),
-    Mutant(
-        "contact_data.py",
-        "~np.isfinite(values) | (values < minimum)",
-        "~np.isfinite(values)",
-        "negative friction is let in",
-    ),
-    # The boundary.
-    Mutant(
-        "boundary.py",
-        "np.column_stack((-self.normal[:, 1], self.normal[:, 0]))",
-        "np.column_stack((self.normal[:, 1], self.normal[:, 0]))",
-        "tangent not orthogonal",
-    ),
-    Mutant(
-        "boundary.py",
-        "(self.weight * shear)[:, None] * self.tangent",
-        "shear[:, None] * self.tangent",
-        "shear without its weight",
-    ),
-    Mutant(
-        "boundary.py",
-        "normal = np.tile(np.asarray(direction) / np.hypot(*direction), (nodes.size, 1))",
-        "normal = np.tile(np.asarray(direction), (nodes.size, 1))",
-        "direction not made a unit vector",
-    ),
-    Mutant(
-        "boundary.py",
-        "free=~fixed.reshape(-1, 2)[nodes]",
-        "free=np.ones((nodes.size, 2), dtype=bool)",
-        "contact acts on prescribed components",
-    ),
-    Mutant("boundary.py", "np.dot(self.weight, values**2)", "np.dot(self.weight, np.abs(values))", "norm: no square"),
-    # The forms.
-    Mutant(
-        "forms.py",
-        "volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))",
-        "volumetric = mu * ufl.tr(strain(y)) * ufl.tr(strain(z))",
-        "reduced element: mu for lambda",
-    ),
-    Mutant("forms.py", "return ufl.inner(traction, z) * ds", "return -ufl.inner(traction, z) * ds", "traction, sign"),
-    Mutant("forms.py", "return ufl.inner(force, z)", "return -ufl.inner(force, z)", "body force, sign"),
-    Mutant(
-        "forms.py",
-        '{"quadrature_rule": "vertex", "quadrature_degree": 1}',
-        '{"quadrature_degree": 2}',
-        "Gauss points instead of the nodes",
-    ),
-    Mutant(
-        "material.py", 'if material.hypothesis == "plane stress":', "if False:", "plane stress taken for plane strain"
-    ),
-    Mutant(
-        "loads.py",
-        "traction -= _ufl_value(load.pressure, space)",
-        "traction += _ufl_value(load.pressure, space)",
-        "pressure pulls",
-    ),
-    Mutant(
-        "loads.py",
-        "load.axpy(-1.0, action(elastic, prescribed, blocks))",
-        "load.axpy(1.0, action(elastic, prescribed, blocks))",
-        "lifting, sign",
-    ),
-    Mutant(
-        "supports.py",
-        "sign * value if isinstance(value, float)",
-        "value if isinstance(value, float)",
-        "normal support without its sign",
-    ),
-    # The exact limit.
-    Mutant(
-        "exact.py",
-        "np.where(self.sets.contact, pressure > 0, u_n > self.data.gap)",
-        "np.where(self.sets.contact, pressure > 0, u_n < self.data.gap)",
-        "open nodes close where they are apart",
-    ),
-    Mutant(
-        "exact.py",
-        "np.where(self.sets.contact, pressure > 0, u_n > self.data.gap)",
-        "self.sets.contact | (u_n > self.data.gap)",
-        "contact is never given up",
-    ),
-    Mutant("exact.py", "np.where(slip * slip_of(u_t, self.data) < 0, 0, slip)", "slip", "slip is never given up"),
-    Mutant("exact.py", "(self._n_sign * self.data.gap)[normal]", "self.data.gap[normal]", "gap without its direction"),
-    Mutant("exact.py", "(self._t_sign * origin)[stick]", "np.zeros(stick.size)[stick]", "stick forgets its origin"),
-    # The algorithms.
-    Mutant("algorithms/ssn.py", "elif fingerprint in self._seen:", "elif False:", "cycles are not seen"),
-    Mutant("algorithms/ssn.py", "if residual <= snes.getTolerances()[0]:", "if True:", "residual is not looked at"),
-    Mutant("algorithms/ssn.py", "if problem.kept:", "if False:", "sets that were forced count as found"),
-    Mutant(
-        "algorithms/ssn.py",
-        "problem.moved if self._may_keep or problem.moved == 0 else None",
-        "0",
-        "the first factor is kept for ever",
-    ),
-    Mutant("algorithms/ssn.py", "if problem.loose is not None:", "if False:", "a loose body is not seen"),
-    Mutant(
-        "algorithms/fp.py",
-        "lambda_hat=shifts[0], mu_hat=shifts[1])",
-        "lambda_hat=shifts[0])",
-        "ALM-FP does not shift mu",
-    ),
-    Mutant(
-        "algorithms/fp.py",
-        "return norm(following - g) / size",
-        "return norm(following - following) / size",
-        "fixed point stops at once",
-    ),
-    Mutant(
-        "algorithms/fp.py",
-        "replace(data, bound=law.bound(g))",
-        "replace(data, bound=law.bound(start[0]))",
-        "the bound is never updated",
-    ),
-    Mutant("algorithms/alm.py", "mu_hat=shear,", "mu_hat=data.mu_hat,", "ALM does not shift mu"),
-    Mutant("algorithms/alm.py", "lambda_hat=pressure,", "lambda_hat=data.lambda_hat,", "ALM does not shift lambda"),
-    Mutant(
-        "algorithms/alm.py",
-        "pressure, shear = newton.shifts(data)\n        if watch",
-        "pressure, shear = newton.multipliers()\n        if watch",
-        "inexact ALM does not project",
-    ),
-    Mutant("algorithms/alm.py", "gamma_t=data.gamma_t * gamma_factor", "gamma_t=data.gamma_t", "gamma_t does not grow"),
-    Mutant("strategy.py", "state.copy(newton.x)", "pass", "fall-back from the diverged iterate"),
-    Mutant(
-        "algorithms/coulomb_newton.py",
-        "coupling=law.coefficient",
-        "coupling=0.5 * law.coefficient",
-        "monolithic: half of F",
-    ),
-    Mutant(
-        "algorithms/continuation.py",
-        "gamma_t=gamma_t)\n        if step",
-        "gamma_t=gamma_n)\n        if step",
-        "continuation: gamma_n for gamma_t",
-    ),
-    Mutant("algorithms/path_following.py", "if left <= allowed or", "if", "path-following: never content"),
-    Mutant(
-        "algorithms/path_following.py",
-        "ksp.solve(-2.0 * contact_force(first, nothing, nothing), second)",
-        "ksp.solve(2.0 * contact_force(first, nothing, nothing), second)",
-        "path-following: curvature, sign",
-    ),
-    Mutant(
-        "algorithms/path_following.py",
-        "reach * distance, reach * pressure_slope",
-        "distance, pressure_slope",
-        "path-following: distance without its reach",
-    ),
-    # Linear algebra.
-    Mutant("linalg/condensed.py", "residual.aypx(-1.0, load)", "residual.aypx(1.0, load)", "condensed load, sign"),
-    Mutant("linalg/condensed.py", "result.scale(-1.0)", "result.scale(1.0)", "interior recovered with the wrong sign"),
-    Mutant("linalg/condensed.py", "d.fixed[kept]", "np.zeros(kept.size, dtype=bool)", "condensed: supports forgotten"),
-    Mutant(
-        "linalg/schur.py",
-        "values[here, k + block :] = values[k + block :, here].T",
-        "pass",
-        "Schur complement: blocks not mirrored",
-    ),
-    Mutant(
-        "linalg/full.py",
-        "kept = moved is not None and moved <= _LAG",
-        "kept = moved is not None and moved == 0",
-        "no lagged factor: slower, same answer",
-    ),
-    Mutant(
-        "linalg/full.py",
-        "self.start.axpy(scale * case.factors[step], case.start)",
-        "self.start.axpy(scale, case.start)",
-        "prescribed displacements without their factor",
-    ),
-    Mutant(
-        "linalg/rotated.py",
-        "blocks = np.stack([boundary.normal, boundary.tangent], axis=2)",
-        "blocks = np.stack([boundary.normal, boundary.tangent], axis=1)",
-        "rotation transposed",
-    ),
-    Mutant("linalg/choice.py", "if d.tagged.mesh.comm.size > 1:", "if False:", "condenses on several ranks"),
-    # Residual, Jacobian, what holds the body, the certificate.
-    Mutant(
-        "problem.py",
-        "self.boundary.nodal_forces(*self.multipliers(x, sets)) * self.boundary.free",
-        "self.boundary.nodal_forces(*self.multipliers(x, sets))",
-        "contact forces on supports",
-    ),
-    Mutant(
-        "problem.py",
-        "contact += coupling[:, None, None] * self._tn",
-        "contact -= coupling[:, None, None] * self._tn",
-        "Jacobian: coupling, sign",
-    ),
-    Mutant("problem.py", "((n, n), (t, t), (t, n))", "((n, n), (t, t), (n, t))", "Jacobian: coupling transposed"),
-    Mutant(
-        "holding.py",
-        "Status.SLIDES if data.has_friction and pressing else Status.OPEN",
-        "Status.OPEN",
-        "sliding is called opening",
-    ),
-    Mutant(
-        "holding.py",
-        "bounds=[(None if sign else 0.0, None) for sign in bilateral]",
-        "bounds=[(None, None) for sign in bilateral]",
-        "statics: the foundation may pull",
-    ),
-    Mutant(
-        "quantities.py",
-        "(np.abs(shear) - contact.bound, stress)",
-        "(np.abs(shear) - 2 * contact.bound, stress)",
-        "certificate: cone twice as wide",
-    ),
-    Mutant(
-        "quantities.py",
-        "(-pressure[~contact.bilateral], stress)",
-        "(0 * pressure[~contact.bilateral], stress)",
-        "certificate: tension not seen",
-    ),
-    Mutant(
-        "quantities.py",
-        "(-shear * xi, stress * length)",
-        "(0 * shear * xi, stress * length)",
-        "certificate: slip the wrong way not seen",
-    ),
-    Mutant(
-        "quantities.py",
-        "normal, tangential = boundary.traces(nodal_reaction)",
-        "normal, tangential = contact.pressure, contact.shear",
-        "certificate trusts the solver",
-    ),
-    # From mesh to mesh and step to step.
-    Mutant(
-        "task.py",
-        "replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))",
-        "replace(self.data, bound=self.law.bound(pressure))",
-        "load steps forget the shear",
-    ),
-    Mutant("task.py", "self.data = replace(self.data, slip_origin=u_t)", "pass", "load steps forget the slip"),
-    Mutant(
-        "nested.py",
-        "slip[here] = np.where((slips == slips[:, :1]).all(axis=1), slips[:, 0], 0)",
-        "slip[here] = -np.where((slips == slips[:, :1]).all(axis=1), slips[:, 0], 0)",
-        "nested: slip carried over the wrong way",
-    ),
-)
-
-# Some from every module.
-QUICK = MUTANTS[::6]
+# CPU seconds of a process, and wall seconds, by how much is run: a mutant may run for ever.
+_LIMITS = {"test": (120, 900), "files": (600, 2400), "suite": (3600, 7200)}
+_MEMORY = 16_000_000  # kB of address space
 
 
 @dataclass(frozen=True)
 class Fate:
-    """What became of a mutant: caught or not, and by which test."""
+    """What became of a mutant.
 
-    mutant: Mutant
+    Attributes:
+        fate: noticed, survives, or limit: it took more time than allowed, or its process died, which is noticed too.
+        by: the test that noticed it, the last line that was printed, or "".
+        ranks: on how many ranks.
+        seconds: what the trial took.
+    """
+
     fate: str
     by: str
+    ranks: int
+    seconds: float
 
 
-def try_mutant(mutant: Mutant, tests: Sequence[str] = TESTS) -> Fate:
-    """Run the tests against a copy of the package with the mistake in it."""
-    with tempfile.TemporaryDirectory(prefix="mutant-") as name:
-        copy = Path(name)
-        for folder in ("signorini_fx", "meshes", "tests", "demos"):
-            shutil.copytree(
-                ROOT / folder, copy / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "results")
-            )
-        shutil.copy(ROOT / "pyproject.toml", copy)
-        mutant.spoil(copy / "signorini_fx")
-        # A mutant may need for ever, or all memory: both are limited, and both count as noticed.
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", "--timeout=120"]
-        files = [f"tests/test_{test}.py" for test in tests]
-        environment = {**os.environ, "PYTHONPATH": name, "PYTHONDONTWRITEBYTECODE": "1"}
-        try:
-            process = subprocess.run(
-                [*command, *files],
-                cwd=copy,
+class Copy:
+    """A copy of the checkout for one mutant, with compiled forms of its own."""
+
+    def __init__(self, folder: Path, cache: Path) -> None:
+        self.folder, self.cache = folder, folder / "cache"
+        (folder / "tmp").mkdir()
+        ignored = shutil.ignore_patterns(".git", "__pycache__", "results", "build", ".*_cache", ".hypothesis")
+        shutil.copytree(ROOT, folder / "code", symlinks=True, ignore=ignored)
+        # Forms that another mutant began to compile, and did not end, would be waited for.
+        for name in ("fenics", "matplotlib"):
+            if (cache / name).is_dir():
+                shutil.copytree(cache / name, self.cache / name, copy_function=_link)
+
+    @property
+    def code(self) -> Path:
+        """The checkout."""
+        return self.folder / "code"
+
+    def pytest(self, ranks: int, arguments: Sequence[str], limit: str) -> tuple[int | None, str]:
+        """Run tests until one fails.
+
+        Args:
+            ranks: on so many ranks; on more than one those that are marked mpi.
+            arguments: tests and files, and options of pytest.
+            limit: a name of ``_LIMITS``.
+
+        Returns:
+            pytest's exit code, None where a limit or a signal ended it; what it printed.
+        """
+        cpu, wall = _LIMITS[limit]
+        quiet = ["-x", "-q", "--no-header", "--color=no", "--tb=line", "-p", "no:cacheprovider", "--timeout=300"]
+        command = [sys.executable, "-m", "pytest", *quiet]
+        if ranks > 1:
+            command = ["mpirun", "-n", str(ranks), *command, "-m", "mpi and not long"]
+            cpu, wall = 2 * cpu, 2 * wall
+        limited = f'ulimit -t {cpu} && ulimit -v {_MEMORY} && exec "$@"'
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(self.code),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "XDG_CACHE_HOME": str(self.cache),
+            "TMPDIR": str(self.folder / "tmp"),
+        }
+        with (self.folder / "output").open("w+", encoding="utf-8", errors="replace") as output:
+            process = subprocess.Popen(
+                ["sh", "-c", limited, "sh", *command, *arguments],
+                cwd=self.code,
                 env=environment,
-                capture_output=True,
-                text=True,
-                timeout=_SECONDS,
-                check=False,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
-        except subprocess.TimeoutExpired:
-            return Fate(mutant, HANGS, "")
-        if process.returncode == 0:
-            return Fate(mutant, SURVIVES, "")
-        failed = [line for line in process.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-        return Fate(mutant, CAUGHT, failed[0].split(" - ")[0].split(" ", 1)[1] if failed else "the process died")
+            _RUNNING.add(process.pid)
+            try:
+                if _STOP.is_set():
+                    raise KeyboardInterrupt
+                code: int | None = process.wait(timeout=wall)
+            except subprocess.TimeoutExpired:
+                code = None
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+                _RUNNING.discard(process.pid)
+            if _STOP.is_set():  # killed, not ended
+                raise KeyboardInterrupt
+            output.seek(0)
+            return (code if code is not None and 0 <= code <= 5 else None), output.read()
+
+
+# What runs, and whether it is to end.
+_RUNNING: set[int] = set()
+_STOP = threading.Event()
+
+
+def _link(source: str, target: str) -> None:
+    """A second name for a file, or a copy where that cannot be."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+@contextlib.contextmanager
+def copied(cache: Path | None = None) -> Iterator[Copy]:
+    """A copy that is removed in the end; it begins with the compiled forms of ``cache``, else of the user's."""
+    cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    with tempfile.TemporaryDirectory(prefix="mutant-") as name:
+        yield Copy(Path(name), cache)
+
+
+class Trials:
+    """Tries mutants; tests are judged by whether they pass on the code as it is."""
+
+    def __init__(self, original: Copy, recorded: dict[str, tuple[int, str]], *, near: bool) -> None:
+        """Collect the tests.
+
+        Args:
+            original: a copy without a mistake.
+            recorded: mutant -> number of ranks and test that noticed it the last time.
+            near: leave out the suite: what survives is not known to survive.
+
+        Raises:
+            SystemExit: they cannot be collected.
+        """
+        self._original, self._near = original, near
+        code, text = original.pytest(1, ["--collect-only", "-m", "", "tests"], "files")
+        if code != 0:
+            raise SystemExit(f"the tests cannot be collected:\n{text}")
+        self._tests = {line.strip() for line in text.splitlines() if "::" in line}
+        files = {test.partition("::")[0] for test in self._tests} - set(_NOT_FOR_COPIES)
+        self._quick = [f"tests/test_{name}.py" for name in _FIRST if f"tests/test_{name}.py" in files]
+        self._files = [*self._quick, *sorted(files - set(self._quick))]
+        self._recorded = {idea: last for idea, last in recorded.items() if last[1] in self._tests}
+
+    def warm_up(self, mutants: Sequence[Mutant]) -> None:
+        """Run on the code as it is, all at once, what most mutants will meet: it must pass, and compiles the forms.
+
+        Raises:
+            SystemExit: it does not pass.
+        """
+        wanted = {(self._recorded[m.idea][0], self._recorded[m.idea][1]) for m in mutants if m.idea in self._recorded}
+        if any(mutant.idea not in self._recorded for mutant in mutants):
+            wanted |= {(1, file) for file in self._quick}
+        for ranks in sorted({ranks for ranks, _ in wanted}):
+            code, text = self._original.pytest(ranks, sorted(test for n, test in wanted if n == ranks), "suite")
+            if code != 0:
+                raise SystemExit(f"tests fail on the code as it is, on {ranks} ranks:\n{text}")
+
+    def wrong(self, fates: Iterable[Fate]) -> set[tuple[int, str]]:
+        """Ranks and tests that noticed mutants and fail on the code as it is, too."""
+        noticed = {(fate.ranks, fate.by) for fate in fates if fate.fate == NOTICED and fate.by in self._tests}
+        found = set()
+        for ranks in sorted({ranks for ranks, _ in noticed}):
+            tests = sorted(test for n, test in noticed if n == ranks)
+            code, text = self._original.pytest(ranks, [*tests, "--maxfail=0"], "suite")
+            if code != 0:
+                lines = [line.partition(" ")[2] for line in text.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+                failed = {(ranks, test) for test in tests if any(line.startswith(test) for line in lines)}
+                found |= failed or {(ranks, test) for test in tests}
+        return found
+
+    def try_one(self, mutant: Mutant) -> Fate:
+        """Run tests against a copy with the mistake in it."""
+        begin = time.monotonic()
+        named = mutant.named
+        stages: list[tuple[str, int, list[str]]] = []
+        if mutant.idea in self._recorded:
+            ranks, test = self._recorded[mutant.idea]
+            stages.append(("test", ranks, [test]))
+        if named:
+            stages.append(("files", mutant.ranks, named))
+        if mutant.ranks == 1:
+            stages.append(("files", 1, self._quick))
+        if not self._near:
+            stages.append(
+                ("suite", mutant.ranks, self._files[len(self._quick) :] if mutant.ranks == 1 else self._files)
+            )
+            if mutant.ranks == 1:
+                stages.append(("suite", 2, self._files))
+        with copied(self._original.cache) as copy:
+            mutant.spoil(copy.code / "signorini_fx")
+            for limit, ranks, arguments in stages:
+                code, text = copy.pytest(ranks, arguments, limit)
+                if code is None:
+                    last = next((line for line in reversed(text.splitlines()) if line.strip()), "")
+                    return Fate(LIMIT, last[:100], ranks, time.monotonic() - begin)
+                if code in (1, 2):
+                    return Fate(NOTICED, self._failed(text), ranks, time.monotonic() - begin)
+                if code not in (0, 5):
+                    raise SystemExit(f"{mutant.idea}: pytest ended with {code}:\n{text}")
+        return Fate(SURVIVES, "", mutant.ranks, time.monotonic() - begin)
+
+    def _failed(self, text: str) -> str:
+        """The first test that failed, from what pytest printed."""
+        for line in text.splitlines():
+            name, stuck, _ = line.partition(": rank ")
+            if stuck and name in self._tests:  # tests/conftest.py ends ranks that wait for another one
+                return name
+            if line.startswith(("FAILED ", "ERROR ")):
+                rest = line.partition(" ")[2]
+                return max((test for test in self._tests if rest.startswith(test)), key=len, default=rest)
+        return "the process died"
+
+
+def digest() -> str:
+    """Of everything that a fate depends on, but for the mutant."""
+    total = hashlib.sha256()
+    for folder in ("signorini_fx", "meshes", "tests", "demos"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts and "results" not in path.parts:
+                total.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
+    return total.hexdigest()
+
+
+class Record:
+    """The fates of an interrupted run, in a file."""
+
+    def __init__(self, path: Path, *, again: bool) -> None:
+        self._path, self._lock, self._digest = path, threading.Lock(), digest()
+        self.fates: dict[str, Fate] = {}
+        self.tests: dict[str, tuple[int, str]] = {}
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            data = json.loads(path.read_text(encoding="utf-8"))
+            fates = data["fates"].items()
+            self.tests = {idea: (row["ranks"], row["by"]) for idea, row in fates if row["fate"] == NOTICED}
+            if data["digest"] == self._digest and not again:
+                known = {_key(mutant): mutant.idea for mutant in MUTANTS}
+                self.fates = {
+                    known[row.pop("key")]: Fate(**row) for row in data["fates"].values() if row["key"] in known
+                }
+
+    def add(self, mutant: Mutant, fate: Fate) -> None:
+        """Keep a fate."""
+        with self._lock:
+            self.fates[mutant.idea] = fate
+            self._write()
+
+    def drop(self, ideas: Iterable[str]) -> None:
+        """Forget fates."""
+        with self._lock:
+            self.fates = {idea: fate for idea, fate in self.fates.items() if idea not in set(ideas)}
+            self._write()
+
+    def _write(self) -> None:
+        keys = {mutant.idea: _key(mutant) for mutant in MUTANTS}
+        fates = {idea: {"key": keys[idea], **asdict(fate)} for idea, fate in self.fates.items()}
+        part = self._path.with_suffix(".part")
+        part.write_text(json.dumps({"digest": self._digest, "fates": fates}, indent=1), encoding="utf-8")
+        part.replace(self._path)
+
+
+def _key(mutant: Mutant) -> str:
+    return hashlib.sha256(repr(mutant).encode()).hexdigest()
+
+
+def recorded_tests() -> dict[str, tuple[int, str]]:
+    """Mutant -> number of ranks and test, from the table."""
+    with contextlib.suppress(OSError):
+        table = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
+        rows = re.findall(r"^\| (.*?) \| `.*?` \| (\d) \| `(test_.*?)` \|$", table.replace(r"\|", "\0"), re.MULTILINE)
+        return {idea.replace("\0", "|"): (int(n), f"tests/{test}".replace("\0", "|")) for idea, n, test in rows}
+    return {}
+
+
+def table(fates: dict[str, Fate]) -> str:
+    """The table of docs/mutants.md."""
+    noticed = sum(fate.fate != SURVIVES for fate in fates.values())
+    equal = sum(bool(m.equivalent) and fates[m.idea].fate == SURVIVES for m in MUTANTS)
+    lines = [
+        f"Of {len(fates)} mutants {noticed} are noticed, {equal} equivalent, {len(fates) - noticed - equal} survive.",
+        "",
+        "| mistake | place | ranks | noticed by |",
+        "|---|---|---|---|",
+    ]
+    for mutant in MUTANTS:
+        fate = fates[mutant.idea]
+        said = f"`{fate.by.removeprefix('tests/')}`" if "::" in fate.by else fate.by
+        if fate.fate == LIMIT:
+            said = "a limit of time or memory"
+        if fate.fate == SURVIVES:
+            said = f"equivalent: {mutant.equivalent}" if mutant.equivalent else "**survives**"
+        cells = (mutant.idea, f"`{mutant.place(ROOT / 'signorini_fx')}`", str(fate.ranks), said)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def write_table(fates: dict[str, Fate]) -> None:
+    """Put the table into the page."""
+    text = PAGE.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n{table(fates)}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
+def misfits() -> list[str]:
+    """What of the list does not fit the code."""
+    found = []
+    for mutant in MUTANTS:
+        try:
+            mutant.spoilt(ROOT / "signorini_fx")
+        except (ValueError, SyntaxError) as error:
+            found.append(f"{mutant.idea}: {error}")
+    return found
+
+
+def _try(left: Sequence[Mutant], record: Record, *, near: bool, workers: int) -> set[tuple[int, str]]:
+    """Try mutants and keep their fates.
+
+    Returns:
+        Ranks and tests that fail on the code as it is; what they noticed is forgotten.
+    """
+    with copied() as original:
+        trials = Trials(original, {**recorded_tests(), **record.tests}, near=near)
+        trials.warm_up(left)
+
+        def work(mutant: Mutant) -> None:
+            fate = trials.try_one(mutant)
+            if not (near and fate.fate == SURVIVES):
+                record.add(mutant, fate)
+            told = f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}"
+            print(told, flush=True)
+
+        # Several ranks need the machine for themselves.
+        for several in (True, False):
+            with ThreadPoolExecutor(1 if several else workers) as pool:
+                jobs = [pool.submit(work, mutant) for mutant in left if (mutant.ranks > 1) == several]
+                try:
+                    for job in jobs:
+                        job.result()
+                except BaseException:
+                    _STOP.set()
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    for group in list(_RUNNING):
+                        with contextlib.suppress(ProcessLookupError):
+                            os.killpg(group, signal.SIGKILL)
+                    raise
+        wrong_tests = trials.wrong(record.fates[mutant.idea] for mutant in left if mutant.idea in record.fates)
+        record.drop([idea for idea, fate in record.fates.items() if (fate.ranks, fate.by) in wrong_tests])
+    return wrong_tests
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try the mutants."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells leave it in the background; a test interrupts
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(prog="python3 -m stability.mutants", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--quick", action="store_true", help=f"{len(QUICK)} of the {len(MUTANTS)}")
-    parser.add_argument("--only", metavar="WORD,...", default="", help="those with one of the words in module or idea")
+    parser.add_argument(
+        "--only", metavar="WORD,...", default="", help="those whose module, or a word of whose idea, it is"
+    )
+    parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), metavar="N", help="side by side")
+    parser.add_argument("--again", action="store_true", help="forget what an interrupted run has found")
+    parser.add_argument("--near", action="store_true", help="leave out the tests that are far from the mistake")
+    parser.add_argument("--check", action="store_true", help="only say which mutants do not fit the code")
     parser.add_argument("--out", type=Path, default=Path("results/stability"), metavar="DIR")
     given = parser.parse_args(arguments)
-    chosen = QUICK if given.quick else MUTANTS
-    fates = []
-    for mutant in chosen:
-        if any(word in f"{mutant.file} {mutant.idea}" for word in given.only.split(",")):
-            fates.append(try_mutant(mutant))
-            print(f"{fates[-1].fate:18s} {mutant.file:32s} {mutant.idea:45s} {fates[-1].by}", flush=True)
-    survivors = [fate for fate in fates if fate.fate == SURVIVES]
-    print(f"{len(fates)} mutants, {len(survivors)} survive")
+    wrong = misfits()
+    if wrong or given.check:
+        print("\n".join(wrong) or f"{len(MUTANTS)} mutants fit the code")
+        return int(bool(wrong))
+    words = set(filter(None, given.only.split(",")))
+    chosen = [
+        m for m in (QUICK if given.quick else MUTANTS) if not words or words & {m.module, m.idea, *m.idea.split()}
+    ]
     given.out.mkdir(parents=True, exist_ok=True)
-    with (given.out / "mutants.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["module", "mistake", "fate", "test"])
-        writer.writerows([f.mutant.file, f.mutant.idea, f.fate, f.by] for f in fates)
-    return int(bool(survivors))
+    record = Record(given.out / "mutants.json", again=given.again)
+    left = [mutant for mutant in chosen if mutant.idea not in record.fates]
+    begin = time.monotonic()
+    wrong_tests = _try(left, record, near=given.near, workers=given.workers) if left else set()
+    if wrong_tests:
+        names = "\n".join(f"{test} on {ranks} ranks" for ranks, test in sorted(wrong_tests))
+        print(f"These tests fail on the code as it is, and what they noticed does not count; run it again:\n{names}")
+        return 2
+    survivors = [m for m in chosen if m.idea not in record.fates or record.fates[m.idea].fate == SURVIVES]
+    bare = [m for m in survivors if not m.equivalent]
+    if len(record.fates) == len(MUTANTS):
+        write_table(record.fates)
+    print(
+        f"{len(chosen)} mutants, {len(chosen) - len(survivors)} noticed, {len(survivors) - len(bare)} equivalent, "
+        f"{len(bare)} survive; {time.monotonic() - begin:.0f} s"
+    )
+    for mutant in bare:
+        print(f"survives: {mutant.module}: {mutant.idea}")
+    return int(bool(bare))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ def _where(test: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]], sli
     """Contact where a test of x[0] holds; slip of one sign everywhere."""
 
     def sets(boundary: ContactBoundary) -> ActiveSets:
-        return ActiveSets(test(boundary.x[:, 0]), np.full(boundary.size, slip, dtype=np.int8))
+        return ActiveSets.of(test(boundary.x[:, 0]), np.full((boundary.size, 1), float(slip)))
 
     return sets
 
@@ -32,7 +32,7 @@ def _random(seed: int, share: float = 0.5) -> Sets:
     def sets(boundary: ContactBoundary) -> ActiveSets:
         generator = np.random.default_rng(seed)
         contact = generator.random(boundary.size) < share
-        return ActiveSets(contact, generator.integers(-1, 2, boundary.size).astype(np.int8))
+        return ActiveSets.of(contact, generator.integers(-1, 2, (boundary.size, 1)).astype(float))
 
     return sets
 
@@ -45,7 +45,7 @@ def _of_another(law: str) -> Sets:
         scene["traction"] = {"boundary": "top", "y": "-20 if x[0] <= 0.5 or x[0] >= 2.5 else 0"}
         contact = solved(scene).contact
         assert contact is not None
-        return ActiveSets(contact.in_contact, -contact.slip)
+        return ActiveSets.of(contact.in_contact, -contact.direction)
 
     return sets
 

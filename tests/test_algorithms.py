@@ -10,7 +10,7 @@ from signorini_fx.complementarity import ActiveSets
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
 from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement
+from signorini_fx.scene import PrescribedDisplacement, parse_scene
 from signorini_fx.solver import contact_task
 from signorini_fx.strategy import run
 
@@ -29,25 +29,48 @@ def test_exact_method_finds_its_sets(wrong):
     task = solved_task(example1(bound=1.5, nx=30, ny=10, algorithm="exact"))
     newton = task.exact_newton
     right = newton.problem.sets
-    assert {-1, 0, 1} <= set(right.slip)
+    slip = right.direction
+    assert {-1, 0, 1} <= set(slip[:, 0])
     slips = {
-        "turned round": np.where(right.slip == 0, 1, -right.slip),
-        "all slip": np.ones_like(right.slip),
-        "all stick": np.zeros_like(right.slip),
-        "all in contact": right.slip,
+        "turned round": np.where(slip == 0, 1, -slip),
+        "all slip": np.ones_like(slip),
+        "all stick": np.zeros_like(slip),
+        "all in contact": slip,
     }
     contact = np.ones_like(right.contact) if wrong == "all in contact" else right.contact
-    given = ActiveSets(contact, slips[wrong].astype(np.int8))
+    given = ActiveSets.of(contact, slips[wrong])
     assert newton.solve(newton.problem.data, given) is Status.CONVERGED
     free = task.boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
     assert not newton.problem.sets.changed(right)[free].any()
+
+
+@pytest.mark.parametrize("push", [1e-2, -1e-2])
+def test_exact_method_sees_where_a_support_drags_a_node(push):
+    """Nodes that a support moves along the foundation slip, and bear their bound, whatever sets it begins with."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": push} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": -20.0},
+            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 2.0}},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    task = solved_task(scene)
+    newton, size = task.exact_newton, task.boundary.size
+    assert np.count_nonzero(~task.boundary.free[:, 0]) == 2
+    for slip in (-1, 0, 1):
+        given = ActiveSets.of(np.ones(size, dtype=bool), np.full((size, 1), float(slip)))
+        assert newton.solve(newton.problem.data, given) is Status.CONVERGED
+        np.testing.assert_allclose(newton.multipliers()[1], 2.0 * np.sign(push), rtol=1e-9)
 
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
 def test_augmented_lagrangian_leaves_no_penalty(law):
     """Its limit is the unregularised solution in both directions, whatever gamma: no overlap and no creep in stick."""
     solution = alone(example1(**law, nx=30, ny=10, gamma=1e6, algorithm="alm", tolerance=1e-8))
-    assert (solution.contact.slip == 0).any()
+    assert (solution.contact.direction == 0).any()
     assert solution.certificate.penetration < 1e-8
     assert solution.certificate.stick_slip < 1e-8
     plain = alone(example1(**law, nx=30, ny=10, gamma=1e6))

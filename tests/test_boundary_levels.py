@@ -104,7 +104,7 @@ def test_coarse_matrix_is_galerkins():
     fixed = level.system.fixed
     assert np.count_nonzero(fixed) == 2  # both ends, along the boundary
     for component, free in ((0, ~fixed[0::2]), (1, ~fixed[1::2])):
-        rows = task.system.contact_dofs[:, component]
+        rows = task.system.contact.entries()[0][:, component]
         expected = hat @ dense[np.ix_(rows, rows)] @ hat.T
         found = reduced[component::2, component::2]
         inside = np.ix_(free, free)

@@ -16,9 +16,10 @@ from petsc4py import PETSc
 from pydantic import BaseModel
 from scenes import alone, example1
 
-from signorini_fx import checks, cli, parallel, scene, template
-from signorini_fx.checks import check_scene, friction_indication
+from signorini_fx import cli, findings, parallel, scene, template
+from signorini_fx.checks import check_scene
 from signorini_fx.errors import SceneError
+from signorini_fx.findings import friction_indication
 from signorini_fx.results import Status
 from signorini_fx.scene import LinearElastic, parse_scene, parse_scene_text, read_scene
 from signorini_fx.summary import render, summarise
@@ -290,8 +291,35 @@ def test_units_that_do_not_agree():
     data = block(material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0})
     assert "check the units of E and of the loads" in said(data)["material, traction, body_force, displacement"]
     solution = alone(data, check=False)
+    assert solution.status is Status.TOO_LARGE
     assert solution.certificate.displacement > 1
-    assert "check the units of E and of the loads" in render(summarise(solution, solution.table))
+    assert "check the units of E" in render(summarise(solution, solution.table))
+
+
+@pytest.mark.parametrize("law", ["tresca", "coulomb"])
+@pytest.mark.parametrize("push", [-5.9, 5.9, -6.1, 6.1])
+def test_friction_holds_either_way(law, push):
+    """A block that nothing but friction holds sideways: up to its bound, and no farther, in both directions."""
+    friction = tresca(2.0) if law == "tresca" else coulomb(0.1)
+    loads = [{"boundary": "top", "y": -20.0}, {"boundary": "bottom", "x": push / 3}]
+    told = [f.message for f in check(block(displacement=[], traction=loads, **friction)).findings]
+    assert any("no static equilibrium" in message for message in told) == (abs(push) > 6)
+
+
+def test_bilateral_contact_pulls():
+    """It holds a body that is drawn away from its foundation; unilateral contact does not."""
+    side, up = {"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 20.0}
+    for kind, held in (("bilateral", True), ("unilateral", False)):
+        found = check(block(displacement=side, traction=up, **contact(kind=kind))).findings
+        assert any("no static equilibrium" in f.message for f in found) != held
+
+
+@pytest.mark.parametrize(("gap", "said"), [(0.05, False), (0.2, True)])
+def test_a_gap_out_of_reach(gap, said):
+    """It is called out from ten times what is prescribed."""
+    supports = [{"boundary": side, "x": 0.0, "y": -0.01} for side in ("left", "right")]
+    found = check(block(displacement=supports, traction=[], **contact(gap=gap))).findings
+    assert any("hardly ever close" in f.message for f in found) == said
 
 
 def test_tipping():
@@ -383,11 +411,11 @@ def test_the_unbalanced_part_of_a_load(seed):
     rng = np.random.default_rng(seed)
     generators = rng.standard_normal((rng.integers(1, 40), 3)) + np.array([0.0, 1.5, 0.0])
     load = rng.standard_normal(3)
-    rest = checks._unbalanced(generators, load)
+    rest = findings._unbalanced(generators, load)
     assert (generators @ rest <= 1e-7).all()
     assert (load - rest) @ rest == pytest.approx(0.0, abs=1e-7)
     inside = generators.T @ rng.random(len(generators))
-    assert np.abs(checks._unbalanced(generators, inside)).max() < 1e-6 * np.abs(inside).max()
+    assert np.abs(findings._unbalanced(generators, inside)).max() < 1e-6 * np.abs(inside).max()
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------

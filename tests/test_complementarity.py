@@ -13,9 +13,16 @@ from signorini_fx.complementarity import (
     FrictionLaw,
     RegularisedData,
     classify,
+    inner,
+    law_residual,
+    length,
     multipliers,
-    tangent_coefficients,
+    natural_sets,
+    next_sets,
+    onto_disc,
+    tangent,
     transmitting,
+    unit,
 )
 
 GAMMA_N, GAMMA_T = 16.0, 64.0
@@ -24,19 +31,34 @@ STICK, PLUS, MINUS = 0, 1, -1
 
 def data(nodes=1, *, gap=0.0, bound=1.0, sigma=math.inf, lambda_hat=0.0, mu_hat=0.0):
     """The same data at every node; bound None: no friction."""
-    gap, lambda_hat, mu_hat = (np.full(nodes, value) for value in (gap, lambda_hat, mu_hat))
+    gap, lambda_hat, mu_hat = np.full(nodes, gap), np.full(nodes, lambda_hat), np.full((nodes, 1), mu_hat)
     bound = None if bound is None else np.full(nodes, bound)
     return RegularisedData(gap, GAMMA_N, GAMMA_T, sigma, lambda_hat, mu_hat, bound)
 
 
+def in_plane(contact, slip):
+    """Sets in the plane from the signs of the slip."""
+    return ActiveSets.of(np.array(contact), np.array(slip, dtype=float)[:, None])
+
+
 def sets(contact, slip):
     """The sets of one node."""
-    return ActiveSets(np.array([contact]), np.array([slip], dtype=np.int8))
+    return in_plane([contact], [slip])
+
+
+def column(*values):
+    """Tangential numbers of nodes in the plane."""
+    return np.array(values)[:, None]
+
+
+def signs(states):
+    """The slip sets in the plane as signs."""
+    return states.direction[:, 0].tolist()
 
 
 def friction_state(before, u_t, problem):
     """The friction set of one node after an iterate that was computed with the set ``before``."""
-    return int(classify(sets(True, before), np.zeros(1), np.array([u_t]), problem).slip[0])
+    return signs(classify(sets(True, before), np.zeros(1), column(u_t), problem))[0]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +74,7 @@ def friction_state(before, u_t, problem):
 def test_contact_set(u_n, expected, before):
     """A_c is where lambda_hat + gamma_1 (tau_N y - d) > 0, whatever the node was before."""
     problem = data(gap=0.25, lambda_hat=1.0)
-    after = classify(sets(before, STICK), np.array([u_n]), np.zeros(1), problem)
+    after = classify(sets(before, STICK), np.array([u_n]), column(0.0), problem)
     assert after.contact.tolist() == [expected]
 
 
@@ -95,28 +117,30 @@ def test_shift_of_the_shear(mu_hat, expected):
 
 def test_multipliers():
     """lambda and mu of step 4 on each set."""
-    states = ActiveSets(np.array([True, False, True]), np.array([STICK, PLUS, MINUS], dtype=np.int8))
+    states = in_plane([True, False, True], [STICK, PLUS, MINUS])
     problem = data(3, gap=0.25, lambda_hat=1.0, mu_hat=0.5, bound=3.0)
-    pressure, shear = multipliers(states, np.array([0.5, 9.0, 0.0]), np.array([0.25, 9.0, 9.0]), problem)
+    pressure, shear = multipliers(states, np.array([0.5, 9.0, 0.0]), column(0.25, 9.0, 9.0), problem)
     assert pressure.tolist() == [1 + 16 * 0.25, 0.0, 1 - 16 * 0.25]
-    assert shear.tolist() == [0.5 + 64 * 0.25, 3.0, -3.0]
+    assert shear[:, 0].tolist() == [0.5 + 64 * 0.25, 3.0, -3.0]
 
 
-def test_tangent_coefficients():
+def test_tangent():
     """gamma_1 on A_c and gamma_2 on I_f, zero elsewhere."""
-    states = ActiveSets(np.array([True, False, True]), np.array([STICK, PLUS, MINUS], dtype=np.int8))
-    normal, tangential, *_ = tangent_coefficients(states, data(3))
-    assert normal.tolist() == [GAMMA_N, 0.0, GAMMA_N]
-    assert tangential.tolist() == [GAMMA_T, 0.0, 0.0]
+    states = in_plane([True, False, True], [STICK, PLUS, MINUS])
+    blocks = tangent(states, data(3))
+    assert blocks[:, 0, 0].tolist() == [GAMMA_N, 0.0, GAMMA_N]
+    assert blocks[:, 1, 1].tolist() == [GAMMA_T, 0.0, 0.0]
+    assert not blocks[:, 0, 1].any()
+    assert not blocks[:, 1, 0].any()
 
 
 def test_without_friction():
     """No bound: no friction set, no shear, no tangential stiffness."""
     problem = data(bound=None)
-    after = classify(sets(True, PLUS), np.ones(1), np.ones(1), problem)
-    assert (after.contact.tolist(), after.slip.tolist()) == ([True], [STICK])
-    assert multipliers(after, np.ones(1), np.ones(1), problem)[1].tolist() == [0.0]
-    assert tangent_coefficients(after, problem)[1].tolist() == [0.0]
+    after = classify(sets(True, PLUS), np.ones(1), column(1.0), problem)
+    assert (after.contact.tolist(), signs(after)) == ([True], [STICK])
+    assert multipliers(after, np.ones(1), column(1.0), problem)[1].tolist() == [[0.0]]
+    assert tangent(after, problem)[0].tolist() == [[GAMMA_N, 0.0], [0.0, 0.0]]
 
 
 @pytest.mark.parametrize("sigma", [math.inf, 1.0, 1 / GAMMA_T])
@@ -125,20 +149,20 @@ def test_without_friction():
 def test_a_node_with_bound_zero(before, u_t, side, sigma):
     """Where nothing can be transmitted the node slips as it moves, mu is zero, and its side does not count."""
     problem = data(bound=0.0, sigma=sigma)
-    after = classify(sets(True, before), np.zeros(1), np.array([u_t]), problem)
-    assert after.slip.tolist() == [side]
-    assert multipliers(after, np.zeros(1), np.array([u_t]), problem)[1].tolist() == [0.0]
-    other = classify(after, np.zeros(1), np.array([-u_t]), problem)
+    after = classify(sets(True, before), np.zeros(1), column(u_t), problem)
+    assert signs(after) == [side]
+    assert multipliers(after, np.zeros(1), column(u_t), problem)[1].tolist() == [[0.0]]
+    other = classify(after, np.zeros(1), column(-u_t), problem)
     assert not transmitting(after, problem.bound).changed(transmitting(other, problem.bound)).any()
 
 
 def test_changed():
     """A node is another one if either set changed."""
-    one = ActiveSets(np.array([True, True, False]), np.array([0, 1, -1], dtype=np.int8))
-    two = ActiveSets(np.array([True, False, False]), np.array([0, 1, 0], dtype=np.int8))
-    assert one.changed(two).tolist() == [False, True, True]
-    assert ActiveSets.all_in_contact(2).contact.tolist() == [True, True]
-    assert ActiveSets.all_in_contact(2).slip.tolist() == [0, 0]
+    one = in_plane([True, True, False, True], [0, 1, -1, 1])
+    two = in_plane([True, False, False, True], [0, 1, 0, -1])
+    assert one.changed(two).tolist() == [False, True, True, True]
+    assert ActiveSets.all_in_contact(2, 1).contact.tolist() == [True, True]
+    assert signs(ActiveSets.all_in_contact(2, 1)) == [0, 0]
 
 
 def test_friction_law():
@@ -158,8 +182,8 @@ def states(draw):
     """(sets before, u_n, u_t, data) of a few nodes."""
     columns = [np.array(column) for column in zip(*draw(st.lists(NODE, min_size=1, max_size=8)), strict=True)]
     u_n, u_t, gap, lambda_hat, mu_hat, bound, contact, slip = columns
-    problem = RegularisedData(gap, GAMMA_N, GAMMA_T, math.inf, lambda_hat, mu_hat, bound)
-    return ActiveSets(contact, slip.astype(np.int8)), u_n, u_t, problem
+    problem = RegularisedData(gap, GAMMA_N, GAMMA_T, math.inf, lambda_hat, mu_hat[:, None], bound)
+    return in_plane(contact, slip), u_n, u_t[:, None], problem
 
 
 SIGMAS = st.sampled_from([math.inf, 1.0, 0.125, 1 / GAMMA_T])
@@ -178,7 +202,7 @@ def test_no_jump_between_the_slip_sets(state):
     """With sigma infinite a node never goes from one slip set to the other."""
     before, u_n, u_t, problem = state
     after = classify(before, u_n, u_t, problem)
-    assert (before.slip * after.slip >= 0).all()
+    assert (before.direction * after.direction >= 0).all()
 
 
 @given(states())
@@ -199,9 +223,107 @@ def test_fixed_points_satisfy_the_complementarity_system(state, sigma):
     assert not current.changed(classify(current, u_n, u_t, problem)).any()
     pressure, shear = multipliers(current, u_n, u_t, problem)
     np.testing.assert_array_equal(pressure, np.maximum(0, problem.lambda_hat + GAMMA_N * (u_n - problem.gap)))
-    trial = problem.mu_hat + GAMMA_T * u_t
-    np.testing.assert_array_equal(shear, np.clip(trial, -problem.bound, problem.bound))
+    trial, bound = problem.mu_hat + GAMMA_T * u_t, problem.bound[:, None]
+    np.testing.assert_array_equal(shear, np.clip(trial, -bound, bound))
+    assert not law_residual(current, u_n, u_t, problem).any()
     xi = u_t + (problem.mu_hat - shear) / GAMMA_T
     weight = 1.0 if math.isinf(sigma) else sigma
-    over, under = xi + weight * (shear - problem.bound), xi + weight * (shear + problem.bound)
+    over, under = xi + weight * (shear - bound), xi + weight * (shear + bound)
     np.testing.assert_array_equal(xi - np.maximum(0, over) - np.minimum(0, under), 0.0)
+
+
+# In space: the disc.
+VECTOR = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
+
+
+@st.composite
+def discs(draw):
+    """(direction, u_t, mu_hat, bound) of a few points in space."""
+    nodes = st.tuples(VECTOR, VECTOR, VECTOR, st.floats(0.125, 4))
+    columns = zip(*draw(st.lists(nodes, min_size=1, max_size=6)), strict=True)
+    direction, u_t, mu_hat, bound = map(np.array, columns)
+    return direction, u_t, mu_hat, bound
+
+
+def in_space(u_t, mu_hat, bound, sigma=math.inf):
+    """The data of points in space, all with the gap zero."""
+    zero = np.zeros(bound.size)
+    return RegularisedData(zero, GAMMA_N, GAMMA_T, sigma, zero, mu_hat, bound)
+
+
+@given(discs())
+def test_projection_onto_the_disc(disc):
+    """The nearest point of the disc: it is in it, and no closer one is."""
+    _, shear, _, bound = disc
+    nearest = onto_disc(shear, bound)
+    assert (length(nearest) <= bound * (1 + 1e-15)).all()
+    # The condition of the projection onto a convex set, for all corners of a polygon in it.
+    for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+        other = bound[:, None] * np.array([np.cos(angle), np.sin(angle)])
+        assert (inner(shear - nearest, other - nearest) <= 1e-12 * (1 + length(shear)) * bound).all()
+
+
+@given(discs())
+def test_tangent_is_the_derivative_in_space(disc):
+    """For fixed sets mu is affine in tau_T y, and its derivative is the block of ``tangent``: symmetric, positive."""
+    direction, u_t, mu_hat, bound = disc
+    problem = in_space(u_t, mu_hat, bound)
+    current = natural_sets(np.ones(bound.size), u_t, problem)
+    blocks = tangent(current, problem)
+    step = 0.5 * direction
+    before, after = (multipliers(current, np.ones(bound.size), u, problem)[1] for u in (u_t, u_t + step))
+    expected = np.einsum("nij,nj->ni", blocks[:, 1:, 1:], step)
+    np.testing.assert_allclose(after - before, expected, rtol=0, atol=1e-9 * GAMMA_T)
+    np.testing.assert_array_equal(blocks, blocks.transpose(0, 2, 1))
+    assert (np.linalg.eigvalsh(blocks) >= -1e-12 * GAMMA_T).all()
+
+
+@given(discs())
+def test_the_primal_sets_give_the_projection(disc):
+    """At the iterate itself mu of the sets of the derivative is the projection (3.4): the law holds."""
+    _, u_t, mu_hat, bound = disc
+    problem = in_space(u_t, mu_hat, bound)
+    current = natural_sets(np.ones(bound.size), u_t, problem)
+    _, shear = multipliers(current, np.ones(bound.size), u_t, problem)
+    np.testing.assert_allclose(shear, onto_disc(mu_hat + GAMMA_T * u_t, bound), rtol=0, atol=1e-12 * GAMMA_T)
+    assert (law_residual(current, np.ones(bound.size), u_t, problem) <= 1e-12 * GAMMA_T).all()
+
+
+@given(discs(), st.floats(0, 2 * math.pi))
+def test_the_law_does_not_depend_on_the_tangents(disc, angle):
+    """Turned tangents turn directions and shears, and change no set."""
+    direction, u_t, mu_hat, bound = disc
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    start = ActiveSets.of(np.ones(bound.size, dtype=bool), unit(direction), np.full(bound.size, GAMMA_T / 2))
+    turned = ActiveSets.of(start.contact, start.direction @ turn.T, start.turning)
+    u_n = np.ones(bound.size)
+    plain = classify(start, u_n, u_t, in_space(u_t, mu_hat, bound))
+    other = classify(turned, u_n, u_t @ turn.T, in_space(u_t @ turn.T, mu_hat @ turn.T, bound))
+    # A point at round-off of two sets may be in either.
+    trial = mu_hat + GAMMA_T * u_t
+    edge = np.abs(inner(unit(direction), trial) - bound) <= 1e-9 * GAMMA_T
+    assert (plain.slip == other.slip)[~edge].all()
+    slipping = plain.slip & other.slip
+    np.testing.assert_allclose((plain.direction @ turn.T)[slipping], other.direction[slipping], rtol=0, atol=1e-9)
+
+
+def test_equal_sets_are_no_solution_in_space():
+    """A point that slips on, its direction still turning: the sets repeat, and the law does not hold."""
+    problem = in_space(None, np.zeros((1, 2)), np.ones(1))
+    sideways = ActiveSets.of(np.array([True]), np.array([[1.0, 0.0]]), np.array([0.0]))
+    u_t = np.array([[1.0, 1.0]])
+    after = classify(sideways, np.ones(1), u_t, problem)
+    assert not sideways.changed(after).any()
+    assert law_residual(sideways, np.ones(1), u_t, problem)[0] == pytest.approx(math.hypot(1 - 0.5**0.5, 0.5**0.5))
+    for _ in range(40):
+        after = classify(after, np.ones(1), u_t, problem)
+    assert law_residual(after, np.ones(1), u_t, problem)[0] < 1e-12
+
+
+def test_a_slip_that_is_reversed_passes_through_stick_in_space():
+    """A direction may turn; a slip against it ends in stick first."""
+    problem = in_space(None, np.zeros((1, 2)), np.ones(1))
+    start = ActiveSets.of(np.array([True]), np.array([[0.0, 1.0]]), np.array([0.0]))
+    assert not classify(start, np.ones(1), np.array([[0.0, -1.0]]), problem).slip[0]
+    mu = np.array([[0.0, 2.0]])
+    assert next_sets(np.ones(1), np.zeros((1, 2)), np.zeros((1, 2)), mu, problem).direction.tolist() == [[0.0, 1.0]]

@@ -158,6 +158,8 @@ def start(tmp_path, *arguments, cells=200, **options):
         stdout=options.get("stdout", subprocess.PIPE),
         stderr=subprocess.PIPE,
         text=True,
+        # Whoever runs the tests may ignore it, and a program that is started inherits that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 

@@ -16,6 +16,7 @@ from signorini_fx.complementarity import project
 from signorini_fx.contact_table import ContactTable, contact_table
 from signorini_fx.discretisation import discretise
 from signorini_fx.mesh import load_mesh
+from signorini_fx.nodal_forces import NodalForces
 from signorini_fx.results import Timings
 from signorini_fx.solution import Solution
 
@@ -68,8 +69,8 @@ def energy_norm(solution: Solution, other: Solution | None = None) -> float:
     difference = solution.discretisation.function(solution.displacement.x.petsc_vec)
     if other is not None:
         difference.x.array[:] -= other.displacement.x.array
-    energy = solution.discretisation.internal_forces(difference).dot(difference.x.petsc_vec)
-    return float(np.sqrt(max(0.0, energy)))
+    d = solution.discretisation
+    return float(np.sqrt(max(0.0, 2 * NodalForces(d.scene, d.tagged, d.space).strain_energy(difference))))
 
 
 def pressure_distance(solution: Solution, other: Solution) -> float:

@@ -7,6 +7,11 @@ True errors are measured against references of much higher accuracy (see ``cases
 cheapest run of the work-precision study's methods that meets the same target, known only afterwards: by work, which is
 linear solves times unknowns summed over all meshes, and by processor seconds, which depend on the machine.
 Written are asked_accuracy.csv and asked_accuracy.md.
+
+    ./env python3 demos/studies/asked_accuracy.py --random 25 --seed 1 --out results/asked_random
+
+asks random scenes (see ``random_scenes``), most of them with contact up to corners, for 10, 5, 2 and 1 % of
+displacement, pressure and force, against references that resolve the corners.  Written are random.csv and random.md.
 """
 
 from __future__ import annotations
@@ -16,6 +21,8 @@ import time
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+import random_scenes
 from cases import reference_of, scene_of
 from mpi4py import MPI
 
@@ -154,6 +161,102 @@ def _ratio(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
 
 
+RANDOM_TARGETS = (0.1, 0.05, 0.02, 0.01)
+# A run that takes longer ends by name.
+RANDOM_BUDGET = {"seconds": 60.0}
+
+
+def asked_of(one: random_scenes.RandomScene) -> list[dict]:
+    """One row for each quantity and target of a random scene."""
+    fine, own = random_scenes.reference(one)
+    others = random_scenes.rivals(one, fine)
+    rows = []
+    for of in random_scenes.QUANTITIES:
+        for target in RANDOM_TARGETS:
+            scene = one.scene.model_copy(update={"accuracy": Accuracy(target=target, of=of, **RANDOM_BUDGET)})
+            begin = time.process_time()
+            solution = solve(scene, MPI.COMM_SELF, check=False)
+            seconds = time.process_time() - begin
+            true, prices = fine.errors(solution)[of], {"work": work_of(solution), "seconds": seconds}
+            estimated = getattr(solution.price_list[-2], of) if len(solution.levels) > 1 else None
+            row = {
+                "scene": one.name,
+                "traits": ", ".join(one.traits),
+                "of": of,
+                "asked": target,
+                "status": solution.status.value,
+                "true": true,
+                "estimated": estimated,
+                "effectivity": estimated / true if estimated is not None and true > 3 * own[of] > 0 else None,
+                "reference_error": own[of],
+                "met": true <= target,
+                "meshes": len(solution.levels),
+                "dofs": solution.discretisation.dofs,
+            }
+            for cost, price in prices.items():
+                enough = [other for other in others if other[of] is not None and other[of] <= target]
+                cheapest = min(enough, key=lambda other: other[cost], default=None)
+                row[cost] = price
+                row[f"cheapest_by_{cost}"] = cheapest and cheapest["method"]
+                row[f"{cost}_ratio"] = cheapest and price / cheapest[cost]
+            rows.append(row)
+    return rows
+
+
+def random_table(rows: list[dict]) -> str:
+    """A line for each scene and quantity: true error and, in multiples of the cheapest, the work."""
+    head = [f"{100 * target:g} %" for target in RANDOM_TARGETS]
+    lines = [f"| scene | of | {' | '.join(head)} |", "|" + "---|" * (2 + len(head))]
+    for name, of in dict.fromkeys((row["scene"], row["of"]) for row in rows):
+        own = [row for row in rows if (row["scene"], row["of"]) == (name, of)]
+        cells = []
+        for row in own:
+            how = "" if row["status"] == "converged" else f" ({row['status']})"
+            how += " **not met**" if row["status"] == "converged" and not row["met"] else ""
+            cells.append(f"{100 * row['true']:.2g} %{how}, {_ratio(row['work_ratio'])}")
+        label = f"{name}: {own[0]['traits']}" if of == random_scenes.QUANTITIES[0] else ""
+        lines.append(f"| {label} | {of} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def random_summary(rows: list[dict]) -> str:
+    """How many have met their target, at what cost, and how good the estimates were."""
+    converged = [row for row in rows if row["status"] == "converged"]
+    lines = [
+        f"- {len(converged)} of {len(rows)} converged; of these {sum(row['met'] for row in converged)} have met it"
+    ]
+    for cost in ("work", "seconds"):
+        known = [row[f"{cost}_ratio"] for row in converged if row[f"{cost}_ratio"] is not None]
+        per = {of: _median(converged, cost, of) for of in random_scenes.QUANTITIES}
+        words = ", ".join(f"{of} {ratio:.1f}" for of, ratio in per.items())
+        lines.append(f"- {cost}: median {np.median(known):.1f} times the cheapest ({words})")
+    for of in random_scenes.QUANTITIES:
+        seen = [row["effectivity"] for row in rows if row["of"] == of and row["effectivity"] is not None]
+        lines.append(f"- effectivity, {of}: {min(seen):.2f} to {max(seen):.2g}, median {np.median(seen):.2g}")
+    return "\n".join(lines)
+
+
+def _median(rows: list[dict], cost: str, of: str) -> float:
+    known = [row[f"{cost}_ratio"] for row in rows if row["of"] == of and row[f"{cost}_ratio"] is not None]
+    return float(np.median(known))
+
+
+def ask_random(count: int, seed: int, out: Path) -> None:
+    """Ask so many random scenes, print and write."""
+    rows = []
+    for one in random_scenes.scenes(seed, count):
+        begin = time.perf_counter()
+        own = asked_of(one)
+        rows += own
+        missed = [f"{row['of']} {row['asked']:g}" for row in own if row["status"] == "converged" and not row["met"]]
+        words = f"; missed: {', '.join(missed)}" if missed else ""
+        print(f"{one.name} ({', '.join(one.traits)}): {time.perf_counter() - begin:.1f} s{words}", flush=True)
+        write_csv(out / "random.csv", rows)
+        text = f"{random_table(rows)}\n\n{random_summary(rows)}\n"
+        (out / "random.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -161,8 +264,13 @@ def main() -> None:
         "--out", type=Path, default=Path("results/asked_accuracy"), help="folder (default: %(default)s)"
     )
     parser.add_argument("--scene", choices=SCENES, action="append", help="only this one")
+    parser.add_argument("--random", type=int, default=0, help="so many random scenes instead")
+    parser.add_argument("--seed", type=int, default=1, help="of the random scenes (default: %(default)s)")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    if options.random:
+        ask_random(options.random, options.seed, options.out)
+        return
     rows = []
     for name in options.scene or SCENES:
         begin = time.perf_counter()

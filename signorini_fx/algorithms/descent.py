@@ -20,7 +20,18 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, at_bound, slip_of, trial_pressure
+from signorini_fx.complementarity import (
+    ActiveSets,
+    Nodal,
+    RegularisedData,
+    at_bound,
+    inner,
+    length,
+    natural_sets,
+    onto_disc,
+    trial_pressure,
+    trial_shear,
+)
 from signorini_fx.results import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
@@ -67,36 +78,23 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     return status
 
 
-def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
-    """The sets of the derivative of J_gamma at an iterate: of (3.3b) and (3.4) with the multipliers at hand."""
-    contact = trial_pressure(u_n, data) > 0
-    if data.bilateral is not None:
-        contact = contact | data.bilateral
-    if data.bound is None:
-        return ActiveSets(contact, np.zeros(contact.shape, dtype=np.int8))
-    slip = slip_of(u_t, data)
-    trial = data.mu_hat + data.gamma_t * slip
-    sliding = np.where(np.abs(trial) > data.bound, np.sign(trial), 0)
-    # Nothing is transmitted where the bound is zero; the sign is a matter of form.
-    return ActiveSets(contact, np.where(data.bound == 0, np.where(slip < 0, -1, 1), sliding).astype(np.int8))
-
-
 def _tied(
     newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 ) -> tuple[ActiveSets, RegularisedData]:
     """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
-    bound = np.zeros_like(u_t) if data.bound is None else data.bound
-    excess = np.abs(data.mu_hat + data.gamma_t * slip_of(u_t, data)) - bound
+    bound = np.zeros_like(u_n) if data.bound is None else data.bound
+    excess = length(trial_shear(u_t, data)) - bound
     along, across = newton.problem.ties(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
     tied = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
     if data.has_friction:
         origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
         tied = replace(
             tied,
-            mu_hat=np.where(across, at_bound(sets, bound), data.mu_hat),
-            slip_origin=np.where(across, u_t, origin),
+            mu_hat=np.where(across[:, None], at_bound(sets, bound), data.mu_hat),
+            slip_origin=np.where(across[:, None], u_t, origin),
         )
-    return ActiveSets(sets.contact | along, np.where(across, 0, sets.slip).astype(np.int8)), tied
+    contact = replace(sets, contact=sets.contact | along)
+    return contact.sticking(across), tied
 
 
 @dataclass(frozen=True)
@@ -143,8 +141,8 @@ class _Line:
             pressure = np.where(data.bilateral, trial, pressure)
         work = np.dot(self.weight, pressure * p_n)
         if data.bound is not None:
-            shear = np.clip(data.mu_hat + data.gamma_t * slip_of(u_t + t * p_t, data), -data.bound, data.bound)
-            work += np.dot(self.weight, shear * p_t)
+            shear = onto_disc(trial_shear(u_t + t * p_t, data), data.bound)
+            work += np.dot(self.weight, inner(shear, p_t))
         return self.force + t * self.stiffness + float(parallel.global_sum(self.comm, work))
 
     def lowest(self) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.results import Status
@@ -19,10 +20,10 @@ def fixed_point(
     *,
     tolerance: float,
     max_outer: int,
-    shift: bool = False,
+    augmentation: Augmentation | None = None,
     damping: float = 1.0,
 ) -> Status:
-    """Iterate g <- lambda until g changes by no more than ``tolerance``.
+    """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
 
     Args:
         newton: the inner method.
@@ -32,30 +33,35 @@ def fixed_point(
         first_sets: sets of the first linear solve; None: from the iterate that ``newton`` holds.
         tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c), section 7.
         max_outer: Tresca problems allowed.
-        shift: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised
-            solution.
+        augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
+            unregularised solution.
         damping: share of the way to the new bound that is gone, for bounds that go to and fro or away.
     """
-    g, shifts = start[0], start
+    g = start[0]
+    if augmentation is not None:
+        data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
-        if shift:
-            data = replace(data, lambda_hat=shifts[0], mu_hat=shifts[1])
-        status = newton.solve(data, first_sets, measure=partial(_change, newton, g))
+        status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
         if status is not Status.CONVERGED:
             return status
         first_sets = None
         change = newton.history.outer[-1].change
-        pressure, _ = newton.multipliers()
-        g, shifts = g + damping * (pressure - g), newton.shifts(data)
-        if change is not None and change <= tolerance:
+        settled = augmentation is None or augmentation.settled
+        if change is not None and change <= tolerance and settled:
             return Status.CONVERGED
+        pressure, _ = newton.multipliers()
+        g = g + damping * (pressure - g)
+        if augmentation is not None:
+            data = augmentation.next(data)
     return Status.OUTER_MAX_ITERATIONS
 
 
-def _change(newton: SemismoothNewton, g: Nodal) -> float:
-    """d_g of section 7: the new g is the pressure that the old one led to."""
+def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
+    """d_g of section 7: the new g is the pressure that the old one led to; with shifts the larger change of the two."""
     following, _ = newton.multipliers()
-    norm = newton.problem.boundary.norm
-    size = norm(following) or norm(g)  # a pressure that is gone has changed by all that it was
-    return norm(following - g) / size if size > 0 else 0.0
+    boundary = newton.problem.boundary
+    # A pressure that is gone has changed by all that it was.
+    size = boundary.scale(following) or boundary.scale(g)
+    change = boundary.norm(following - g) / size if size > 0 else 0.0
+    return change if augmentation is None else max(change, augmentation.measure(data))

@@ -83,9 +83,9 @@ def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | N
     """Contact and stick at the nodes without a gap, if these hold a body that supports do not; collective."""
     comm, gap = newton.problem.system.comm, np.abs(data.gap)
     closed = gap <= _CLOSED * parallel.global_max(comm, parallel.local_max(gap))
-    sets = ActiveSets(closed, np.zeros(closed.size, dtype=np.int8))
-    everything = ActiveSets(~closed & closed, np.ones(closed.size, dtype=np.int8))
-    loose = not newton.problem.holds(everything, data)
+    sets = ActiveSets.of(closed, np.zeros_like(data.mu_hat))
+    nothing = replace(sets, contact=np.zeros_like(closed), slip=np.ones_like(closed))
+    loose = not newton.problem.holds(nothing, data)
     return sets if loose and newton.problem.holds(sets, data) else None
 
 

@@ -20,9 +20,11 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData
+from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, tangent
 from signorini_fx.results import Status
 
+# What the derivatives along the path need of a solve on an old factor.
+_SLOPE_TOLERANCE = 1e-10
 # Below this share of gamma the pole is left out: it changes the distance by no more.
 _NO_POLE = 0.05
 
@@ -53,42 +55,42 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
-    ratio = data.gamma_t / data.gamma_n
-    normal = sets.contact.astype(float)
-    tangential = (sets.slip == 0).astype(float) * ratio if data.has_friction else np.zeros_like(normal)
-
-    coupling = np.zeros_like(data.gap) if data.coupling is None else sets.slip * data.coupling
-    origin = np.zeros_like(data.gap) if data.slip_origin is None else data.slip_origin
+    # B^T D B per gamma_1: D is proportional to it, apart from what the turning of a slip adds in space.
+    blocks = tangent(sets, data) / data.gamma_n
+    origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
         """C (vector - (gap, origin)), with gamma_1 taken out."""
         force = vector.duplicate()
         force.set(0.0)
-        u_n, u_t = boundary.traces(vector.getArray(readonly=True)[system.contact_dofs])
-        closing = normal * (u_n - gap)
-        nodal = boundary.nodal_forces(closing, tangential * (u_t - origin) + coupling * closing) * boundary.free
-        np.add.at(force.getArray(), system.contact_dofs, nodal)
+        u_n, u_t = system.contact.traces(vector)
+        traction = np.einsum("nij,nj->ni", blocks, np.column_stack((u_n - gap, u_t - origin)))
+        system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
         return force
 
     ksp = newton.snes.getKSP()
+    # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
+    before = ksp.getTolerances()
+    ksp.setTolerances(rtol=_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
-    nothing = np.zeros_like(data.gap)
     ksp.solve(-contact_force(newton.x, data.gap, origin), first)
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     reach = data.gamma_n
     # The pole is a mean stiffness that the contact nodes meet, below the largest one; it may be too small to matter.
-    stiffness = system.matrix.getDiagonal().getArray(readonly=True)[system.contact_dofs].max(axis=1, initial=0.0)
+    unknowns, _ = system.contact.entries()
+    stiffness = system.matrix.getDiagonal().getArray(readonly=True)[unknowns].max(axis=1, initial=0.0)
     largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
     if largest > _NO_POLE * data.gamma_n:
         second = newton.x.duplicate()
-        ksp.solve(-2.0 * contact_force(first, nothing, nothing), second)
+        ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    ksp.setTolerances(*before)
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
-    u_n, _ = boundary.traces(newton.x.getArray(readonly=True)[system.contact_dofs])
-    slope_n, _ = boundary.traces(first.getArray(readonly=True)[system.contact_dofs])
-    pressure_slope = boundary.norm(normal * (u_n - data.gap + data.gamma_n * slope_n))
+    u_n, _ = system.contact.traces(newton.x)
+    slope_n, _ = system.contact.traces(first)
+    pressure_slope = boundary.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope)
 

@@ -46,17 +46,26 @@ class History:
         outer: one record a regularised problem.
         events: decisions that a user should know of, such as a fall-back.
         observers: called with each new record or event, to show progress.
+        limit: the number of linear solves at which all methods end; infinite: none.
+        kept: whether this limit is one for several meshes, so that none of them gets its own.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
     outer: list[OuterRecord] = field(default_factory=list)
     events: list[str] = field(default_factory=list)
     observers: list[Observer] = field(default_factory=list)
+    limit: float = np.inf
+    kept: bool = False
 
     @property
     def linear_solves(self) -> int:
         """Linear solves so far."""
         return len(self.iterations)
+
+    def allow(self, solves: int) -> None:
+        """Set the limit to so many more linear solves, unless it is to be kept."""
+        if not self.kept:
+            self.limit = self.linear_solves + solves
 
     def add(self, record: IterationRecord | OuterRecord | str) -> None:
         """Keep a record or an event and show it."""
@@ -135,7 +144,7 @@ class SemismoothNewton:
         problem = self.problem
         problem.assemble_jacobian(snes, x, jacobian)
         moved = problem.moved if self._may_keep or problem.moved == 0 else None
-        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved)
+        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved, problem.force_scale)
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
@@ -208,7 +217,10 @@ class SemismoothNewton:
         self._stalls = 0
         self._last_residual = np.inf
         self._status: Status | None = None
-        limit = min(self.max_iterations, max_iterations or self.max_iterations)
+        left = self.history.limit - self._before
+        if left <= 0:
+            return Status.MAX_ITERATIONS
+        limit = int(min(self.max_iterations, max_iterations or self.max_iterations, left))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened = True, False
         try:
@@ -255,14 +267,12 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a support decides on the displacement they would grow without end, and without effect: there they stay.
+        Where the supports leave no motion along the normal the pressure would grow without end, and without effect:
+        there it stays.  The shear has a bound.
         """
         boundary = self.problem.boundary
         pressure, shear = project(*self.multipliers(), data)
-        return (
-            np.where(boundary.prescribed(boundary.normal), data.lambda_hat, pressure),
-            np.where(boundary.prescribed(boundary.tangent), data.mu_hat, shear),
-        )
+        return np.where(boundary.immovable, data.lambda_hat, pressure), shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
@@ -275,14 +285,14 @@ class SemismoothNewton:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
         bounds = problem.friction_bounds(self.x)
-        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.following), bounds, strict=True))
+        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.next.sets), bounds, strict=True))
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
                 [
                     np.count_nonzero(sets.contact),
-                    np.count_nonzero(sets.slip > 0),
-                    np.count_nonzero(sets.slip < 0),
+                    np.count_nonzero(sets.direction[:, 0] > 0),
+                    np.count_nonzero(sets.direction[:, 0] < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
@@ -296,8 +306,8 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
-            if problem.kept:  # others would not hold the body; yet they may leave it in balance
-                balanced = problem.accept(self.x, problem.wanted, snes.getTolerances()[0])
+            if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
+                balanced = problem.accept(self.x, problem.next.wanted, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
@@ -308,12 +318,13 @@ class SemismoothNewton:
             self._last_residual = residual
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
-            if k > 0 and not problem.kept and problem.loose is None and residual <= snes.getTolerances()[0]:
+            sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
+            if sound and residual <= snes.getTolerances()[0]:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             return self._stop(Status.CYCLING)
         self._seen.add(fingerprint)
-        if problem.loose is not None:
-            return self._stop(problem.loose)
+        if problem.next.escapes is not None:
+            return self._stop(problem.next.escapes)
         return int(_SNES.CONVERGED_ITERATING)
 
     def _reason(self) -> Status:
@@ -350,5 +361,5 @@ class SemismoothNewton:
 
     def _fingerprint(self, sets: ActiveSets) -> int:
         """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
-        state = 3 * sets.contact.astype(np.int64) + sets.slip + 1
+        state = 3 * sets.contact.astype(np.int64) + np.sign(sets.direction[:, 0]).astype(np.int64) + 1
         return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))

@@ -9,17 +9,19 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.contact_map import ContactMap
+
 
 class ElasticSystem(Protocol):
-    """A x = b for the elastic body without contact, and where the contact nodes sit in x.
+    """A x = b for the elastic body without contact, and the contact map in its unknowns.
 
     Attributes:
         comm: the ranks that share the system.
-        matrix: A, symmetric; the contact iteration adds to the blocks of the contact nodes only.
+        matrix: A, symmetric; the contact iteration adds B^T D B to it.
         load: b of the current load step.
         start: a vector x that satisfies the prescribed displacements of the current load step.
         fixed: the prescribed entries of the local part of x.
-        contact_dofs: positions of the contact nodes' displacement components in the local part of x, shape (n, 2).
+        contact: B, from x to the relative displacement at the contact points.
     """
 
     comm: MPI.Comm
@@ -27,11 +29,13 @@ class ElasticSystem(Protocol):
     load: PETSc.Vec
     start: PETSc.Vec
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """What the load of the current load step does on the three rigid motions, the same on all ranks, shape (3,)."""
+        """What the load of the current load step does on the three rigid motions of each piece of the body, the same on
+        all ranks, shape (3 pieces,).
+        """
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -51,13 +55,14 @@ class ElasticSystem(Protocol):
         The user's options are applied later and win.
         """
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """Decide whether the last factorisation serves the new matrix too, and set the solver accordingly.
 
         Args:
             ksp: the linear solver.
             moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
                 there is none, or too many to tell.
+            forces: size of the forces at work, of which a solve may leave a small share.
         """
 
     def set_step(self, step: int, scale: float = 1.0) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx import options, parallel
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.discretisation import Body, Discretisation
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
@@ -26,7 +27,10 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
     d = discretisation
     assert d.boundary is not None
     kept = 2 * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
-    reason = _against_condensing(d, kept)
+    everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
+    if wanted != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
+        return FullSystem.of(d), "full: the contact does not reach every piece of the body that supports do not hold"
+    reason = against_condensing(d, kept)
     if wanted == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
         return CondensedSystem.of(d), "condensed: as asked for"
     if wanted == "krylov":
@@ -41,7 +45,8 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
     ), f"condensed: {kept} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
 
 
-def _against_condensing(d: Discretisation, kept: int) -> str | None:
+def against_condensing(d: Body, kept: int) -> str | None:
+    """Why ``kept`` unknowns of the contact boundary are not condensed onto; None where they are."""
     if d.tagged.mesh.comm.size > 1:
         return "more than one rank"
     if not has_package("mumps"):

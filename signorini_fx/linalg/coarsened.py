@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.boundary import ContactBoundary
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
 
@@ -18,15 +20,16 @@ class CoarsenedSystem(TransformedSystem):
     """See ``ElasticSystem``: x = P x_c, A_c = P^T A P, b_c = P^T b; dense, one rank."""
 
     prolongation: Any
-    kept: npt.NDArray[np.int32]
+    kept: npt.NDArray[np.int64]
 
     @classmethod
     def of(
         cls,
         system: ElasticSystem,
         prolongation: Any,
-        kept: npt.NDArray[np.int32],
-        contact_dofs: npt.NDArray[np.int32],
+        kept: npt.NDArray[np.int64],
+        boundary: ContactBoundary,
+        position: npt.NDArray[np.int64],
     ) -> CoarsenedSystem:
         """Coarsen a system with a dense matrix.
 
@@ -34,7 +37,8 @@ class CoarsenedSystem(TransformedSystem):
             system: the finer one.
             prolongation: P, scipy sparse, shape (fine dofs, coarse dofs).
             kept: the fine dof that each coarse one is, shape (coarse dofs,).
-            contact_dofs: as in ``ElasticSystem``, of the coarse system.
+            boundary: the contact nodes of the coarse system.
+            position: number of each of them among the nodes of the coarse system, shape (n,).
         """
         # A is symmetric, so that both products are of a sparse and a dense matrix.
         half = prolongation.T @ system.matrix.getDenseArray(readonly=True)
@@ -42,9 +46,9 @@ class CoarsenedSystem(TransformedSystem):
         matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)
         matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        coarse = cls(
-            system.comm, matrix, load, start, system.fixed[kept], contact_dofs, system, prolongation.tocsr(), kept
-        )
+        fixed = system.fixed[kept]
+        contact = ContactMap.of_nodes(boundary, position, fixed, matrix)
+        coarse = cls(system.comm, matrix, load, start, fixed, contact, system, prolongation.tocsr(), kept)
         coarse._restrict()
         return coarse
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.loads import LoadCase, load_resultant
@@ -29,7 +30,7 @@ class CondensedSystem:
     start: PETSc.Vec
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     cases: tuple[LoadCase, ...]
     schur: SchurComplement
     interior: tuple[PETSc.Vec, ...]
@@ -55,16 +56,17 @@ class CondensedSystem:
         condensed = np.array(
             [_condense(d.stiffness, case.load, x, kept) for case, x in zip(d.cases, interior, strict=True)]
         )
-        contact_dofs = (2 * position.ravel()[:, None] + np.arange(2)).astype(np.int32)
+        fixed = d.fixed[kept]
+        contact = ContactMap.of_nodes(d.boundary, position.ravel(), fixed, matrix)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,
             matrix,
             load,
             start,
-            np.zeros(3),
-            d.fixed[kept],
-            contact_dofs,
+            np.zeros(d.motions.free.shape[0]),
+            fixed,
+            contact,
             d.cases,
             schur,
             interior,
@@ -88,14 +90,14 @@ class CondensedSystem:
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
 
     def set_step(self, step: int, scale: float = 1.0) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = scale * np.array([case.factors[step] for case in self.cases])
-        self.resultant = scale * load_resultant(self.cases, step)
+        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         starts = np.array([case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases])
         self.load.getArray()[:] = self.factors @ self.condensed
         self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)

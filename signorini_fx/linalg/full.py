@@ -11,8 +11,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import options
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.discretisation import Discretisation
 from signorini_fx.loads import LoadCase, load_resultant
+from signorini_fx.rigid import rigid_modes
 
 
 @cache
@@ -56,7 +58,8 @@ _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "
 # back substitution, of which a factorisation is worth ten or more.
 _LAG = 4
 _LAGGED_STEPS = 20
-_LAGGED_TOLERANCE = 1e-12
+# Share of the forces that it may leave: far enough below what ends Newton's method that no unit decides on that.
+_LAGGED_SHARE = 1e-13
 _KRYLOV_TOLERANCE = 1e-11
 # While the sets still change a linear solve need not be exact: inexact Newton.
 _LOOSE_TOLERANCE = 1e-3
@@ -77,7 +80,7 @@ class FullSystem:
     start: PETSc.Vec
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     cases: tuple[LoadCase, ...]
     krylov: bool = False
     inexact: bool = False
@@ -91,10 +94,10 @@ class FullSystem:
     def of(cls, discretisation: Discretisation, *, krylov: bool = False) -> FullSystem:
         """The system as it was assembled, at the first load step."""
         d = discretisation
-        nodes = d.boundary.nodes if d.boundary is not None else np.empty(0, dtype=np.int32)
-        dofs = 2 * nodes[:, None] + np.arange(2, dtype=np.int32)
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, np.zeros(3), d.fixed, dofs, d.cases, krylov)
+        contact = ContactMap.of_nodes(d.boundary, None, d.fixed, d.stiffness)
+        resultant = np.zeros(d.motions.free.shape[0])
+        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
             d.stiffness.setBlockSize(2)
             d.stiffness.setNearNullSpace(_rigid_modes(d))
@@ -105,7 +108,7 @@ class FullSystem:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
-        self.resultant = scale * load_resultant(self.cases, step)
+        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         for case in self.cases:
             self.load.axpy(scale * case.factors[step], case.load)
             self.start.axpy(scale * case.factors[step], case.start)
@@ -131,7 +134,7 @@ class FullSystem:
         ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= _FEW_RANKS else {}
         return {**_FACTOR_DEFAULTS, **ordering}
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
         if options.user_sets("ksp_") or options.user_sets("pc_"):
             return moved == 0
@@ -142,9 +145,14 @@ class FullSystem:
         kept = moved is not None and moved <= _LAG
         if kept and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
-            ksp.setTolerances(rtol=_LAGGED_TOLERANCE, max_it=_LAGGED_STEPS)
+            # The residual itself, against the forces: the preconditioned norm does not tell whether Newton ends.
+            if not self._symmetric:
+                ksp.setPCSide(PETSc.PC.Side.RIGHT)
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+            ksp.setTolerances(rtol=1e-15, atol=_LAGGED_SHARE * forces, max_it=_LAGGED_STEPS)
         else:
             ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.setNormType(PETSc.KSP.NormType.NONE)
         return kept
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
@@ -153,11 +161,13 @@ class FullSystem:
 
 
 def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels."""
+    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels.
+
+    Multigrid coarsens locally, where the motions of a piece are those of the whole body.
+    """
     d = discretisation
     owned = d.space.dofmap.index_map.size_local
-    x = d.space.tabulate_dof_coordinates()[:owned, :2]
-    modes = d.motions.at(x)
+    modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
     vectors = [d.stiffness.createVecRight() for _ in range(3)]
     for k, vector in enumerate(vectors):
         vector.getArray()[:] = modes[:, :, k].ravel()

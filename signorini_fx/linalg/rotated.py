@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from petsc4py import PETSc
@@ -37,7 +37,7 @@ class RotatedSystem(TransformedSystem):
 
 def along_axes(boundary: ContactBoundary) -> bool:
     """Whether every normal is along an axis; collective."""
-    off = np.abs(boundary.normal).min(axis=1, initial=1.0)
+    off = 1.0 - np.abs(boundary.frames).max(axis=1)
     return parallel.global_max(boundary.comm, parallel.local_max(off)) < _ALONG_AXIS
 
 
@@ -55,35 +55,34 @@ def check_rotation(boundary: ContactBoundary) -> None:
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
 
 
-def rotate(system: ElasticSystem, boundary: ContactBoundary) -> tuple[ElasticSystem, ContactBoundary]:
-    """The system and the boundary with all normals along an axis; unchanged where they are.
+def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
+    """The system in which each component of a relative displacement is an unknown; itself where that is so already.
 
     Raises:
         SceneError: see ``check_rotation``.
     """
     check_rotation(boundary)
     if along_axes(boundary):
-        return system, boundary
+        return system
     sizes = system.matrix.getSizes()
-    rotation = PETSc.Mat().createAIJ(sizes, nnz=(2, 0), comm=system.comm)
+    rotation = PETSc.Mat().createAIJ(sizes, nnz=(system.contact.dimension, 0), comm=system.comm)
     first, last = rotation.getOwnershipRange()
     rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     for row in range(first, last):
         rotation.setValue(row, row, 1.0)
     rotation.assemble()
-    rows = (first + system.contact_dofs).astype(PETSc.IntType)
+    unknowns, blocks = system.contact.entries()
+    rows = (first + unknowns).astype(PETSc.IntType)
     if rows.size:
-        blocks = np.stack([boundary.normal, boundary.tangent], axis=2)
-        rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks))
+        rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks.transpose(0, 2, 1)))
     rotation.assemble()
     load, start = system.load.duplicate(), system.start.duplicate()
     rotation.multTranspose(system.load, load)
     rotation.multTranspose(system.start, start)
     matrix = _turned(system.matrix, rotation)
-    turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, system.contact_dofs, system, rotation)
-    normal = np.zeros_like(boundary.normal)
-    normal[:, 0] = 1.0
-    return turned, replace(boundary, normal=normal)
+    contact = system.contact.after(rotation, system.fixed)
+    turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, contact, system, rotation)
+    return turned
 
 
 def _turned(matrix: PETSc.Mat, rotation: PETSc.Mat) -> PETSc.Mat:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.contact_map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 
 
@@ -25,7 +26,7 @@ class TransformedSystem:
     load: PETSc.Vec
     start: PETSc.Vec
     fixed: npt.NDArray[np.bool_]
-    contact_dofs: npt.NDArray[np.int32]
+    contact: ContactMap
     inner: ElasticSystem
 
     @property
@@ -52,6 +53,6 @@ class TransformedSystem:
         """As the inner system."""
         self.inner.configure(ksp, symmetric=symmetric)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
         """As the inner system."""
-        return self.inner.keep_factor(ksp, moved)
+        return self.inner.keep_factor(ksp, moved, forces)

@@ -1,0 +1,125 @@
+"""The update of augmented Lagrangian methods: the next shifts, whether they have settled, and the next gamma.
+
+For fixed sets an update takes an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness that
+the contact nodes meet.  The limit is the same for every gamma, but with a small one an iterate changes by little
+although it is far from the limit, and the two multipliers have a gamma each.  So a change alone does not say that the
+iteration is done: what is left is the change times r / (1 - r), with r as seen or as the largest k would have it,
+whichever is smaller; and the displacement has to meet the conditions of the limit itself.  Where a multiplier is slow
+its gamma is raised, to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is
+lowered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from signorini_fx import parallel
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.complementarity import RegularisedData
+from signorini_fx.complementarity import length as length_of
+
+# A multiplier is slow where an update leaves more than this share of its last change.
+_SLOW = 0.1
+# Displacements of the contact nodes below this share of what their tractions could move are round-off.
+_FAINT = 1e-3
+# By which gamma is raised then, from one problem to the next: its sets are a start for those of the next.
+_GROWTH = 10.0
+# With gamma at this times the stiffness that the nodes meet no multiplier is slow.
+_ENOUGH = 10.0
+# A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
+_LARGEST = 10.0
+
+
+def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
+    """The problem with no gamma so large that its round-off would hide the limit."""
+    largest = _LARGEST * natural
+    return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
+
+
+@dataclass
+class Augmentation:
+    """One augmented Lagrangian iteration on the problems that an inner method solves.
+
+    Attributes:
+        newton: the inner method.
+        natural: a gamma with which few updates suffice, stress per length.
+        tolerance: relative change that may be left.
+        changes: the last changes of pressure and shear in the norm of L2(Gamma_c), stresses; nan: not known.
+        slow: which of the two were slow at the last update.
+        left: relative error of the multipliers that is left.
+        violation: largest penetration and elastic slip left, relative to the displacements of the contact nodes.
+    """
+
+    newton: SemismoothNewton
+    natural: float
+    tolerance: float
+    changes: tuple[float, float] = (np.nan, np.nan)
+    slow: tuple[bool, bool] = (False, False)
+    left: float = np.inf
+    violation: float = np.inf
+    _stiffness: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        problem = self.newton.problem
+        unknowns, _ = problem.system.contact.entries()
+        diagonal = problem.system.matrix.getDiagonal().getArray(readonly=True)[unknowns]
+        weight = problem.boundary.weight
+        largest = parallel.local_max(diagonal.max(axis=1, initial=0.0) / weight)
+        self._stiffness = parallel.global_max(problem.system.comm, largest)
+
+    @property
+    def settled(self) -> bool:
+        """Whether both multipliers are those of the limit, to the tolerance."""
+        return max(self.left, self.violation) <= self.tolerance
+
+    def measure(self, data: RegularisedData) -> float:
+        """Look at the problem just solved, and at the shifts that it began with; collective.
+
+        Returns:
+            Relative change of the multipliers.
+        """
+        newton, before = self.newton, (data.lambda_hat, data.mu_hat)
+        boundary, comm = newton.problem.boundary, newton.problem.system.comm
+        after = newton.shifts(data)
+        changes = tuple(boundary.norm(new - old) for new, old in zip(after, before, strict=True))
+        size = sum(map(boundary.scale, after)) or sum(map(boundary.scale, before))
+        gammas = (data.gamma_n, data.gamma_t)
+        u_n, u_t = newton.problem.traces(newton.x)
+        length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
+        # Where nothing moves but for round-off it is what the tractions could move.
+        stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(after[0]), length_of(after[1]))))
+        length = max(length, _FAINT * stress / self._stiffness)
+        # At its bound the shear says nothing of slip.
+        sticks = length_of(after[1]) < data.friction_bound(after[0])
+        moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
+        lefts, violations, slow = [], [], []
+        for change, last, gamma, one in zip(changes, self.changes, gammas, moved, strict=True):
+            share = change / last if last > 0 else np.nan
+            beyond = share / (1 - share) if share < 1 else np.inf
+            left = change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)
+            violation = parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0)
+            slow.append(bool(share > _SLOW) and max(left, violation) > self.tolerance)
+            lefts.append(left)
+            violations.append(violation)
+        self.changes, self.slow = (changes[0], changes[1]), (slow[0], slow[1])
+        self.left, self.violation = sum(lefts), max(violations)
+        return sum(changes) / (size or 1.0)
+
+    def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
+        """The next problem: the multipliers as shifts; gamma times ``factor`` or, where it is slow, raised."""
+        pressure, shear = self.newton.shifts(data)
+        enough, largest = min(self.natural, _ENOUGH * self._stiffness), _LARGEST * self.natural
+
+        def grown(gamma: float, slow: bool) -> float:
+            raised = min(_GROWTH * gamma, enough) if slow else gamma
+            return max(gamma, raised, min(factor * gamma, largest))
+
+        return replace(
+            data,
+            lambda_hat=pressure,
+            mu_hat=shear,
+            gamma_n=grown(data.gamma_n, self.slow[0]),
+            gamma_t=grown(data.gamma_t, self.slow[1]),
+        )

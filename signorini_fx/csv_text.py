@@ -1,0 +1,17 @@
+"""Names in CSV files: a spreadsheet would compute what begins like a formula, wherever a name comes from."""
+
+from __future__ import annotations
+
+# What begins a formula in Excel, LibreOffice or Google Sheets; the apostrophe is their sign for text.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+_TEXT = "'"
+
+
+def as_text(name: str) -> str:
+    """A name with an apostrophe before it where it would be a formula, or looks as if it had got one."""
+    return f"{_TEXT}{name}" if name.lstrip(_TEXT).startswith(_FORMULA) else name
+
+
+def as_name(text: str) -> str:
+    """The name that ``as_text`` was given."""
+    return text[len(_TEXT) :] if text.startswith(_TEXT) and text.lstrip(_TEXT).startswith(_FORMULA) else text

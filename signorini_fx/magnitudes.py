@@ -1,0 +1,19 @@
+"""Between which magnitudes the numbers of a scene must lie, whatever its units.
+
+Energies, squares of forces and products of stiffness, length and penalty must still be numbers in double precision,
+which reaches from 1e-308 to 1e308.
+"""
+
+from __future__ import annotations
+
+LARGEST, SMALLEST = 1e60, 1e-60
+
+
+def complaint(number: float, *, positive: bool = False) -> str | None:
+    """What is wrong with a finite number, None: nothing."""
+    if abs(number) > LARGEST:
+        return f"must not be larger than {LARGEST:g}, or forces and energies overflow: take other units"
+    if 0 < abs(number) < SMALLEST:
+        rest = "" if positive else ", or 0"
+        return f"must not be smaller than {SMALLEST:g}, or forces and energies vanish: take other units{rest}"
+    return None

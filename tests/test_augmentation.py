@@ -1,0 +1,224 @@
+"""The augmented Lagrangian method ends at the unregularised solution, whatever gamma it begins with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import parse_scene
+from signorini_fx.solver import contact_task
+
+FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+MANY = settings(FEW, max_examples=300)
+FORCE = 5.704914
+
+
+def pushed(**solver):
+    """A coarse block pushed sideways on a foundation with a kink: its pressure is nearly settled by statics."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": -20.0, "x": 10.0},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "abs(x[0] - 1.5)",
+                "friction": {"law": "coulomb", "coefficient": 1.0},
+            },
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+@pytest.mark.parametrize("gamma", [(1e5, 1e4), (1e6, 1e2), (1e2, 1e6), (1e-3, 1e-3), (1e13, 1e13), (1e13, 1.0)])
+def test_shear_settles_as_well_as_pressure(gamma, coulomb):
+    """The friction force is that of elimination, though the pressure alone settles at once."""
+    exact = alone(pushed(algorithm="exact"))
+    assert exact.contact.forces[1][0] == pytest.approx(FORCE, abs=1e-6)
+    ours = alone(pushed(algorithm="alm", coulomb=coulomb, gamma_n=gamma[0], gamma_t=gamma[1]))
+    assert not ours.certificate.law.regularised
+    assert ours.contact.forces[1][0] == pytest.approx(exact.contact.forces[1][0], rel=1e-6)
+
+
+SCENES = {
+    "kink": lambda **s: pushed(**s),
+    "no friction": lambda **s: example1(nx=12, ny=4, **s),
+    "Tresca": lambda **s: example1(bound=1.5, nx=12, ny=4, **s),
+    "Coulomb": lambda **s: example1(coefficient=0.6, nx=12, ny=4, **s),
+    "Coulomb, degree 2": lambda **s: example1(coefficient=0.3, nx=8, ny=3, degree=2, **s),
+}
+EXACT = {}
+
+
+def same_as_exact(name, coulomb, share_n, share_t):
+    """Pressure and shear agree with those of elimination to the tolerance."""
+    if name not in EXACT:
+        EXACT[name] = alone(SCENES[name](algorithm="exact"))
+    exact = EXACT[name]
+    default = 1e5 * exact.scene.young / exact.discretisation.tagged.size
+    gammas = {"gamma_n": share_n * default, "gamma_t": share_t * default}
+    scene = SCENES[name]()
+    ours = alone(
+        scene.model_copy(
+            update={"solver": scene.solver.model_copy(update={"algorithm": "alm", "coulomb": coulomb, **gammas})}
+        )
+    )
+    largest = exact.contact.pressure.max()
+    for ours_, theirs in ((ours.contact.pressure, exact.contact.pressure), (ours.contact.shear, exact.contact.shear)):
+        np.testing.assert_allclose(ours_, theirs, rtol=0, atol=5e-7 * largest)
+
+
+shares = st.floats(-3, 5).map(lambda power: 10**power)
+cases = {
+    "name": st.sampled_from(sorted(SCENES)),
+    "coulomb": st.sampled_from(["fp", "newton"]),
+    "share_n": shares,
+    "share_t": shares,
+}
+
+
+@FEW
+@given(**cases)
+def test_random_gammas(name, coulomb, share_n, share_t):
+    """From a thousandth to 1e5 times the default, each apart."""
+    same_as_exact(name, coulomb, share_n, share_t)
+
+
+@pytest.mark.long
+@MANY
+@given(**cases)
+def test_many_random_gammas(name, coulomb, share_n, share_t):
+    """The same, more of them."""
+    same_as_exact(name, coulomb, share_n, share_t)
+
+
+def wedge(angle, coefficient, load, **solver):
+    """A wedge in a groove with oblique flanks, held sideways at its top, where two contact nodes are."""
+    friction = {"law": "coulomb", "coefficient": coefficient}
+    return parse_scene(
+        {
+            "mesh": {"generator": "wedge", "parameters": {"nx": 4, "ny": 8, "angle": angle}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "top", "x": 0.0}],
+            "traction": [{"boundary": "top", "y": -20.0, "x": load}],
+            "contact": [{"boundary": side, "friction": friction} for side in ("left", "right")],
+            "solver": solver,
+        }
+    )
+
+
+@settings(FEW, max_examples=20)
+@given(
+    angle=st.floats(5, 40),
+    coefficient=st.sampled_from([0.0, 0.1, 0.2]),
+    load=st.floats(-30, 30).map(lambda load: round(load, 6)),
+    share=st.floats(-2, 2).map(lambda power: 10**power),
+)
+def test_a_contact_node_with_a_support_across_its_normal(angle, coefficient, load, share):
+    """Its multipliers settle in the free direction, whatever gamma; penalty with a large gamma agrees."""
+    ours = alone(wedge(angle, coefficient, load, algorithm="alm"))
+    penalty = alone(wedge(angle, coefficient, load))
+    assert np.any(ours.contact.boundary.free.sum(axis=1) == 1)
+    gamma = share * 1e5 * 5000.0 / ours.discretisation.tagged.size
+    again = alone(wedge(angle, coefficient, load, algorithm="alm", gamma_n=gamma, gamma_t=gamma))
+    largest = ours.contact.pressure.max()
+    forces = [
+        contact.boundary.nodal_forces(contact.pressure, contact.shear) * contact.boundary.free
+        for contact in (ours.contact, penalty.contact, again.contact)
+    ]
+    size = np.abs(forces[0]).max()
+    np.testing.assert_allclose(forces[2], forces[0], rtol=0, atol=1e-6 * size)
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=2e-3 * size)
+    closed = ours.contact.pressure > 1e-6 * largest
+    assert np.abs((ours.contact.u_n - ours.contact.gap)[closed]).max() < 1e-6 * np.abs(ours.displacement.x.array).max()
+
+
+# --- how it is judged -------------------------------------------------------------------------------------------------
+
+
+def begun(scene, comm=MPI.COMM_SELF):
+    """The contact problem of a scene, solved once without shifts."""
+    d = discretise(scene, load_mesh(scene, comm), Timings())
+    task = contact_task(d, d.boundary, History())
+    assert task.newton.solve(task.data, task.first_sets) is Status.CONVERGED
+    return task
+
+
+@pytest.mark.parametrize("gammas", [(1e7, 1e4), (1e4, 1e7)])
+def test_what_is_left_after_one_problem(gammas):
+    """Penetration, slip of nodes that stick, and how far the multipliers may be from those of the limit."""
+    task = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
+    augmentation, newton, boundary = Augmentation(task.newton, 1e8, 1e-9), task.newton, task.boundary
+    assert augmentation.measure(task.data) == pytest.approx(1.0)
+    u_n, u_t = newton.problem.traces(newton.x)
+    pressure, shear = newton.multipliers()
+    sticks = np.abs(shear) < 0.2
+    assert sticks.any()
+    assert not sticks.all()
+    moved = max((u_n - task.data.gap)[pressure > 0].max(), np.abs(u_t)[sticks].max())
+    assert augmentation.violation == pytest.approx(moved / max(np.abs(u_n).max(), np.abs(u_t).max()), rel=1e-6)
+    diagonal = task.system.matrix.getDiagonal().getArray()
+    stiffness = diagonal[task.system.contact.entries()[0]].max(axis=1) / boundary.weight
+    sizes = [boundary.norm(pressure), boundary.norm(shear)]
+    # Nothing is known of how fast they settle: as slowly as the stiffest node would have it.
+    slowest = [size * max(1.0, stiffness.max() / gamma) for size, gamma in zip(sizes, gammas, strict=True)]
+    assert augmentation.left == pytest.approx(sum(slowest) / sum(sizes), rel=1e-9)
+
+
+def test_settled_is_both():
+    """Multipliers that no longer change are not enough, nor is a displacement that meets the limit."""
+    task = begun(example1(bound=1.5, nx=12, ny=4))
+    augmentation = Augmentation(task.newton, 1e8, 1e-3)
+    for left, violation, settled in ((0.0, 0.0, True), (0.0, 2e-3, False), (2e-3, 0.0, False)):
+        augmentation.left, augmentation.violation = left, violation
+        assert augmentation.settled is settled
+
+
+@pytest.mark.parametrize("gammas", [(1e13, 1e3), (1e3, 1e13), (1e13, 1e13)])
+def test_no_more_gamma_than_digits(gammas):
+    """Each of the two is lowered to ten times the natural one."""
+    data = begun(example1(bound=1.5, nx=12, ny=4)).data
+    lowered = with_enough_digits(replace(data, gamma_n=gammas[0], gamma_t=gammas[1]), 1e5)
+    assert (lowered.gamma_n, lowered.gamma_t) == tuple(min(gamma, 1e6) for gamma in gammas)
+
+
+@pytest.mark.parametrize("gamma", [1e4, 1e7])
+def test_the_fixed_point_needs_no_help(gamma):
+    """(ALM-FP) by itself ends at the solution of elimination, in shear too."""
+    scene = example1(coefficient=0.3, nx=12, ny=4)
+    exact = alone(example1(coefficient=0.3, nx=12, ny=4, algorithm="exact"))
+    settings = {"algorithm": "alm", "coulomb": "fp", "fallbacks": False, "gamma_n": gamma, "gamma_t": gamma}
+    ours = alone(scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)}))
+    assert not any("from the same start" in event for event in ours.history.events)
+    largest = exact.contact.pressure.max()
+    np.testing.assert_allclose(ours.contact.shear, exact.contact.shear, rtol=0, atol=5e-7 * largest)
+
+
+def test_nodes_that_a_support_presses_are_no_measure():
+    """The size of contact stresses is that of the other nodes; of all where there is nothing elsewhere."""
+    boundary = begun(wedge(20.0, 0.2, 0.0)).boundary
+    pressed = ~boundary.free[:, 0]
+    assert 0 < np.count_nonzero(pressed) < boundary.size
+    expected = np.sqrt(boundary.weight[~pressed].sum())
+    assert boundary.scale(np.where(pressed, 1e9, 1.0)) == pytest.approx(expected)
+    assert boundary.scale(np.where(pressed, 1.0, 0.0)) == pytest.approx(np.sqrt(boundary.weight[pressed].sum()))
+
+
+@pytest.mark.mpi
+def test_every_rank_judges_alike():
+    """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
+    task = begun(example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured"), MPI.COMM_WORLD)
+    augmentation = Augmentation(task.newton, 1e8, 1e-9)
+    augmentation.measure(task.data)
+    assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))

@@ -1,0 +1,419 @@
+"""The certificate believes nothing of the solver: wrong answers of every kind, and faults put into the solver."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scenes import alone, example1
+
+from signorini_fx import solver
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.certificate import Before, Law, certify
+from signorini_fx.results import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.scene import parse_scene
+
+
+def wedge(**solver):
+    """A wedge in a groove whose flanks are oblique, held sideways at its top: two contact nodes have a support."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "wedge", "parameters": {"nx": 6, "ny": 12}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "top", "x": 0.0}],
+            "traction": [{"boundary": "top", "y": -20.0}],
+            "contact": [
+                {"boundary": side, "friction": {"law": "coulomb", "coefficient": 0.2}} for side in ("left", "right")
+            ],
+            "solver": solver,
+        }
+    )
+
+
+SCENES = {
+    "no friction": lambda **s: example1(nx=30, ny=10, gamma="auto", **s),
+    "Tresca": lambda **s: example1(bound=1.5, nx=30, ny=10, gamma="auto", **s),
+    "Coulomb": lambda **s: example1(coefficient=0.3, nx=30, ny=10, gamma="auto", **s),
+    "Coulomb, degree 2": lambda **s: example1(coefficient=0.3, nx=15, ny=5, degree=2, gamma="auto", **s),
+    "wedge": wedge,
+}
+METHODS = ("ssn", "alm", "exact")
+
+
+@cache
+def solved(name, algorithm):
+    """A solution, with its certificate."""
+    scene = SCENES[name](algorithm=algorithm)
+    solution = alone(scene)
+    assert solution.certificate.holds
+    return solution
+
+
+def judged(solution, displacement=None, scene=None, **changes):
+    """The certificate of a solution with another displacement, other tractions, or of another scene."""
+    moved = solution.displacement.copy()
+    if displacement is not None:
+        moved.x.array[:] = displacement(moved.x.array.copy())
+    tractions = solution.contact.tractions
+    for name, change in changes.items():
+        tractions = replace(tractions, **{name: change(getattr(tractions, name).copy())})
+    tagged = solution.discretisation.tagged
+    return certify(scene or solution.scene, tagged, moved, tractions, law=solution.certificate.law)
+
+
+def refused(certificate, *figures):
+    """It does not hold, and these figures say why."""
+    assert not certificate.holds
+    for figure in figures:
+        assert getattr(certificate, figure) > CERTIFICATE_TOLERANCE, figure
+
+
+def at(row, change):
+    """Change one entry of an array."""
+
+    def changed(values):
+        values[row] = change(values[row])
+        return values
+
+    return changed
+
+
+# A contact node of the wedge is held across its normal: nothing for elimination.
+PAIRS = [(name, algorithm) for name in SCENES for algorithm in METHODS if (name, algorithm) != ("wedge", "exact")]
+each = pytest.mark.parametrize(("name", "algorithm"), PAIRS)
+by = pytest.mark.parametrize("algorithm", METHODS)
+
+
+@each
+def test_wrong_displacements(name, algorithm):
+    """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few millionths: none passes."""
+    solution = solved(name, algorithm)
+    x = solution.discretisation.space.tabulate_dof_coordinates()
+    largest = np.abs(solution.displacement.x.array).max()
+    rng = np.random.default_rng(0)
+    refused(judged(solution, lambda u: 1.2 * u))
+    refused(judged(solution, lambda u: 0.8 * u))
+    refused(judged(solution, lambda u: (1 + 1e-4) * u))
+    refused(judged(solution, lambda u: u + 1e-4 * largest * np.column_stack((-x[:, 1], x[:, 0])).ravel()))
+    refused(judged(solution, lambda u: u + 1e-3 * largest * np.tile([0.0, 1.0], u.size // 2)))
+    for dof in rng.integers(0, 2 * len(x), 40):
+        refused(judged(solution, at(dof, lambda value: value + 1e-3 * largest)))
+        refused(judged(solution, at(dof, lambda value: value - 5e-6 * largest)))
+
+
+@each
+def test_wrong_tractions(name, algorithm):
+    """Pressure or shear off at one node, in whatever direction."""
+    solution = solved(name, algorithm)
+    largest = solution.contact.pressure.max()
+    for row in range(solution.contact.boundary.size):
+        if not solution.contact.boundary.free[row].all():
+            continue  # what is added there a support may take; that is another test
+        for change in (-1e-4 * largest, 1e-4 * largest):
+            for name_ in ("pressure", "shear"):
+                refused(judged(solution, **{name_: at(row, lambda value, by=change: value + by)}), "equilibrium")
+
+
+@pytest.mark.parametrize("algorithm", METHODS)
+def test_one_node_of_many(algorithm):
+    """A wrong pressure that is lost among the forces on all nodes is seen at its own."""
+    solution = solved("Coulomb", algorithm)
+    pressure = solution.contact.pressure
+    row = int(np.argmax(pressure))
+    certificate = judged(solution, pressure=at(row, lambda value: (1 + 2 * CERTIFICATE_TOLERANCE) * value))
+    refused(certificate, "equilibrium")
+
+
+KINDS = {
+    "shear the other way": ({"shear": lambda c: -c.tractions.shear}, ("equilibrium", "wrong_way_slip")),
+    "no shear": ({"shear": lambda c: 0 * c.tractions.shear}, ("equilibrium",)),
+    "beyond the bound": ({"shear": lambda c: c.tractions.shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
+    "tension": ({"pressure": lambda c: c.pressure - 0.1 * c.pressure.max()}, ("negative_pressure",)),
+    "pressure without contact": ({"pressure": lambda c: c.pressure + 0.01 * c.pressure.max()}, ("equilibrium",)),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "algorithm"), [pair for pair in PAIRS if pair[0] in ("Coulomb", "Tresca", "wedge")])
+def test_kinds_of_wrong_tractions(kind, name, algorithm):
+    """Each violation has its figure."""
+    solution = solved(name, algorithm)
+    changes, figures = KINDS[kind]
+    values = {key: change(solution.contact) for key, change in changes.items()}
+    refused(judged(solution, **{key: lambda _, value=value: value for key, value in values.items()}), *figures)
+
+
+@by
+def test_penetration_and_distance(algorithm):
+    """A foundation that is nearer, or farther away, than the solver took it to be."""
+    solution = solved("Coulomb", algorithm)
+    effect = solution.scene.contact[0]
+
+    def moved(by):
+        gap = lambda x: effect.gap(x) + by  # noqa: E731
+        return solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
+
+    largest = np.abs(solution.displacement.x.array).max()
+    refused(judged(solution, scene=moved(-1e-5 * largest)), "entered")
+    refused(judged(solution, scene=moved(1e-5 * largest)), "pressure_at_distance")
+
+
+@by
+@pytest.mark.parametrize("coefficient", [0.299, 0.301])
+def test_another_coefficient(algorithm, coefficient):
+    """Shear that fits another friction coefficient: beyond the bound, or slip below it."""
+    solution = solved("Coulomb", algorithm)
+    effect = solution.scene.contact[0]
+    friction = effect.friction.model_copy(update={"coefficient": coefficient})
+    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"friction": friction}),)})
+    refused(judged(solution, scene=scene), "friction_cone" if coefficient < 0.3 else "slip_below_bound")
+
+
+def test_another_scene():
+    """Another load, support, material or load factor."""
+    solution = solved("Coulomb", "ssn")
+    scene = solution.scene
+    load, support, material = scene.traction[0], scene.displacement[0], scene.material[0]
+    others = {
+        "traction": (load.model_copy(update={"x": 1e-3}),),
+        "material": (material.model_copy(update={"poisson": 0.4001}),),
+    }
+    for key, value in others.items():
+        refused(judged(solution, scene=scene.model_copy(update={key: value})), "equilibrium")
+    pulled = scene.model_copy(update={"displacement": (support.model_copy(update={"x": 1e-6}), scene.displacement[1])})
+    refused(judged(solution, scene=pulled), "supports")
+
+
+def test_the_law_itself_does_not_allow_for_gamma():
+    """A regularised solution is none of the unregularised law: penetration and elastic slip refuse it."""
+    solution = alone(example1(coefficient=0.6, nx=30, ny=10, gamma=1e6))
+    assert solution.certificate.law == Law(1e6, 1e6)
+    contact, tagged = solution.contact, solution.discretisation.tagged
+    certificate = certify(solution.scene, tagged, solution.displacement, contact.tractions)
+    refused(certificate, "entered", "slip_below_bound")
+    half = certify(solution.scene, tagged, solution.displacement, contact.tractions, law=Law(2e6, 2e6))
+    refused(half, "entered", "slip_below_bound")
+
+
+def test_a_body_that_sinks_unhindered_is_refused():
+    """The linear solution goes through the foundation, in equilibrium and with multipliers that violate nothing."""
+    scene = example1(nx=60, ny=20)
+    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
+    scene = scene.model_copy(update={"displacement": clamped})
+    contact = alone(scene).contact
+    free = alone(scene.model_copy(update={"contact": ()}))
+    nothing = replace(contact.tractions, pressure=0 * contact.pressure, shear=0 * contact.tractions.shear)
+    certificate = certify(scene, free.discretisation.tagged, free.displacement, nothing)
+    assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
+    assert certificate.entered > 0.1
+    assert not certificate.holds
+
+
+def test_bilateral_contact_does_not_open():
+    """A body that is pulled off a foundation that holds it: a gap is refused like a penetration, tension is not."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+            "traction": {"boundary": "top", "y": 5.0},
+            "contact": {"boundary": "bottom", "kind": "bilateral"},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    solution = alone(scene)
+    assert solution.contact.pressure.min() < 0
+    for gap in (1e-5, -1e-5):
+        other = scene.contact[0].model_copy(update={"gap": gap})
+        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
+
+
+def test_potential_energy():
+    """Without contact the loads do twice the work that is stored."""
+    scene = example1(nx=12, ny=4)
+    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
+    certificate = alone(scene.model_copy(update={"displacement": clamped, "contact": ()})).certificate
+    assert certificate.strain_energy > 0
+    assert certificate.potential_energy == pytest.approx(-certificate.strain_energy, rel=1e-9)
+
+
+def test_load_steps_build_on_the_step_before():
+    """Friction acts on the increment: with another step before, or none, the second step is refused."""
+    scene = example1(coefficient=0.1, nx=30, ny=10, gamma="auto")
+    push = scene.traction[0].model_copy(update={"y": 0.0, "x": 10.0, "factors": (1.0, 0.5)})
+    solution = alone(scene.model_copy(update={"traction": (*scene.traction, push)}))
+    first = alone(scene.model_copy(update={"traction": (*scene.traction, push.model_copy(update={"factors": None}))}))
+    tagged = solution.discretisation.tagged
+    given = {"law": solution.certificate.law, "step": 1}
+    tractions = solution.contact.tractions
+    before = Before(first.displacement, first.contact.tractions)
+    assert certify(solution.scene, tagged, solution.displacement, tractions, before=before, **given).holds
+    refused(certify(solution.scene, tagged, solution.displacement, tractions, **given))
+    farther = first.displacement.copy()
+    farther.x.array[:] *= 1.01
+    wrong = replace(before, displacement=farther)
+    refused(certify(solution.scene, tagged, solution.displacement, tractions, before=wrong, **given))
+
+
+def test_tractions_of_other_nodes():
+    """Nodes that are not those of the contact boundary are a mistake of the caller."""
+    solution = solved("Coulomb", "ssn")
+    tractions = replace(solution.contact.tractions, nodes=solution.contact.boundary.nodes[::-1] + 1)
+    with pytest.raises(ValueError, match="contact nodes"):
+        certify(solution.scene, solution.discretisation.tagged, solution.displacement, tractions)
+
+
+# --- faults in the solver ---------------------------------------------------------------------------------------------
+
+
+def without_rotation(rest):
+    """The resting place without its rotation."""
+    return rest and replace(rest, motion=rest.motion * [1, 1, 0])
+
+
+def without_resting_place(right):
+    """The displacement counted from the resting place is taken for the whole one."""
+    return lambda discretisation, rest, displacement: right(discretisation, None, displacement)
+
+
+def with_turned_rest(right):
+    """The rotation of the resting place is dropped from the displacement that the user gets."""
+    return lambda discretisation, rest, displacement: right(discretisation, without_rotation(rest), displacement)
+
+
+def stiffer(right):
+    """One diagonal entry of the assembled matrix is a tenth of a per cent too large."""
+
+    def spoilt(*arguments):
+        found = right(*arguments)
+        row = found.stiffness.getSize()[0] // 2
+        value = found.stiffness.getValue(row, row)
+        found.stiffness.setValue(row, row, 1.001 * value)
+        found.stiffness.assemble()
+        return found
+
+    return spoilt
+
+
+def of_the_boundary(**changes):
+    """A wrong contact boundary."""
+
+    def wrong(right):
+        def spoilt(*arguments):
+            found = right(*arguments)
+            boundary = replace(found.boundary, **{k: f(getattr(found.boundary, k)) for k, f in changes.items()})
+            return replace(found, boundary=boundary)
+
+        return spoilt
+
+    return wrong
+
+
+def of_the_data(**changes):
+    """Wrong data of the regularised problem."""
+
+    def wrong(right):
+        def spoilt(*arguments):
+            found = right(*arguments)
+            return replace(found, **{k: f(getattr(found, k)) for k, f in changes.items()})
+
+        return spoilt
+
+    return wrong
+
+
+def heavier(right):
+    """Loads are a thousandth too large."""
+
+    def spoilt(*arguments):
+        found = right(*arguments)
+        for case in found.cases:
+            case.load.scale(1.001)
+        return found
+
+    return spoilt
+
+
+def at_one_node(amount):
+    """Add something to the value of a node in the middle."""
+
+    def changed(values):
+        values = values.copy()
+        values[len(values) // 2] += amount * np.abs(values).max()
+        return values
+
+    return changed
+
+
+def tilted(values):
+    """Normals turned by a tenth of a degree."""
+    return values @ np.array([[1.0, 0.002], [-0.002, 1.0]])
+
+
+def unmoved(right):
+    """Contact state of an iterate that is not the displacement: the pressure of one node is off."""
+
+    def spoilt(*arguments):
+        pressure, shear = right(*arguments)
+        return at_one_node(1e-4)(pressure), shear
+
+    return spoilt
+
+
+FAULTS = {
+    "no resting place": (solver, "from_rest", without_resting_place),
+    "rotation dropped": (solver, "from_rest", with_turned_rest),
+    "wrong row of the stiffness": (solver, "discretise", stiffer),
+    "wrong weight": (solver, "discretise", of_the_boundary(weight=at_one_node(0.001))),
+    "wrong normals": (solver, "discretise", of_the_boundary(normal=tilted)),
+    "wrong gap": (solver, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
+    "wrong coefficient": (solver, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
+    "wrong load": (solver, "discretise", heavier),
+    "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@by
+def test_faults_of_the_solver_are_refused(monkeypatch, fault, algorithm):
+    """Whatever the solver gets wrong by itself: no result that is called converged."""
+    scene = on_a_slope(algorithm=algorithm, fallbacks=False)
+    assert alone(scene).converged
+    module, name, wrong = FAULTS[fault]
+    monkeypatch.setattr(module, name, wrong(getattr(module, name)))
+    solution = alone(scene, check=False)
+    assert not solution.converged
+    assert fault == "wrong pressure" or solution.status is Status.NOT_CERTIFIED
+
+
+def on_a_slope(**solver):
+    """A block that falls onto a slope and turns until it lies on it, where friction alone holds it."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 20, "ny": 8}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "y": -20.0, "x": 1.0}],
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.02 + 0.03*x[0] + 1e-4*(x[0] - 1.5)**2",
+                "friction": {"law": "coulomb", "coefficient": 0.2},
+            },
+            "solver": solver,
+        }
+    )
+
+
+def test_a_rigid_motion_is_no_deformation():
+    """Lengths are judged by the deformation: a body that turns far has no leave to enter its foundation farther."""
+    solution = alone(on_a_slope())
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    u = solution.displacement.x.array
+    motions = np.zeros((u.size, 3))
+    motions[::2, 0] = motions[1::2, 1] = 1.0
+    motions[::2, 2], motions[1::2, 2] = -x[:, 1], x[:, 0]
+    left = np.linalg.norm((u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1).max()
+    assert left < 0.1 * np.abs(u).max()
+    effect = solution.scene.contact[0]
+    gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
+    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
+    refused(judged(solution, scene=scene), "entered")

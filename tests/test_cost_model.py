@@ -1,0 +1,40 @@
+"""The cost that ``check`` foresees, against what the factorisation counts; no clock is read."""
+
+from itertools import pairwise
+
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+
+from signorini_fx.checks import check_scene
+from signorini_fx.discretisation import discretise
+from signorini_fx.linalg.full import has_package
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Timings
+
+# What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering takes most of the
+# time, to large ones that run at the speed of a dense product.
+SLOWEST, FASTEST = 5e8, 2e10  # operations a second
+
+
+@pytest.mark.skipif(not has_package("mumps"), reason="MUMPS counts")
+@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("triangle", 1), ("quadrilateral", 2)])
+def test_operations_and_entries_of_a_factorisation(cell, degree):
+    """Seconds are those of the operations on a core of the 2020s, bytes those of the entries to a factor of two."""
+    speeds = []
+    for nx in (30, 60, 120):
+        cells = nx // degree
+        scene = example1(nx=cells, ny=cells // 3, cell=cell, degree=degree, linear_algebra="full")
+        cost = check_scene(scene, MPI.COMM_SELF).cost
+        pc = PETSc.PC().create(MPI.COMM_SELF)
+        pc.setOperators(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setUp()
+        factor = pc.getFactorMatrix()
+        speeds.append(factor.getMumpsRinfog(3) / cost.factorisation_seconds)
+        assert 0.5 <= cost.factorisation_bytes / (8.0 * factor.getMumpsInfog(9)) <= 2.0
+    assert all(SLOWEST <= speed <= FASTEST for speed in speeds)
+    # Operations grow like n^1.5 and what else there is like n: the speed rises, and never by more than that.
+    assert all(1.0 <= fine / coarse <= 4.0**0.5 * 1.25 for coarse, fine in pairwise(speeds))

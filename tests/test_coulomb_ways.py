@@ -1,0 +1,148 @@
+"""Coulomb friction by either method, each the fall-back of the other, with and without regularisation; and an end."""
+
+import time
+
+import numpy as np
+import pytest
+from scenes import alone, example1
+
+from signorini_fx import solver, strategy
+from signorini_fx.results import Status
+from signorini_fx.scene import parse_scene
+from stability.friction import STIFFNESS
+from stability.shapes import triangle
+
+METHODS = ("ssn", "alm", "exact")
+WAYS = ("auto", "fp", "newton")
+
+
+def square(**solver):
+    """A square pressed down and sideways with so much friction that the fixed point hardly contracts."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 40, "ny": 40}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "right", "x": 0.0}],
+            "traction": [{"boundary": "top", "pressure": 50.0}, {"boundary": "left", "pressure": 150.0}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 4.0}},
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.parametrize("algorithm", METHODS)
+def test_square_by_newton(algorithm):
+    """The monolithic method needs a tenth of what the fixed point takes, with regularisation and without."""
+    monolithic = alone(square(algorithm=algorithm, coulomb="newton"))
+    fixed = alone(square(algorithm=algorithm, coulomb="fp"))
+    assert "coulomb-newton" in monolithic.algorithm
+    assert monolithic.history.linear_solves <= 15 < 100 <= fixed.history.linear_solves
+    largest = monolithic.contact.pressure.max()
+    # The fixed point stops at a change of 1e-7; it contracts by 0.9.
+    np.testing.assert_allclose(fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest)
+    np.testing.assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
+
+
+def one_triangle(coefficient, force, **solver):
+    """One linear triangle with one free node, whose stiffness is known: [[3, -sqrt 3], [-sqrt 3, 5]]."""
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0)]
+    return parse_scene(
+        {
+            "mesh": triangle(corners, {"contact": (0, 1), "support": (1, 2)}),
+            "material": {"young": 2.5, "poisson": 0.25},
+            "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
+            "body_force": {"x": force[0], "y": force[1]},
+            "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.parametrize("algorithm", METHODS)
+@pytest.mark.parametrize("coulomb", WAYS)
+def test_one_triangle(algorithm, coulomb):
+    """F = 1.75 is above sqrt 3, where the fixed point does not contract: slip along -x by hand."""
+    force, friction = np.array([-8.4, -3.0]), 1.75
+    solution = alone(one_triangle(friction, force, algorithm=algorithm, coulomb=coulomb))
+    # The free node moves to the left, hence mu = -F lambda: K (u, 0) - f = (F lambda, lambda).
+    nodal = force / 6
+    u = (friction * nodal[1] - nodal[0]) / (friction * STIFFNESS[1, 0] - STIFFNESS[0, 0])
+    pressure = 2 * (STIFFNESS[1, 0] * u - nodal[1])  # half of the side belongs to the node
+    assert u < 0 < pressure
+    free = int(np.argmin(np.abs(solution.contact.boundary.x[:, 0])))
+    exact = algorithm != "ssn"
+    assert solution.contact.pressure[free] == pytest.approx(pressure, rel=1e-6 if exact else 1e-4)
+    assert solution.contact.shear[free] == pytest.approx(-friction * pressure, rel=1e-6 if exact else 1e-4)
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
+    """Where one does not end, the other gives the same solution, and the history says so."""
+    expected = alone(example1(coefficient=0.3, nx=24, ny=8, gamma="auto", algorithm=algorithm))
+    broken = "fixed_point" if coulomb == "fp" else "coulomb_newton"
+    monkeypatch.setattr(strategy, broken, lambda *arguments, **options: Status.CYCLING)
+    scene = example1(coefficient=0.3, nx=24, ny=8, gamma="auto", algorithm=algorithm, coulomb=coulomb)
+    solution = alone(scene)
+    other = "monolithic Newton" if coulomb == "fp" else "fixed point"
+    assert f"active sets cycle: {other} from the same start" in solution.history.events
+    largest = expected.contact.pressure.max()
+    np.testing.assert_allclose(solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest)
+
+
+@pytest.mark.parametrize(("push", "status"), [(2.0, Status.OUTER_MAX_ITERATIONS), (20.0, Status.SLIDES)])
+def test_one_bound_proves_nothing(monkeypatch, push, status):
+    """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
+    for name in ("fixed_point", "coulomb_newton"):
+        monkeypatch.setattr(strategy, name, lambda *arguments, **options: Status.SLIDES)
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.4}},
+            "solver": {"fallbacks": False},
+        }
+    )
+    assert alone(scene, check=False).status is status
+
+
+def capped(seed):
+    """Six by seven quadratic cells over a slanted foundation, F = 1000 up to a cap, pushed from random directions."""
+    rng = np.random.default_rng(seed)
+    supports = ([{"boundary": "left", "x": 0.0}], [{"boundary": side, "x": 0.0} for side in ("left", "right")])
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 7}},
+            "element": {"degree": 2},
+            "material": {"young": 5000.0, "poisson": 0.4},
+            "displacement": supports[rng.integers(2)],
+            "traction": {"boundary": "top", "y": -20.0, "x": rng.uniform(-30, 30)},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.003*(x[0] - 1)**2",
+                "direction": [rng.uniform(-1, 1), -1.0],
+                "friction": {"law": "coulomb", "coefficient": 1000.0, "cap": 10 ** rng.uniform(-1, 2)},
+            },
+        }
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_scene_ends(seed):
+    """Whatever is tried, it ends with a name, after no more solves than twice the limit of a load step."""
+    solution = alone(capped(seed), check=False)
+    assert solution.status in (Status.CONVERGED, Status.OUTER_MAX_ITERATIONS, Status.MAX_ITERATIONS, Status.CYCLING)
+    assert solution.history.linear_solves <= 2 * strategy.PROBLEMS * solution.scene.solver.max_iterations
+
+
+def test_the_limit_is_an_end(monkeypatch):
+    """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
+    monkeypatch.setattr(strategy, "PROBLEMS", 1)
+    monkeypatch.setattr(solver, "PROBLEMS", 1)
+    begin = time.process_time()
+    solution = alone(capped(3), check=False)
+    assert not solution.converged
+    assert solution.history.linear_solves <= 200
+    assert any("as many linear solves as they may" in event for event in solution.history.events)
+    assert time.process_time() - begin < 20

@@ -1,0 +1,152 @@
+"""What is estimated on one mesh, piece by piece: data between the nodes, kinks and jumps of the pressure, and sums."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, table_of
+from scipy.integrate import quad
+
+from signorini_fx.contact_table import ContactTable
+from signorini_fx.data_error import data_error
+from signorini_fx.discretisation import discretise
+from signorini_fx.error_estimates import FAR, estimate_errors
+from signorini_fx.mesh import load_mesh
+from signorini_fx.pressure_error import interval_squares, on_facets
+from signorini_fx.results import Timings
+from signorini_fx.scene import parse_scene
+
+NX = 4
+JUMP = 1.1
+
+
+def block(bound=5.0, gap=0.0, **traction):
+    """A block of 3 x 1 in cells of 0.75, pressed on its foundation and pushed aside."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": NX, "ny": 2}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", **traction}],
+            "displacement": {"boundary": "right", "x": 0.0},
+            "contact": {"boundary": "bottom", "gap": gap, "friction": {"law": "tresca", "bound": bound}},
+        }
+    )
+
+
+def gauss(count, f):
+    """The integral over [0, 1] of a function by so many points."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    return np.dot(w, f((x + 1) / 2)) / 2
+
+
+def test_loads_that_the_quadrature_misses():
+    """What a jump within a facet is worth in each load step, and nothing for loads that are integrated exactly."""
+    scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    table = table_of(alone(scene, check=False))
+    missed, twice = (data_error(d, table, step).forces for step in range(2))
+    side = lambda x: np.where(x / 2 < 0.3, 3.0, 1 + x / 2) / 2  # noqa: E731
+    expected = abs(gauss(31, side) - gauss(11, side))
+    assert expected > 1e-3
+    assert np.sort(missed)[-2:] == pytest.approx([0.0, expected], abs=1e-12)
+    np.testing.assert_allclose(twice, 2 * missed, rtol=1e-12, atol=1e-14)
+
+
+def test_size_of_the_loads():
+    """All forces together, in each load step."""
+    scene = block(x=2.0)
+    top, side = scene.traction
+    scene = scene.model_copy(update={"traction": (top.model_copy(update={"factors": (1.0, 3.0)}), side)})
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    table = table_of(alone(scene, check=False))
+    assert data_error(d, table, 1).total == pytest.approx(3 * 20 * 3 + 2)
+    assert data_error(d, table, 1).forces.max() < 1e-12
+
+
+def test_friction_that_the_nodes_miss():
+    """A bound that jumps in the middle of an interval is missed where the body slides, and nowhere else."""
+    scene = block(bound="5 if x[0] < 1.125 else 4")
+    solution = alone(scene)
+    table = table_of(solution)
+    count = table.columns["x"].size
+
+    def missed(kind):
+        columns = {**table.columns, "friction": np.full(count, kind)}
+        return data_error(solution.discretisation, replace(table, columns=columns), 0).forces
+
+    assert missed("stick").max() == 0.0
+    # The jump is a quarter away from the line in the mean, of which a ninth is let pass as if the bound were smooth.
+    assert missed("slip+").max() == pytest.approx((1 / 4 - 1 / 9) * 0.75, rel=1e-6)
+    assert np.count_nonzero(missed("slip-")) == 1
+
+
+def test_what_is_missed_is_part_of_the_estimates():
+    """The error of the displacement has the data in it, and the cells know what they are to be divided for."""
+    solution = alone(block(x="3 if x[1] < 0.3 else 1"))
+    d, table = solution.discretisation, table_of(solution)
+    x = d.stiffness.createVecRight()
+    x.getArray()[:] = solution.displacement.x.array[: x.getLocalSize()]
+    errors = estimate_errors(d, x, solution.steps[-1].strain_energy, table, 0, 0.0)
+    assert errors.data > 1e-4
+    total = {name: squares.sum() for name, squares in errors.squares.items()}
+    body = total["energy"] - errors.data**2
+    assert errors.energy == pytest.approx(np.sqrt(body) + errors.data)
+    boundary = (errors.pressure - errors.data) ** 2
+    assert total["pressure"] == pytest.approx(boundary + FAR**2 * body**2 + errors.data**2)
+
+
+def straight(s, pressure):
+    """A straight boundary with these pressures."""
+    s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
+    return ContactTable({"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)])
+
+
+def test_kinks_of_a_smooth_pressure():
+    """In sum 120 / 33 times the squared error of the interpolant, which is h^4 |p''|^2 / 120."""
+    s = np.linspace(-1.0, 1.0, 65)
+    [squares] = interval_squares(straight(s, (1 - s**2) ** 3))
+    curvature, _ = quad(lambda x: (-6 + 36 * x**2 - 30 * x**4) ** 2, -1, 1)
+    assert squares.sum() == pytest.approx((2 / 64) ** 4 * curvature / 33, rel=0.02)
+
+
+def test_a_jump_of_the_pressure():
+    """Beside a jump the line is wrong by half of it at one end: h jump^2 / 12 on either side, and the kinks."""
+    h, jump = 0.5, 3.0
+    pressure = np.where(np.arange(11) < 5, 1.0, 1.0 + jump)
+    pressure[5] = 1.0 + jump / 2
+    [squares] = interval_squares(straight(h * np.arange(11), pressure), corners=False)
+    kinks = h**3 * (jump / 2 / h) ** 2 / 66
+    expected = [0.0] * 3 + [kinks, h * jump**2 / 12 + kinks] + [h * jump**2 / 12 + kinks, kinks] + [0.0] * 3
+    np.testing.assert_allclose(squares, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("power", "first"), [(0.2, 1.2), (0.45, 2.5)])
+def test_a_pressure_without_bound_at_a_corner(power, first):
+    """Beside the corner it is the integral of what a power of the distance has more than the line between the nodes."""
+    h = 0.1
+    r = h * np.arange(41)
+    pressure = np.append(first * h**-power, r[1:] ** -power)
+    [squares] = interval_squares(straight(r, pressure))
+    line = lambda x: pressure[0] + (pressure[1] - pressure[0]) * x / h  # noqa: E731
+    expected, _ = quad(lambda x: (x**-power - line(x)) ** 2, 0, h)
+    assert squares[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_every_interval_is_on_a_facet(degree):
+    """Whichever way a facet runs: what belongs to the intervals belongs to the facets, all of it."""
+    data = {
+        "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.3, "contact_size": 0.1}},
+        "element": {"degree": degree},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.0},
+        "traction": {"boundary": "top", "y": -5.0},
+        "contact": {"boundary": "arc", "gap": "x[1]", "direction": [0.0, -1.0]},
+    }
+    solution = alone(parse_scene(data))
+    table = table_of(solution)
+    intervals = [1.0 + np.arange(len(chain) - 1) for chain in table.chains]
+    facets = on_facets(solution.contact.boundary, table, intervals)
+    assert facets.min() > 0
+    assert facets.sum() == pytest.approx(sum(own.sum() for own in intervals))

@@ -1,0 +1,81 @@
+"""Elastic systems of every kind give the same answer, and their parts do what they say."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1, table_of
+
+from signorini_fx.expressions import Expression
+from signorini_fx.linalg import full, schur
+from signorini_fx.parameter_sweep import sweep
+from signorini_fx.scene import parse_scene
+
+
+@pytest.mark.parametrize("size", [1, 7, 256, 257, 600])
+@pytest.mark.parametrize("triangle", [np.tril, np.triu], ids=["lower", "upper"])
+def test_one_triangle_makes_a_symmetric_matrix(size, triangle):
+    """Whichever triangle MUMPS has filled, and whatever is in the other one."""
+    values = np.random.default_rng(size).uniform(1.0, 2.0, (size, size))
+    symmetric = values + values.T
+    half = triangle(symmetric)
+    schur._symmetrise(half)
+    if triangle is np.tril:
+        np.testing.assert_array_equal(half, symmetric)
+    else:  # in place where the array is its own; a caller with the upper one sees the lower one filled
+        np.testing.assert_array_equal(np.triu(half), np.triu(symmetric))
+        np.testing.assert_array_equal(np.tril(half), np.tril(symmetric))
+
+
+def turned(**solver):
+    """Half a disk, whose contact nodes have normals of their own, held by friction."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.2, "contact_size": 0.1}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": 0.5, "y": -5.0},
+            "contact": {"boundary": "arc", "gap": 1e-3, "friction": {"law": "tresca", "bound": 1.0}},
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+def test_condensed_with_turned_nodes(algorithm):
+    """The dense matrix in the frames of the nodes, against the sparse one."""
+    ours, theirs = (table_of(alone(turned(algorithm=algorithm, linear_algebra=k))) for k in ("condensed", "full"))
+    for name in ("pressure", "shear"):
+        close = 1e-7 * theirs.columns["pressure"].max()
+        np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)
+
+
+@pytest.mark.parametrize("kind", ["condensed", "full"])
+def test_scaled_loads(kind):
+    """Half and twice the loads, in the interior of the body too; prescribed displacements are loads."""
+
+    def scaled(factor, kind):
+        scene = example1(bound=1.5, nx=12, ny=4, gamma=1e6, linear_algebra=kind)
+        left, right = scene.displacement
+        pressed = scene.traction[0].model_copy(update={"y": Expression(f"{-20 * factor} if 1 <= x[0] <= 2 else 0")})
+        moved = left.model_copy(update={"x": 0.001 * factor})
+        return scene.model_copy(update={"displacement": (moved, right), "traction": (pressed,)})
+
+    for point in sweep(scaled(1.0, kind), MPI.COMM_SELF, loads=[1.0, 0.5, 2.0]):
+        wanted = alone(scaled(point.value, "full")).displacement.x.array
+        found = point.displacement().x.array
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+        assert point.certificate().holds
+
+
+def test_an_old_factor_serves_where_few_nodes_have_moved(monkeypatch):
+    """Fewer factorisations than without it, for the same solves and the same pressure."""
+
+    def solved():
+        solution = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))
+        records = solution.history.iterations
+        return sum(record.factorised for record in records), len(records), table_of(solution).columns["pressure"]
+
+    lagged, solves, pressure = solved()
+    monkeypatch.setattr(full, "_LAG", 0)
+    renewed, as_many, wanted = solved()
+    assert lagged < renewed <= solves == as_many
+    np.testing.assert_allclose(pressure, wanted, rtol=0, atol=1e-7 * wanted.max())

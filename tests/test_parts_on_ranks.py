@@ -1,0 +1,233 @@
+"""Every part of a solve that sums over the ranks: all ranks together get what each gets alone.
+
+Whole solves are compared in test_ranks.py; there a wrong sum may hide behind an iteration that ends all the same.
+"""
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import PATCH, example1, rectangle
+from test_ranks import agree, same_on_all_ranks
+
+from signorini_fx import parallel
+from signorini_fx.algorithms.descent import _Line, natural_sets
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.certificate import certify
+from signorini_fx.discretisation import discretise
+from signorini_fx.estimators import StressRecovery
+from signorini_fx.mesh import TaggedMesh, load_mesh
+from signorini_fx.refinement import mark, refine
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import PrescribedDisplacement, SurfaceTraction, parse_scene
+from signorini_fx.solver import contact_task, solve
+
+pytestmark = pytest.mark.mpi
+WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
+SCENE = example1(bound=1.5, nx=12, ny=4, gamma=1e4)
+FREE = SCENE.model_copy(update={"displacement": ()})
+
+
+def discretised(scene, comm):
+    return discretise(scene, load_mesh(scene, comm), Timings())
+
+
+def field(discretisation, a, b):
+    """A smooth displacement as a vector, zero where it is prescribed."""
+    d = discretisation
+    x = d.space.tabulate_dof_coordinates()[: d.space.dofmap.index_map.size_local]
+    vector = d.stiffness.createVecRight()
+    values = 1e-2 * np.column_stack((np.sin(a * x[:, 0] + x[:, 1]), np.cos(b * x[:, 0] - 2 * x[:, 1])))
+    vector.getArray()[:] = np.where(d.fixed, 0.0, values.ravel())
+    return vector
+
+
+def both(measure, scene=SCENE):
+    """What ``measure`` makes of the discretised scene: of all ranks together, the same on each, and of one."""
+    return same_on_all_ranks(measure(discretised(scene, WORLD))), measure(discretised(scene, ALONE))
+
+
+def test_norm_of_the_contact_boundary():
+    """|1| is the square root of the length."""
+    together, alone = both(lambda d: d.boundary.norm(np.ones(d.boundary.size)))
+    assert together == pytest.approx(alone, rel=1e-14)
+    assert alone == pytest.approx(np.sqrt(3.0), rel=1e-14)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.5, 2.0])
+def test_slope_of_the_energy(t):
+    """dJ/dt of the line search."""
+
+    def slope(d):
+        task = contact_task(d, d.boundary, History())
+        return _Line.of(task.newton, task.data, field(d, 1.0, 2.0), field(d, -3.0, 1.0)).slope(t)
+
+    def work_of_the_residual(d):
+        task = contact_task(d, d.boundary, History())
+        problem, p = task.problem, field(d, -3.0, 1.0)
+        x = field(d, 1.0, 2.0)
+        x.axpy(t, p)
+        problem.set_data(task.data)
+        residual = x.duplicate()
+        problem._imbalance(x, natural_sets(*problem.traces(x), task.data), residual)
+        return float(residual.dot(p))
+
+    together, alone = both(slope)
+    assert together == pytest.approx(alone, rel=1e-10)
+    assert both(work_of_the_residual) == pytest.approx((alone, alone), rel=1e-10)
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_error_estimate(cell, degree):
+    """Stress recovery of a smooth displacement."""
+    scene = example1(bound=1.5, nx=12, ny=4, cell=cell, degree=degree)
+    together, alone = both(lambda d: StressRecovery(d).error(field(d, 1.0, 2.0)), scene)
+    assert together == pytest.approx(alone, rel=1e-5)  # the projection is solved to 1e-6
+    assert alone > 0
+
+
+@pytest.mark.parametrize(("step", "factor"), [(0, 1.0), (1, 0.5)])
+def test_resultant(step, factor):
+    """Of the loads on a body that is free, about its middle: 20 on a unit length, downwards, in the middle."""
+    steps = FREE.model_copy(update={"traction": (FREE.traction[0].model_copy(update={"factors": (1.0, 0.5)}),)})
+
+    def resultant(d):
+        system = contact_task(d, d.boundary, History()).system
+        system.set_step(step)
+        return np.round(system.resultant, 9).tolist()
+
+    together, alone = both(resultant, steps)
+    assert together == pytest.approx(alone, abs=1e-8)
+    assert alone == pytest.approx([0.0, -20.0 * factor, 0.0], abs=1e-8)
+
+
+def test_condensing_is_for_one_rank():
+    """A mesh that one rank condenses, several do not."""
+    d = discretised(example1(bound=1.5, nx=120, ny=20), WORLD)
+    kind = contact_task(d, d.boundary, History()).linear_algebra
+    assert same_on_all_ranks(kind).startswith("condensed" if WORLD.size == 1 else "full: more than one rank")
+
+
+SUPPORTS = {"none": (), "left": ("left",), "both": ("left", "right")}
+
+
+@pytest.mark.parametrize("names", SUPPORTS)
+def test_free_motions(names):
+    """Sides that are held along x leave the vertical motion; no support leaves all three."""
+    held = tuple(PrescribedDisplacement(boundary=name, x=0.0) for name in SUPPORTS[names])
+
+    def free(d):
+        return np.round(d.motions.free @ d.motions.free.T, 9).tolist()
+
+    together, alone = both(free, SCENE.model_copy(update={"displacement": held}))
+    np.testing.assert_allclose(together, alone, atol=1e-8)
+    np.testing.assert_allclose(alone, np.diag([0.0, 1.0, 0.0]) if held else np.eye(3), atol=1e-8)
+
+
+@pytest.mark.parametrize(("ends", "stick", "held"), [(2, 1, True), (1, 1, False), (2, 0, False), (0, 1, False)])
+def test_what_holds_a_body(ends, stick, held):
+    """Contact at both ends and stick at one of them hold it, whichever ranks these nodes are on; less does not."""
+
+    def judge(d):
+        x = d.boundary.x[:, 0]
+        normal = (x < 0.1) & (ends > 0) | (x > 2.9) & (ends > 1)
+        return d.motions.held_by(d.boundary, normal, (x > 2.9) & (stick > 0))
+
+    assert both(judge, FREE) == (held, held)
+
+
+@pytest.mark.parametrize(("side", "component", "sign"), [("left", 0, -1), ("right", 0, 1), ("top", 1, 1)])
+def test_outward_displacement(side, component, sign):
+    """Which side of a support is outward is known to ranks that have nothing of it."""
+    scene = SCENE.model_copy(update={"displacement": (PrescribedDisplacement(boundary=side, normal=0.01),)})
+
+    def prescribed(d):
+        start = d.cases[-1].start if d.cases[-1].start.norm() > 0 else d.cases[0].start
+        values = start.getArray(readonly=True).reshape(-1, 2)[:, component]
+        return [parallel.global_max(d.tagged.mesh.comm, parallel.local_max(s * values, -np.inf)) for s in (1, -1)]
+
+    together, alone = both(prescribed, scene)
+    assert together == alone
+    assert alone[0 if sign > 0 else 1] == 0.01
+
+
+@pytest.mark.parametrize(("nx", "ny"), [(2, 2), (1, 3), (12, 4)])
+@pytest.mark.parametrize("law", [{"bound": 0.5}, {"coefficient": 0.01}], ids=["tresca", "coulomb"])
+def test_how_a_body_gets_away(nx, ny, law):
+    """One that is pushed aside slides, also for ranks that nothing presses on."""
+    scene = example1(**law, nx=nx, ny=ny, gamma=1e4)
+    pushed = SurfaceTraction(boundary="left", x=10.0)
+    scene = scene.model_copy(update={"displacement": (), "traction": (*scene.traction, pushed)})
+    assert same_on_all_ranks(solve(scene, WORLD, check=False).status) is Status.SLIDES
+    assert solve(scene, ALONE, check=False).status is Status.SLIDES
+
+
+def test_certificate():
+    """Every figure is that of all ranks."""
+    solution = solve(example1(bound=1.5, nx=30, ny=10, patch=PATCH), WORLD)
+    figures = same_on_all_ranks(solution.certificate.as_dict())
+    assert figures["holds"]
+
+
+def test_certificate_of_a_wrong_displacement():
+    """The residual is that of all ranks, relative to all forces."""
+    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in SCENE.displacement)
+    scene = SCENE.model_copy(update={"displacement": clamped, "contact": ()})
+
+    def wrong(comm):
+        solution = solve(scene, comm)
+        solution.displacement.x.array[:] *= 1.1
+        return certify(scene, solution.discretisation.tagged, solution.displacement, None).equilibrium
+
+    assert same_on_all_ranks(wrong(WORLD)) == pytest.approx(wrong(ALONE), rel=1e-6)
+    assert wrong(ALONE) > 1e-3
+
+
+HALF_DISK = parse_scene(
+    {
+        "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.2, "contact_size": 0.1}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "traction": {"boundary": "top", "x": 0.5, "y": -5.0},
+        "contact": {"boundary": "arc", "gap": 1e-3, "friction": {"law": "tresca", "bound": 1.0}},
+        "solver": {"algorithm": "exact"},
+    }
+)
+LIMITS = {
+    "along the axes": example1(bound=1.5, nx=30, ny=10, algorithm="exact"),
+    "Coulomb": example1(coefficient=0.3, nx=30, ny=10, algorithm="exact"),
+    "turned nodes": HALF_DISK,
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_the_limit(name):
+    """Constraints, and nodes turned into their normals, are in the rows of their own rank."""
+    assert agree(LIMITS[name]).converged
+
+
+def test_marking():
+    """The fewest cells that hold half of the error, wherever they are."""
+    errors = np.random.default_rng(3).exponential(size=60) ** 2
+    mine = np.array_split(np.arange(60), WORLD.size)[WORLD.rank]
+    found = parallel.gather_rows(WORLD, mine[mark(WORLD, errors[mine])])
+    assert found.tolist() == mark(ALONE, errors).tolist()
+    largest = np.sort(errors)[::-1]
+    assert len(found) == np.searchsorted(np.cumsum(largest), errors.sum() / 2) + 1
+
+
+def test_regions_of_a_refined_mesh():
+    """A child is in the region of its parent."""
+    tagged = rectangle(WORLD, nx=6, ny=3, cell="triangle")
+    mesh = tagged.mesh
+    index_map = mesh.topology.index_map(2)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    right = dmesh.compute_midpoints(mesh, 2, cells)[:, 0] > 1.5
+    tags = dmesh.meshtags(mesh, 2, cells, right.astype(np.int32) + 1)
+    fine = refine(TaggedMesh(mesh, tagged.facet_tags, tagged.boundaries, tags, {"left": 1, "right": 2}))
+    for name, sign in (("left", -1), ("right", 1)):
+        x = dmesh.compute_midpoints(fine.mesh, 2, fine.cells(name))[:, 0]
+        assert (sign * (x - 1.5) > 0).all()
+    owned = fine.mesh.topology.index_map(2).size_local
+    children = parallel.global_sum(WORLD, np.array([np.sum(fine.cells(name) < owned) for name in ("left", "right")]))
+    assert children[0] == children[1] > 36

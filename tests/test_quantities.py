@@ -1,0 +1,129 @@
+"""What is measured after a solve, against the same computed in another way: energies, means, displacements at rest."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx import estimators, material
+from signorini_fx.io import gather_cells
+from signorini_fx.scene import LinearElastic, parse_scene
+from signorini_fx.solver import solve
+
+YOUNG, POISSON = 5000.0, 0.3
+GRADIENTS = {
+    "pulled along x": [[1e-3, 0.0], [0.0, 0.0]],
+    "pressed along y": [[2e-4, 0.0], [0.0, -7e-4]],
+    "sheared": [[0.0, 1e-3], [3e-4, 0.0]],
+    "all at once": [[1e-3, 4e-4], [-2e-4, 5e-4]],
+}
+
+
+def shear_energy(gradient, hypothesis):
+    """Of a constant displacement gradient: the whole elastic energy less that of the change of volume, p^2 / (2 K)."""
+    mu, bulk = YOUNG / (2 * (1 + POISSON)), YOUNG / (3 * (1 - 2 * POISSON))
+    strain = np.zeros((3, 3))
+    strain[:2, :2] = (np.array(gradient) + np.transpose(gradient)) / 2
+    if hypothesis == "plane stress":
+        strain[2, 2] = -POISSON / (1 - POISSON) * (strain[0, 0] + strain[1, 1])
+    stress = 2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3)
+    assert hypothesis == "plane strain" or abs(stress[2, 2]) < 1e-12 * np.abs(stress).max()
+    pressure = -np.trace(stress) / 3
+    return np.sum(stress * strain) / 2 - pressure**2 / (2 * bulk)
+
+
+def scene(gradient, hypothesis, cell, degree=1):
+    """A rectangle whose sides are all moved by a linear displacement."""
+    (a, b), (c, d) = gradient
+    sides = {"x": f"{a} * x[0] + {b} * x[1]", "y": f"{c} * x[0] + {d} * x[1]"}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": cell}},
+            "element": {"degree": degree},
+            "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": hypothesis},
+            "displacement": [{"boundary": name, **sides} for name in ("left", "right", "top", "bottom")],
+        }
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+@pytest.mark.parametrize("name", GRADIENTS)
+def test_cells_for_pictures(name, hypothesis, cell):
+    """Cells of all ranks tile the body, with the displacement and the shear energy density of a constant strain."""
+    gradient = GRADIENTS[name]
+    gathered = gather_cells(solve(scene(gradient, hypothesis, cell), MPI.COMM_WORLD))
+    assert len(gathered.cells) == {"quadrilateral": 24, "triangle": 48}[cell]
+    corners = gathered.points[gathered.cells]
+    following = np.roll(corners, -1, axis=1)
+    areas = np.abs((corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)) / 2
+    np.testing.assert_allclose(areas, 3.0 / len(areas), rtol=1e-12)
+    middles = {(round(x, 9), round(y, 9)) for x, y in corners.mean(axis=1)}
+    assert len(middles) == len(areas)
+    expected = gathered.points @ np.transpose(gradient)
+    np.testing.assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(gathered.density, shear_energy(gradient, hypothesis), rtol=1e-10)
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+@pytest.mark.parametrize("name", GRADIENTS)
+def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
+    """The energy of a stress, by which errors are measured, is that of the strain that it comes from."""
+    solution = alone(scene(GRADIENTS[name], hypothesis, "triangle"))
+    constants = material.lame_parameters(LinearElastic(young=YOUNG, poisson=POISSON, hypothesis=hypothesis))
+    sigma = material.stress(solution.displacement, *constants)
+    energy = estimators._compliance(ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])), *constants)
+    strained = ufl.inner(sigma, ufl.sym(ufl.grad(solution.displacement)))
+    found, expected = (fem.assemble_scalar(fem.form(density * ufl.dx)) for density in (energy, strained))
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_mean_tangential_displacement(degree):
+    """It is an integral over the boundary, of which the nodes of degree 2 have different shares."""
+    symmetric = example1(bound=1.5, nx=6, ny=2, degree=degree)
+    left, right = symmetric.displacement
+    solution = alone(symmetric.model_copy(update={"displacement": (left.model_copy(update={"x": 0.001}), right)}))
+    tagged = solution.discretisation.tagged
+    tag = tagged.boundaries["bottom"]
+    ds = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)(tag)
+    integral = fem.assemble_scalar(fem.form(solution.displacement[0] * ds))
+    assert integral > 1e-4
+    assert solution.contact.mean_tangential_displacement == pytest.approx(integral / 3.0, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}],
+    ids=lambda friction: friction["law"],
+)
+def test_displacement_of_a_body_that_comes_to_rest(friction):
+    """A body that drops and turns: its displacement has the traces that the contact nodes are said to have."""
+    solution = alone(
+        parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 12, "ny": 3}},
+                "material": {"young": 1e5, "poisson": 0.3},
+                "traction": {"boundary": "top", "y": "-1 - x[0]"},
+                "contact": {"boundary": "bottom", "gap": "0.01 + 0.02 * x[0]", "friction": friction},
+            }
+        )
+    )
+    contact = solution.contact
+    nodal = solution.displacement.x.array.reshape(-1, 2)[contact.boundary.nodes]
+    u_n, u_t = contact.boundary.traces(nodal)
+    assert np.ptp(u_n) > 0.015  # it has turned
+    np.testing.assert_allclose(u_n, contact.u_n, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(u_t, contact.u_t, rtol=0, atol=1e-10)
+    assert np.abs(u_n - contact.gap)[contact.in_contact].max() < 1e-6
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_arc_length(degree):
+    """Nodes come in order along the boundary, those inside facets too, and count from its beginning."""
+    columns = alone(example1(bound=1.5, nx=6, ny=2, degree=degree)).table.columns
+    np.testing.assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
+    np.testing.assert_allclose(columns["s"], columns["x"], atol=1e-12)

@@ -1,0 +1,146 @@
+"""What the algorithms are given to start with, and in which order: answers alone would not tell."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx import strategy
+from signorini_fx.algorithms import ladder
+from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.algorithms.ssn import History
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import SurfaceTraction, parse_scene
+from signorini_fx.solver import contact_task
+
+
+def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
+    """Not from the iterate that the one before has left behind."""
+    starts = []
+
+    def fails(newton, *_, **__):
+        starts.append(newton.x.getArray().copy())
+        newton.x.set(7.0)  # as far away as can be
+        return Status.CYCLING
+
+    monkeypatch.setattr(strategy, "fixed_point", fails)
+    monkeypatch.setattr(strategy, "coulomb_newton", fails)
+    scene = example1(coefficient=0.3, nx=12, ny=4)
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(discretisation, discretisation.boundary, History())
+    strategy._coulomb(task, task.law)
+    assert len(starts) >= 3
+    assert np.abs(starts[0]).max() > 0
+    for start in starts[1:]:
+        np.testing.assert_array_equal(start, starts[0])
+
+
+def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
+    """Both grow together, from a ten thousandth to what is asked for."""
+
+    class Newton:
+        stages = ()
+
+        def solve_once(self, data, first_sets, measure):
+            self.stages += ((data.gamma_n, data.gamma_t),)
+            return Status.CONVERGED
+
+        def continued_sets(self, data):
+            return None
+
+    scene = example1(bound=1.5, nx=12, ny=4, gamma=(1e6, 2e5))
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(discretisation, discretisation.boundary, History())
+    newton = Newton()
+    assert ladder._path(newton, task.data, None, lambda: None, descend=False) is Status.CONVERGED
+    normal, tangential = np.array(newton.stages).T
+    np.testing.assert_allclose(normal, 1e6 * np.logspace(-4, 0, 5), rtol=1e-12)
+    np.testing.assert_allclose(tangential, normal / 5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("ratio", "kept"), [(0.2, 0.2), (5.0, 5.0), (0.01, 0.1), (1000.0, 10.0)])
+def test_path_following_keeps_the_ratio_of_gammas(ratio, kept):
+    """gamma_2 follows gamma_1, by a factor of ten at the most, beyond which the model of the path is of no use."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e6, ratio * 1e6), algorithm="path-following"))
+    assert solution.parameters["gamma_t"] == pytest.approx(kept * solution.parameters["gamma_n"], rel=1e-12)
+
+
+def test_continuation_begins_with_the_first_gamma_that_is_given():
+    """And ends with the last."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=1e8, algorithm="continuation", gamma_first=1e5))
+    assert [record.gamma_n for record in solution.history.outer] == pytest.approx([1e5, 1e8], rel=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-3, 1e3])
+def test_path_following_has_no_unit(length):
+    """The path begins at a share of E over the size of the body, and ends at the same gamma times the size."""
+    scenes = (
+        example1(bound=1.5, nx=30, ny=10, gamma="auto", algorithm="path-following", length_unit=unit)
+        for unit in (1.0, length)
+    )
+    here, there = (alone(scene) for scene in scenes)
+    ours, theirs = ([record.gamma_n for record in solution.history.outer] for solution in (there, here))
+    np.testing.assert_allclose(np.array(ours) * length, theirs, rtol=1e-6)
+
+
+@pytest.mark.parametrize("push", [0.5, 0.9])
+def test_sets_that_are_forced_are_no_solution(push):
+    """One stick node alone holds the body, with more than its bound: its sets come back, and something else must help.
+
+    A block on its foundation that is pushed aside; nodes on its left slip against the push.
+    """
+    bound = 0.2
+    scene = example1(bound=bound, nx=2, ny=1, gamma=1e6)
+    pushed = SurfaceTraction(boundary="left", x=3 * bound * push)
+    solution = alone(scene.model_copy(update={"displacement": (), "traction": (*scene.traction, pushed)}))
+    assert solution.history.outer[0].status == Status.CYCLING.value
+    assert solution.converged
+    assert np.abs(solution.contact.shear).max() <= bound * (1 + 1e-9)
+    _, friction = solution.contact.forces
+    assert friction[0] == pytest.approx(-3 * bound * push, rel=1e-6)
+
+
+def test_both_gammas_grow():
+    """With a growth factor augmentation ends with both gammas equally larger, where neither is slow."""
+    solution = alone(example1(bound=1.5, nx=30, ny=10, gamma=(1e7, 5e6), algorithm="alm", gamma_factor=2.0))
+    grown = solution.parameters["gamma_n"] / 1e7
+    assert grown == 2.0 ** (len(solution.history.outer) - 1) > 1.0
+    assert solution.parameters["gamma_t"] == pytest.approx(5e6 * grown, rel=1e-12)
+
+
+@pytest.mark.parametrize("gamma", [3e2, 1e3, 1e4, 1e6])
+def test_model_of_the_path(gamma):
+    """Where sets do not change the solution is rational in gamma: its distance from the limit is foreseen."""
+
+    def solved(**settings):
+        data = {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 24, "ny": 8}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0},
+            "traction": {"boundary": "top", "y": "-20 - 5 * x[0]"},
+            "contact": {"boundary": "bottom", "kind": "bilateral"},
+            "solver": settings,
+        }
+        scene = parse_scene(data)
+        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        task = contact_task(discretisation, discretisation.boundary, History())
+        assert strategy.run(task) is Status.CONVERGED
+        return task
+
+    task, limit = solved(gamma_n=gamma), solved(algorithm="exact")
+    model = path_model(task.newton, task.data)
+    away = limit.displacement().copy()
+    away.axpy(-1.0, task.displacement())
+    image = away.duplicate()
+    task.system.matrix.mult(away, image)
+    assert model.distance == pytest.approx(np.sqrt(image.dot(away)), rel=0.1)
+    missing = limit.contact().pressure - task.contact().pressure
+    assert model.pressure_distance == pytest.approx(task.boundary.norm(missing), rel=0.2)
+
+
+def test_a_loose_body_without_load_is_not_at_rest():
+    """Where it is nothing holds it: every position off the foundation is as good."""
+    scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"displacement": (), "traction": ()})
+    assert alone(scene, check=False).status is Status.OPEN

@@ -1,0 +1,292 @@
+"""Results that must not be called right, and warnings that must not be kept: each ends in a name, or is said."""
+
+import json
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from scenes import alone, example1
+from test_check import HURTING, LOCKING, LOOSE, block, check, contact, coulomb
+
+from signorini_fx import cli, parallel
+from signorini_fx.deformation import deformation_of
+from signorini_fx.discretisation import discretise
+from signorini_fx.mesh import load_mesh
+from signorini_fx.report import write_report
+from signorini_fx.results import Status, Timings
+from signorini_fx.scene import parse_scene
+from signorini_fx.solver import solve
+
+WORLD = MPI.COMM_WORLD
+
+
+def warned(found):
+    """{path: message} of the warnings among findings."""
+    return {finding.path: finding.message for finding in found if finding.level == "warning"}
+
+
+# --- deformations that linear elasticity cannot mean -----------------------------------------------------------------
+
+
+def tall(**changes):
+    """A body of 30 x 20 that its sides hold sideways, pressed onto a flat foundation."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 30.0, "height": 20.0, "nx": 12, "ny": 8}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+        "traction": {"boundary": "top", "y": "-20 if 10 <= x[0] <= 20 else 0"},
+        "contact": {"boundary": "bottom"},
+    }
+    return parse_scene({**data, **changes})
+
+
+SOFT = {"young": 5.0, "poisson": 0.3}
+ABSURD = {
+    "a modulus in another unit": (tall(material=SOFT), "material, traction, body_force, displacement"),
+    "a modulus far from all": (
+        tall(material={"young": 5e-9, "poisson": 0.3}),
+        "material, traction, body_force, displacement",
+    ),
+    "a gap of more than the body": (tall(contact={"boundary": "bottom", "gap": 50.0}), "contact.gap, displacement"),
+    "without contact": (
+        tall(material=SOFT, contact=[], displacement={"boundary": "left", "x": 0.0, "y": 0.0}),
+        "material, traction, body_force, displacement",
+    ),
+    "a turn": (
+        tall(traction=[], contact=[], displacement=[{"boundary": "left", "x": "-x[1]", "y": 0.0}]),
+        "material, traction, body_force, displacement",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ABSURD)
+@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+def test_what_linear_elasticity_cannot_mean(case, algorithm):
+    """The outcome has a name, and the figures are said with what to look at."""
+    scene, path = ABSURD[case]
+    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"algorithm": algorithm})})
+    solution = alone(scene, check=False)
+    assert solution.status is Status.TOO_LARGE
+    assert path in warned(solution.findings)
+    for word in ("units", "gap", "loads"):
+        assert word in solution.status.advice
+
+
+@pytest.mark.parametrize("case", ABSURD)
+def test_a_scene_may_raise_the_limit(case):
+    """What is meant as mathematics is solved; the warning stays."""
+    scene, path = ABSURD[case]
+    allowed = scene.solver.model_copy(update={"largest_deformation": 1e12})
+    solution = alone(scene.model_copy(update={"solver": allowed}))
+    assert solution.converged
+    assert path in warned(solution.findings)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_limit_is_that_of_the_scene(seed):
+    """E over ten powers of ten: the solution is linear in the load, and the outcome follows from its size alone."""
+    rng = np.random.default_rng(seed)
+    young, limit = 10.0 ** rng.uniform(-3, 7), 10.0 ** rng.uniform(-3, 2)
+    scene = tall(
+        material={"young": young, "poisson": 0.3},
+        traction={"boundary": "top", "y": float(-rng.uniform(1, 50))},
+        solver={"largest_deformation": limit},
+    )
+    solution = alone(scene, check=False)
+    # Uniaxial strain: sigma = E (1 - nu) / ((1 + nu) (1 - 2 nu)) eps over the height, up to what gamma lets in.
+    strain = -scene.traction[0].y * 1.3 * 0.4 / 0.7 / young
+    assert solution.steps[-1].deformation.gradient == pytest.approx(strain, rel=1e-6)
+    assert solution.steps[-1].deformation.displacement == pytest.approx(strain * 20 / np.hypot(30, 20), rel=1e-3)
+    assert solution.status is (Status.TOO_LARGE if strain > limit else Status.CONVERGED)
+
+
+FIELDS = {
+    "quadrilaterals": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2}},
+    "triangles": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": "triangle"}},
+    "distorted": {"generator": "block", "parameters": {"nx": 12, "ny": 4, "layout": "unstructured"}},
+    "curved": {"generator": "ring_segment", "parameters": {"order": 2}},
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("mesh", FIELDS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_figures_of_known_fields(mesh, degree):
+    """An affine displacement has the gradient that it was made from; a smooth one that of an integral by UFL."""
+    if mesh == "curved" and degree == 1:
+        pytest.skip("linear elements do not go on curved cells")
+    scene = parse_scene(
+        {"mesh": FIELDS[mesh], "material": {"young": 1.0, "poisson": 0.3}, "element": {"degree": degree}}
+    )
+    tagged = load_mesh(scene, WORLD)
+    d = discretise(scene, tagged, Timings())
+    rng = np.random.default_rng(3)
+    matrix, shift = rng.standard_normal((2, 2)), rng.standard_normal(2)
+    field = fem.Function(d.space)
+    field.interpolate(lambda x: matrix @ x[:2] + shift[:, None])
+    found = deformation_of(d, field)
+    if mesh != "curved":  # where an affine field is not in the space
+        assert found.gradient == pytest.approx(np.linalg.norm(matrix), rel=1e-12)
+    owned = field.x.array.reshape(-1, 2)
+    furthest = parallel.global_max(WORLD, float(np.linalg.norm(owned, axis=1).max(initial=0.0)))
+    assert found.displacement == pytest.approx(furthest / tagged.size, rel=1e-12)
+    size = tagged.size
+    field.interpolate(lambda x: np.sin(x[:2] / size) * np.cos(x[1::-1] / size))
+    gradient = ufl.grad(field)
+    one = fem.Constant(tagged.mesh, 1.0)
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    integrals = [
+        parallel.global_sum(WORLD, np.array(fem.assemble_scalar(fem.form(f * dx))))
+        for f in (ufl.inner(gradient, gradient), one)
+    ]
+    assert deformation_of(d, field).gradient == pytest.approx(np.sqrt(integrals[0] / integrals[1]), rel=0.02)
+
+
+def test_corners_do_not_count():
+    """Stresses without a bound at the ends of contact: the figures do not grow with the mesh."""
+    coarse, fine = (
+        alone(example1(bound=1.5, gamma="auto", nx=nx, ny=nx // 3)).steps[-1].deformation for nx in (30, 120)
+    )
+    assert fine.gradient == pytest.approx(coarse.gradient, rel=0.03)
+    assert fine.displacement == pytest.approx(coarse.displacement, rel=0.03)
+    assert fine.largest < 0.01
+
+
+# --- what check knows, solve says ------------------------------------------------------------------------------------
+
+TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4, "cell": "triangle"}}
+SAID = {
+    **{f"{path}: {words}": block(**changes) for changes, path, words in HURTING},
+    **{name: case[0] for name, case in LOOSE.items()},
+    "locking": block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES),
+    "locking of quadrilaterals": block(material=LOCKING),
+}
+# What is only estimated before: the result knows, and says it at the same key.
+ESTIMATED = ("contact will hardly ever close", "(an estimate)")
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
+    """In the solution, on the terminal, in summary.json and in the report."""
+    expected = warned(check(SAID[name]).findings)
+    assert expected
+    solution = alone(SAID[name], check=False)
+    found = warned(solution.findings)
+    assert set(expected) <= set(found)
+    for path, message in expected.items():
+        if not any(words in message for words in ESTIMATED):
+            assert found[path] == message
+
+
+def test_findings_are_written(tmp_path, capsys):
+    """On the terminal, in summary.json, in the report, and once although there are three load steps."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        '[mesh]\ngenerator = "rectangle"\nparameters = { nx = 12, ny = 4, cell = "triangle" }\n'
+        "[material]\nyoung = 5000.0\npoisson = 0.499\n"
+        '[[displacement]]\nboundary = "left"\nx = 0.0\ny = 0.0\n'
+        '[[traction]]\nboundary = "top"\ny = -20.0\nfactors = [0.2, 0.5, 1.0]\n'
+        '[[contact]]\nboundary = "bottom"\nfriction = { law = "coulomb", coefficient = 1.5 }\n',
+        encoding="utf-8",
+    )
+    out = tmp_path / "out"
+    cli.main(["solve", str(scene), "--out", str(out), "--quiet", "--no-pictures", "--no-fields"])
+    cli.main(["solve", str(scene), "--out", str(tmp_path / "other"), "--no-pictures", "--no-fields"])
+    told = " ".join(capsys.readouterr().out.split())
+    findings = json.loads((out / "summary.json").read_text(encoding="utf-8"))["findings"]
+    page = write_report(out).read_text(encoding="utf-8")
+    paths = [finding["path"] for finding in findings if finding["level"] == "warning"]
+    assert paths == ["material[0].poisson", "contact[0].friction.coefficient"]
+    for finding in findings:
+        assert told.count(f"{finding['path']}: {finding['message']}") == 1
+        assert page.count(finding["message"].split(":")[0].replace(">", "&gt;")) == 1
+
+
+@pytest.mark.mpi
+def test_findings_are_the_same_on_every_rank():
+    """No rank keeps a warning to itself, whatever it owns of the boundary."""
+    scene = block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES, **coulomb(1.5))
+    told = [(f.level, f.path, f.message) for f in solve(scene, WORLD, check=False).findings]
+    assert all(other == told for other in WORLD.allgather(told))
+    assert told == [(f.level, f.path, f.message) for f in alone(scene, check=False).findings]
+
+
+def test_steps_without_equilibrium_are_one_warning():
+    """Each of them is named in it."""
+    factors = [1.0, -1.0, -2.0, 1.0, -1.0]
+    scene = block(traction={"boundary": "top", "y": -20.0, "factors": factors}, displacement=[], **coulomb(0.3))
+    messages = [f.message for f in check(scene).findings if f.path == "traction, body_force"]
+    assert len(messages) == 1
+    assert messages[0].startswith("load steps 2 to 3, 5: there is no static equilibrium")
+
+
+def test_nothing_is_said_where_nothing_hurts():
+    """The plain block, and the first example of the paper."""
+    for scene in (block(), example1(bound=1.5, gamma="auto", nx=30, ny=10)):
+        assert warned(alone(scene).findings) == {}
+
+
+# --- gaps that look like heights -------------------------------------------------------------------------------------
+
+
+def disk(gap, **options):
+    """The lower half of a disk of radius 8 that stands on the origin."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.1, "size": 1.0}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0},
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": {"boundary": "arc", "gap": gap, **options},
+        }
+    )
+
+
+def height_warning(scene):
+    return warned(check(scene).findings).get("contact[0].gap")
+
+
+@pytest.mark.parametrize("gap", ["x[1]", "x[1] + 0.01", "x[1] - 0.01*x[0]**2", "x[1] - 0.1*sin(x[0]) + 0.2"])
+def test_a_height_along_normals_that_turn(gap):
+    """Said by check and by solve, with what to write instead; with the direction it is right."""
+    message = height_warning(disk(gap))
+    assert "direction = [0, -1]" in message
+    assert height_warning(disk(gap, direction=[0.0, -1.0])) is None
+    assert warned(alone(disk(gap), check=False).findings)["contact[0].gap"] == message
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_heights_in_any_direction(seed):
+    """The distance to a random line, along its normal, below a random part of the disk."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-0.8, 0.8)
+    e = np.array([np.sin(angle), -np.cos(angle)])
+    gap = f"{-e[0]!r}*x[0] + {-e[1]!r}*x[1] + {float(rng.uniform(1, 9))!r}".replace("np.float64(", "").replace(")", "")
+    message = height_warning(disk(gap))
+    given = np.array(json.loads(message.split("direction = ")[1].split("]")[0] + "]"))
+    np.testing.assert_allclose(given, e, atol=1e-3)
+
+
+NO_HEIGHTS = {
+    "a number": 0.1,
+    "along the normals, to a line": "8*x[1] / max(8 - x[1], 0.01)",
+    "to a circle around it": "9 - sqrt(x[0]**2 + (x[1] - 8)**2)",
+    "small": "0.003*x[0]**2 + 0.001",
+    "conformal": "0.01*x[1]",
+    "steep": "2*x[1]",
+    "along a wall": "abs(x[0])",
+}
+
+
+@pytest.mark.parametrize("name", NO_HEIGHTS)
+def test_gaps_that_are_no_heights(name):
+    """Nothing is said."""
+    assert height_warning(disk(NO_HEIGHTS[name])) is None
+
+
+@pytest.mark.parametrize("gap", ["x[1] + 0.01", "x[1] - 0.1*x[0]", "abs(x[0] - 1.5)"])
+def test_flat_boundaries(gap):
+    """Heights are distances there."""
+    assert warned(check(block(**contact(gap=gap))).findings).get("contact[0].gap") is None
