@@ -106,7 +106,7 @@ class ContactMap:
         size = np.bincount(pairs[:, 0], minlength=count)
         begin = np.concatenate(([0], np.cumsum(size)[:-1])) if count else np.zeros(0, dtype=np.int64)
         rank = np.arange(len(pairs)) - begin[pairs[:, 0]]
-        width = int(size.max(initial=0))
+        width = int(size.max(initial=self.dimension))  # also on a rank without contact points
         touched = np.repeat(pairs[begin, 1][:, None], width, axis=1) if count else np.zeros((0, width), dtype=np.int64)
         touched[pairs[:, 0], rank] = pairs[:, 1]
         blocks = np.zeros((count, self.dimension, width))

@@ -132,7 +132,7 @@ def _create(points: Any, cells: Any) -> Any:
     import ufl
 
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    return dmesh.create_mesh(MPI.COMM_SELF, cells.astype(np.int64), points, ufl.Mesh(element))
+    return dmesh.create_mesh(MPI.COMM_SELF, cells=cells.astype(np.int64), x=points, e=ufl.Mesh(element))
 
 
 @dataclass(frozen=True)
