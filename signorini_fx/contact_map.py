@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx import parallel
 from signorini_fx.boundary import ContactBoundary
 
 Nodal = npt.NDArray[np.float64]
@@ -114,11 +113,6 @@ class ContactMap:
         blocks[point, component, rank[place.ravel()]] = values
         assert np.all((touched >= first) & (touched < last)), "a contact point touches unknowns of another rank"
         return touched - first, blocks
-
-    def norm(self, values: Nodal) -> float:
-        """The norm of L2(Gamma_c) by the nodal rule, of scalars or vectors at the contact points; collective."""
-        squares = np.tensordot(self.weight, values**2, axes=1).sum()
-        return float(np.sqrt(parallel.global_sum(self.operator.comm.tompi4py(), squares)))
 
     @cached_property
     def _relative(self) -> PETSc.Vec:
