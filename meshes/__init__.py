@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from pydantic import AfterValidator
 
 from signorini_fx.errors import SceneError
-from signorini_fx.magnitudes import LARGEST, SMALLEST
+from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from mpi4py import MPI

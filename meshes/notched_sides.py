@@ -22,7 +22,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import tag_boundaries
+from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]

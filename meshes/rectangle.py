@@ -21,7 +21,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import TaggedMesh, tag_boundaries
+from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, coarser_grid
 
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]

@@ -49,8 +49,8 @@ _PUBLIC = {
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 
 if TYPE_CHECKING:
-    from signorini_fx.errors import ConvergenceError as ConvergenceError
-    from signorini_fx.solver import solve as solve
+    from signorini_fx.results.solution import ConvergenceError as ConvergenceError
+    from signorini_fx.solving.solver import solve as solve
 
 __all__ = sorted(_MODULE_OF)
 
@@ -61,7 +61,7 @@ def __getattr__(name: str) -> Any:
             return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
         except ModuleNotFoundError as error:
             failure = error
-        from signorini_fx.requirements import check_fenicsx
+        from signorini_fx.machine.requirements import check_fenicsx
 
         check_fenicsx()
         raise failure

@@ -16,13 +16,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from signorini_fx import __version__, terminal
+from signorini_fx import __version__
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, shortened
-from signorini_fx.launcher import started_as_root
+from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import started_as_root
 
 if TYPE_CHECKING:
-    from signorini_fx.checks import Check, Cost
-    from signorini_fx.solution import Solution
+    from signorini_fx.check.checks import Check, Cost
+    from signorini_fx.results.solution import Solution
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -202,7 +203,7 @@ _PATIENCE = 1.0  # seconds
 
 def _on_ranks(run: Callable[[], int]) -> int:
     """Run a command that all ranks share; every way in which it can end, in one place."""
-    from signorini_fx.requirements import check_fenicsx, check_machine
+    from signorini_fx.machine.requirements import check_fenicsx, check_machine
 
     try:
         check_machine()
@@ -259,7 +260,7 @@ def _refused_by_petsc(error: Exception) -> SignoriniError | None:
         return None
     from petsc4py import PETSc
 
-    from signorini_fx.options import refused
+    from signorini_fx.linalg.options import refused
 
     return refused(error) if isinstance(error, PETSc.Error) else None
 
@@ -268,8 +269,8 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.petsc_start import start_petsc
-    from signorini_fx.scene import parse_scene_text, read_scene_text
+    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.scene.model import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
@@ -277,14 +278,14 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
     scene = parse_scene_text(text, options.scene, _overrides(options))
     start_petsc(comm, petsc_options)
-    from signorini_fx import io
-    from signorini_fx.result_folder import ResultFolder
-    from signorini_fx.solver import solve
-    from signorini_fx.summary import render, table_row
+    from signorini_fx.results import files
+    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.summary import render, table_row
+    from signorini_fx.solving.solver import solve
 
     def keep(solution: Solution) -> None:
-        io.write_results(solution, path / io.LAST_LEVEL, fields=not options.no_fields, pictures=False)
-        progress.kept = path / io.LAST_LEVEL
+        files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        progress.kept = path / files.LAST_LEVEL
 
     observers: list[Callable[[Any], None]] = [progress]
     if not options.quiet:
@@ -293,7 +294,9 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
         with ResultFolder(comm, path) as folder:
             solution = solve(scene, comm, check=False, observers=observers, keep=keep)
             progress.solved = True
-            summary = io.write_results(solution, folder, fields=not options.no_fields, pictures=not options.no_pictures)
+            summary = files.write_results(
+                solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
+            )
     except SceneError as error:
         raise error.of(options.scene) from None
     except KeyboardInterrupt:
@@ -332,8 +335,8 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.petsc_start import start_petsc
-    from signorini_fx.scene import read_scene
+    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.scene.model import read_scene
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
@@ -342,8 +345,8 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
         raise SceneError([problem], str(options.scene))
     scene = read_scene(options.scene)
     start_petsc(comm, petsc_options)
-    from signorini_fx import work_precision
-    from signorini_fx.result_folder import ResultFolder, cannot_be_written
+    from signorini_fx.results.folder import ResultFolder, cannot_be_written
+    from signorini_fx.studies import work_precision
 
     try:
         with ResultFolder(comm, path) as folder:  # find out early that it cannot be written
@@ -361,7 +364,7 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
 
 def _new(file: Path) -> str:
     """Write the starting scene."""
-    from signorini_fx.template import starting_scene
+    from signorini_fx.scene.template import starting_scene
 
     try:
         with file.open("x", encoding="utf-8") as out:
@@ -376,15 +379,15 @@ def _new(file: Path) -> str:
 
 def _report(options: argparse.Namespace) -> str:
     """Write the page of a result folder."""
-    from signorini_fx.report import write_report
+    from signorini_fx.report.page import write_report
 
     return str(write_report(options.folder, options.out))
 
 
 def _mesh_file(options: argparse.Namespace) -> str:
     """Rewrite or describe a mesh file."""
-    from signorini_fx.mesh_formats import read_file, write_file
-    from signorini_fx.mesh_info import mesh_info, render
+    from signorini_fx.mesh.files.formats import read_file, write_file
+    from signorini_fx.mesh.info import mesh_info, render
 
     if options.command == "convert":
         mesh = read_file(options.source)
@@ -395,7 +398,7 @@ def _mesh_file(options: argparse.Namespace) -> str:
 
 
 def _schema() -> str:
-    from signorini_fx.template import scene_schema
+    from signorini_fx.scene.template import scene_schema
 
     return json.dumps(scene_schema(), indent=2)
 
@@ -404,15 +407,15 @@ def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.petsc_start import start_petsc
-    from signorini_fx.scene import parse_scene_text, read_scene_text
+    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.scene.model import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     try:
         text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
         scene = parse_scene_text(text, options.scene)
         start_petsc(comm, petsc_options)
-        from signorini_fx.checks import check_scene
+        from signorini_fx.check.checks import check_scene
 
         check = check_scene(scene, comm)
     except SignoriniError as error:
@@ -475,7 +478,7 @@ def _info() -> int:
 
     from signorini_fx import parallel
     from signorini_fx.linalg.full import factorisation_package
-    from signorini_fx.summary import versions
+    from signorini_fx.results.summary import versions
 
     comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]

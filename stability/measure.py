@@ -8,15 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Timings
-from signorini_fx.scene import Scene, parse_scene
-from signorini_fx.solution import Solution
-from signorini_fx.solver import contact_task, solve, solve_contact
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets, Nodal
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import Scene, parse_scene
+from signorini_fx.solving.solver import contact_task, solve, solve_contact
 from stability.case import Finding
 
 

@@ -8,15 +8,16 @@ import random_scenes
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import accuracy, compat
-from signorini_fx.checks import check_scene
+from signorini_fx import compat
+from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import generate_mesh
-from signorini_fx.mesh_formats import read_file, write_file
-from signorini_fx.reference import Reference, divided
-from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy, parse_scene, read_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.records import Status
+from signorini_fx.scene.model import Accuracy, parse_scene, read_scene
+from signorini_fx.solving import to_accuracy
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies.reference import Reference, divided
 from tests.scenes import example1, on_mesh, rectangle
 
 SCENES = Path(__file__).parent.parent / "demos" / "scenes"
@@ -76,7 +77,7 @@ def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
         scene = example1(bound=1.5, nx=nx, ny=ny)
-        meshes = accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
+        meshes = to_accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
         assert meshes.scene.mesh.parameters["nx"] == coarse_nx
         assert meshes.scene.mesh.parameters["ny"] == coarse_ny
 

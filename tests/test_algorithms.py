@@ -5,14 +5,14 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algorithms.ssn import History, SemismoothNewton
-from signorini_fx.complementarity import ActiveSets
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement, parse_scene
-from signorini_fx.solver import contact_task
-from signorini_fx.strategy import run
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.model import PrescribedDisplacement, parse_scene
+from signorini_fx.solving.solver import contact_task
+from signorini_fx.solving.strategy import run
 
 
 def solved_task(scene):

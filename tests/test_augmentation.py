@@ -10,12 +10,11 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving.solver import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(FEW, max_examples=300)

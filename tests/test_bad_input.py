@@ -21,13 +21,18 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx import cli, compilation, io, magnitudes, options, petsc_start, plots, report, requirements, terminal
+from signorini_fx import cli
 from signorini_fx.csv_text import as_name, as_text
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
-from signorini_fx.mesh_formats import read_file
-from signorini_fx.result_folder import ResultFolder
-from signorini_fx.scene import parse_scene_text
-from signorini_fx.solver import solve
+from signorini_fx.linalg import options, petsc_start
+from signorini_fx.machine import compilation, requirements, terminal
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.report import page, plots
+from signorini_fx.results import files
+from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scene import magnitudes
+from signorini_fx.scene.model import parse_scene_text
+from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
 SCENE = """
@@ -179,7 +184,7 @@ def test_all_magnitudes(tmp_path_factory, young, gap, load, gamma, length):
         solution = solve(scene, MPI.COMM_SELF, check=False)
     except (SceneError, MeshError):
         return
-    io.write_results(solution, folder, fields=False, pictures=False)
+    files.write_results(solution, folder, fields=False, pictures=False)
     summary = json.loads((folder / "summary.json").read_text(), parse_constant=pytest.fail)
     assert summary["status"] == solution.status.value
 
@@ -482,14 +487,14 @@ def test_report_of_a_field_without_end(tmp_path):
     with pytest.raises(ValueError, match=r"contact\.csv, line 2: field larger"):
         plots.read_csv(tmp_path / "contact.csv")
     with pytest.raises(ResultError):
-        report.write_report(tmp_path)
+        page.write_report(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-1", "@SUM(A1)", "\tx", "'=x", "'", "-", "bottom"])
 def test_formula(tmp_path, name):
     """A spreadsheet takes it for text, our own reader for the name; numbers are as they were."""
     rows = [{"x": -1.5, "boundary": name, "count": -3, "u": np.float64(-2e-300)}]
-    io.write_csv(tmp_path / "a.csv", rows)
+    files.write_csv(tmp_path / "a.csv", rows)
     (row,) = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
     assert not row["boundary"].startswith(("=", "+", "-", "@", "\t", "\r"))
     assert (row["x"], row["count"], row["u"]) == ("-1.5", "-3", "-2e-300")
@@ -513,7 +518,7 @@ def test_full_disk_while_pictures_are_drawn(tmp_path):
             try:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
                 try:
-                    io.write_results(solution, tmp_path / "out", fields=False)
+                    files.write_results(solution, tmp_path / "out", fields=False)
                 except OutputError as error:
                     code = 0 if "cannot be written: File too large" in str(error) else 2
             finally:
@@ -537,11 +542,11 @@ def test_errors_of_the_system_under_others(tmp_path, monkeypatch):
     solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
     monkeypatch.setattr(plots, "deformed_mesh", draw)
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
-        io.write_results(solution, tmp_path / "out", fields=False)
+        files.write_results(solution, tmp_path / "out", fields=False)
     assert not (tmp_path / "out").exists()
     monkeypatch.setattr(plots, "deformed_mesh", lambda *arguments, **options: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        io.write_results(solution, tmp_path / "out", fields=False)
+        files.write_results(solution, tmp_path / "out", fields=False)
     assert not (tmp_path / "out").exists()
 
 

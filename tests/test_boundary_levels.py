@@ -5,13 +5,12 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle, table_of
 
-from signorini_fx import boundary_levels
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving import boundary_levels
+from signorini_fx.solving.solver import contact_task
 
 LONG = {"nx": 600, "ny": 12, "linear_algebra": "condensed"}
 

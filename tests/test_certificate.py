@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
-from signorini_fx import solver
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.certificate import Before, Law, certify
-from signorini_fx.results import CERTIFICATE_TOLERANCE, Status
-from signorini_fx.scene import parse_scene
+from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.results.certificate import Before, Law, certify
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving import solver
 
 
 def wedge(**solver):

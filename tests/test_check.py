@@ -16,13 +16,16 @@ from petsc4py import PETSc
 from pydantic import BaseModel
 from scenes import alone, example1
 
-from signorini_fx import cli, findings, parallel, scene, template
-from signorini_fx.checks import check_scene
+from signorini_fx import cli, parallel
+from signorini_fx.check import findings
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.findings import friction_indication
 from signorini_fx.errors import SceneError
-from signorini_fx.findings import friction_indication
-from signorini_fx.results import Status
-from signorini_fx.scene import LinearElastic, parse_scene, parse_scene_text, read_scene
-from signorini_fx.summary import render, summarise
+from signorini_fx.records import Status
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene import model as scene
+from signorini_fx.scene import template
+from signorini_fx.scene.model import LinearElastic, parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
 BLOCK = {

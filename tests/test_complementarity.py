@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx.complementarity import (
+from signorini_fx.contact.laws import (
     ActiveSets,
     FrictionLaw,
     RegularisedData,

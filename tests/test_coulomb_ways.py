@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
-from signorini_fx import solver, strategy
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene
+from signorini_fx.records import Status
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving import solver, strategy
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
 

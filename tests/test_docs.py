@@ -24,13 +24,14 @@ from pydantic import BaseModel
 from scenes import alone, example1
 
 import signorini_fx
-from signorini_fx import cli, meshes, scene
-from signorini_fx.certificate import JUDGED, REPORTED
-from signorini_fx.checks import check_scene
-from signorini_fx.io import write_results
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene, read_scene
-from signorini_fx.template import starting_scene
+from signorini_fx import cli, meshes
+from signorini_fx.check.checks import check_scene
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import JUDGED, REPORTED
+from signorini_fx.results.files import write_results
+from signorini_fx.scene import model as scene
+from signorini_fx.scene.model import parse_scene, read_scene
+from signorini_fx.scene.template import starting_scene
 
 ROOT = Path(__file__).parent.parent
 README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"

@@ -8,14 +8,14 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from scipy.integrate import quad
 
-from signorini_fx.contact_table import ContactTable
-from signorini_fx.data_error import data_error
-from signorini_fx.discretisation import discretise
-from signorini_fx.error_estimates import FAR, estimate_errors
-from signorini_fx.mesh import load_mesh
-from signorini_fx.pressure_error import interval_squares, on_facets
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
+from signorini_fx.accuracy.data_error import data_error
+from signorini_fx.accuracy.error_estimates import FAR, estimate_errors
+from signorini_fx.accuracy.pressure_error import interval_squares, on_facets
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
+from signorini_fx.scene.model import parse_scene
 
 NX = 4
 JUMP = 1.1

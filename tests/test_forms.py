@@ -10,13 +10,13 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from scenes import on_mesh, rectangle
 
-from signorini_fx import forms
-from signorini_fx.complementarity import ActiveSets, RegularisedData
-from signorini_fx.discretisation import discretise
+from signorini_fx.body import forms
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.linalg.full import FullSystem
-from signorini_fx.problem import RegularisedProblem
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
+from signorini_fx.problem.regularised import RegularisedProblem
+from signorini_fx.records import Timings
+from signorini_fx.scene.model import parse_scene
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 GAMMA_N, GAMMA_T = 2e6, 7e5

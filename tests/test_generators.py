@@ -11,14 +11,14 @@ from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx import meshes
-from signorini_fx.checks import check_scene
+from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import coarser_parameters, generate_mesh, triangle_parameters
-from signorini_fx.mesh_arrays import quality
-from signorini_fx.refinement import refine
-from signorini_fx.scene import Discretised, parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files.arrays import quality
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, triangle_parameters
+from signorini_fx.scene.model import Discretised, parse_scene
+from signorini_fx.solving.solver import solve
 
 
 def segment(radius, angle):

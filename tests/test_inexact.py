@@ -6,11 +6,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.discretisation import discretise
+from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import full
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Status, Timings
+from signorini_fx.scene.model import PrescribedDisplacement
 
 
 @pytest.fixture

@@ -7,16 +7,16 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx import resting, solver, strategy, task
 from signorini_fx.algorithms import descent, ladder
 from signorini_fx.algorithms.descent import energy_descent
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task
-from signorini_fx.summary import render, summarise
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact import resting
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving import solver, strategy, task
+from signorini_fx.solving.solver import contact_task
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 

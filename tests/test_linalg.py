@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, table_of
 
-from signorini_fx.expressions import Expression
 from signorini_fx.linalg import full, schur
-from signorini_fx.parameter_sweep import sweep
-from signorini_fx.scene import parse_scene
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving.sweep import sweep
 
 
 @pytest.mark.parametrize("size", [1, 7, 256, 257, 600])

@@ -10,13 +10,13 @@ from dolfinx.io import XDMFFile
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx import mesh_formats
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import read_mesh
-from signorini_fx.mesh_arrays import areas, quality
-from signorini_fx.mesh_formats import read_file, write_file
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files import formats
+from signorini_fx.mesh.files.arrays import areas, quality
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import read_mesh
+from signorini_fx.scene.model import parse_scene
+from signorini_fx.solving.solver import solve
 
 LENGTH, HEIGHT, NX, NY = 3.0, 1.0, 12, 4
 FORMATS = ["msh22", "msh41", "inp", "med", "vtu", "xdmf"]
@@ -517,7 +517,7 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
             raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
         return builtins.__import__(name, *arguments)
 
-    monkeypatch.setattr(mesh_formats.importlib, "import_module", absent)
+    monkeypatch.setattr(formats.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)
 

@@ -11,16 +11,15 @@ from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.estimators import StressRecovery
 from signorini_fx.algorithms.descent import _Line, natural_sets
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.certificate import certify
-from signorini_fx.discretisation import discretise
-from signorini_fx.estimators import StressRecovery
-from signorini_fx.mesh import TaggedMesh, load_mesh
-from signorini_fx.refinement import mark, refine
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement, SurfaceTraction, parse_scene
-from signorini_fx.solver import contact_task, solve
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.certificate import certify
+from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction, parse_scene
+from signorini_fx.solving.solver import contact_task, solve
 
 pytestmark = pytest.mark.mpi
 WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF

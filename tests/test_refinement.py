@@ -6,12 +6,12 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.assembly import facet_ends
+from signorini_fx.body.assembly import facet_ends
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh import generate_mesh, tag_boundaries
-from signorini_fx.refinement import mark, refine
-from signorini_fx.scene import Accuracy, Scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.scene.model import Accuracy, Scene
+from signorini_fx.solving.solver import solve
 
 SIDES = {"bottom": 3.0, "right": 1.0, "top": 3.0, "left": 1.0}
 

@@ -23,14 +23,16 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx import cli, parallel, plots, pyvista_pictures, report
-from signorini_fx.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx import cli, parallel
 from signorini_fx.errors import OutputError, ResultError
-from signorini_fx.io import write_results
-from signorini_fx.mesh import tag_boundaries
-from signorini_fx.results import Status
-from signorini_fx.scene import UnilateralContact
-from signorini_fx.solver import solve
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.report import page as report
+from signorini_fx.report import plots, pyvista_pictures
+from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx.results.files import write_results
+from signorini_fx.scene.model import UnilateralContact
+from signorini_fx.solving.solver import solve
 
 TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""
 _VOID = {"br", "img", "meta"}

@@ -7,8 +7,9 @@ import sys
 import dolfinx
 import pytest
 
-from signorini_fx import cli, compat, requirements
+from signorini_fx import cli, compat
 from signorini_fx.errors import InstallationError
+from signorini_fx.machine import requirements
 
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 
@@ -26,7 +27,8 @@ def test_command_line(command, monkeypatch, capsys):
 def test_python():
     """``from signorini_fx import solve`` says the same; without FEniCSx the rest of the package works."""
     code = (
-        "import sys; sys.modules['dolfinx'] = None; import importlib.util as u, signorini_fx.requirements as r; "
+        "import sys; sys.modules['dolfinx'] = None; "
+        "import importlib.util as u, signorini_fx.machine.requirements as r; "
         "r.find_spec = lambda n: None if n == 'dolfinx' else u.find_spec(n); import signorini_fx; "
         "signorini_fx.read_scene; signorini_fx.solve"
     )

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signorini_fx.errors import SceneError
-from signorini_fx.expressions import Expression
-from signorini_fx.scene import (
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import (
     CoulombFriction,
     NoFriction,
     Scene,

@@ -5,15 +5,14 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import strategy
 from signorini_fx.algorithms import ladder
 from signorini_fx.algorithms.path_following import path_model
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import SurfaceTraction, parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.model import SurfaceTraction, parse_scene
+from signorini_fx.solving import strategy
+from signorini_fx.solving.solver import contact_task
 
 
 def test_fall_backs_begin_where_the_first_method_began(monkeypatch):

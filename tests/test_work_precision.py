@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import cli, work_precision
+from signorini_fx import cli
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh import load_mesh
-from signorini_fx.plots import read_csv
-from signorini_fx.reference import Reference, on_mesh, reference_errors
-from signorini_fx.scene import read_scene
-from signorini_fx.solver import solve
-from signorini_fx.work_precision import FAMILIES, Study, write_study
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.report.plots import read_csv
+from signorini_fx.scene.model import read_scene
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies import work_precision
+from signorini_fx.studies.reference import Reference, on_mesh, reference_errors
+from signorini_fx.studies.work_precision import FAMILIES, Study, write_study
 from tests.scenes import example1
 
 SCENES = Path(__file__).parent.parent / "demos" / "scenes"

@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from signorini_fx import plots
-from signorini_fx.contact_table import ContactTable
-from signorini_fx.io import gather_cells
-from signorini_fx.solution import Solution
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.report import plots
+from signorini_fx.results.files import gather_cells
+from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab
 from .report import Entry, Picture, Table, power

@@ -17,8 +17,8 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import RegularisedData
-from signorini_fx.complementarity import length as length_of
+from signorini_fx.contact.laws import RegularisedData
+from signorini_fx.contact.laws import length as length_of
 
 # A multiplier is slow where an update leaves more than this share of its last change.
 _SLOW = 0.1

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
-from signorini_fx.complementarity import (
+from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
     RegularisedData,
@@ -32,7 +32,7 @@ from signorini_fx.complementarity import (
     trial_pressure,
     trial_shear,
 )
-from signorini_fx.results import Status
+from signorini_fx.records import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
 _FLAT = 1e-10

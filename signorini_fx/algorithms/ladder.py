@@ -26,8 +26,8 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, RegularisedData
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.records import Status
 
 # The path begins at this share of gamma and grows by this factor.
 _FIRST_SHARE, _GROWTH = 1e-4, 10.0

@@ -20,8 +20,8 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, tangent
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangent
+from signorini_fx.records import Status
 
 # What the derivatives along the path need of a solve on an old factor.
 _SLOPE_TOLERANCE = 1e-10

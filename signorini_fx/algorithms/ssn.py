@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx import options, parallel
-from signorini_fx.complementarity import (
+from signorini_fx import parallel
+from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
     RegularisedData,
@@ -19,9 +18,10 @@ from signorini_fx.complementarity import (
     slip_multiplier,
     transmitting,
 )
-from signorini_fx.petsc_c import call
-from signorini_fx.problem import ContactProblem
-from signorini_fx.results import IterationRecord, OuterRecord, Status
+from signorini_fx.linalg import options
+from signorini_fx.linalg.petsc_c import call
+from signorini_fx.problem.regularised import ContactProblem
+from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
@@ -29,55 +29,11 @@ _RENEW, _KEEP = -2, -1
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
-Observer = Callable[[IterationRecord | OuterRecord | str], None]
 # (newton, data, first sets, how it failed, measure) -> how it ended then.
 Climb = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
     Status,
 ]
-
-
-@dataclass
-class History:
-    """What happened, in order.
-
-    Attributes:
-        iterations: one record a linear solve.
-        outer: one record a regularised problem.
-        events: decisions that a user should know of, such as a fall-back.
-        observers: called with each new record or event, to show progress.
-        limit: the number of linear solves at which all methods end; infinite: none.
-        kept: whether this limit is one for several meshes, so that none of them gets its own.
-    """
-
-    iterations: list[IterationRecord] = field(default_factory=list)
-    outer: list[OuterRecord] = field(default_factory=list)
-    events: list[str] = field(default_factory=list)
-    observers: list[Observer] = field(default_factory=list)
-    limit: float = np.inf
-    kept: bool = False
-
-    @property
-    def linear_solves(self) -> int:
-        """Linear solves so far."""
-        return len(self.iterations)
-
-    def allow(self, solves: int) -> None:
-        """Set the limit to so many more linear solves, unless it is to be kept."""
-        if not self.kept:
-            self.limit = self.linear_solves + solves
-
-    def add(self, record: IterationRecord | OuterRecord | str) -> None:
-        """Keep a record or an event and show it."""
-        match record:
-            case IterationRecord():
-                self.iterations.append(record)
-            case OuterRecord():
-                self.outer.append(record)
-            case str():
-                self.events.append(record)
-        for observer in self.observers:
-            observer(record)
 
 
 class SemismoothNewton:

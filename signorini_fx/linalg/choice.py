@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import options, parallel
-from signorini_fx.discretisation import Body, Discretisation
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx import parallel
+from signorini_fx.body.discretisation import Body, Discretisation
+from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 

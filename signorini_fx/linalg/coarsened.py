@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.boundary import ContactBoundary
-from signorini_fx.contact_map import ContactMap
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
 

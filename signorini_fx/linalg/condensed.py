@@ -14,10 +14,10 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.contact_map import ContactMap
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import LoadCase, load_resultant
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.loads import LoadCase, load_resultant
 
 
 @dataclass

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import options
-from signorini_fx.contact_map import ContactMap
-from signorini_fx.discretisation import Discretisation
-from signorini_fx.loads import LoadCase, load_resultant
-from signorini_fx.rigid import rigid_modes
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import LoadCase, load_resultant
+from signorini_fx.body.rigid import rigid_modes
+from signorini_fx.contact.map import ContactMap
+from signorini_fx.linalg import options
 
 
 @cache

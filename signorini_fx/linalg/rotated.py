@@ -8,7 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.boundary import ContactBoundary
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.petsc_c import call
+from signorini_fx.linalg.petsc_c import call
 
 _FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are left alone

@@ -1,0 +1,187 @@
+"""Motions of the body without strain, and whether supports and contact resist them.
+
+A body of one piece has three: two translations and a rotation.  A body of several pieces has three for each of them,
+less what the pins between pieces take away, where both must move alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.pieces import Pieces
+
+# Share of a motion, against the best held one, below which it counts as not held at all.
+_HELD = 1e-8
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigidMotions:
+    """The motions without strain that the prescribed displacements leave free, k of them.
+
+    Attributes:
+        pieces: the connected pieces of the body, p of them.
+        x: positions of the nodes of this rank, ghosts included, shape (nodes, 2).
+        piece: number of the piece that each of these nodes is in, shape (nodes,); where pieces are pinned any of them.
+        centre: the point of each piece about which its rotation is taken, shape (p, 2).
+        length: size of each piece, by which its rotation is made comparable with translations, shape (p,).
+        free: combinations of (translation x, translation y, rotation) of each piece, one a column, shape (3 p, k); a
+            column moves the pieces of one assembly only.
+        assembly: number of the assembly that each column moves, shape (k,).
+    """
+
+    pieces: Pieces
+    x: _Floats
+    piece: npt.NDArray[np.int64]
+    centre: _Floats
+    length: _Floats
+    free: _Floats
+    assembly: npt.NDArray[np.int64]
+
+    def at(self, nodes: npt.NDArray[np.int32]) -> _Floats:
+        """The free motions at nodes of this rank, shape (n, 2, k)."""
+        own = self.free.reshape(self.pieces.count, 3, -1)[self.piece[nodes]]
+        moved: _Floats = self._modes(nodes) @ own
+        return moved
+
+    def displacement(self, motion: _Floats) -> _Floats:
+        """What a motion, coefficients of shape (3 p,), is at all nodes of this rank, shape (nodes, 2)."""
+        own = motion.reshape(-1, 3)[self.piece]
+        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
+        return moved
+
+    def resultant(self, forces: _Floats, comm: MPI.Comm) -> _Floats:
+        """What forces at the owned nodes, shape (owned nodes, 2), do on the motions of each piece, shape (3 p,);
+        collective.
+        """
+        owned = slice(forces.shape[0])
+        work = np.einsum("ij,ijk->ik", forces, self._modes(owned))
+        return parallel.sums_by(comm, self.piece[owned], work, self.pieces.count).ravel()
+
+    def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
+        """The assemblies that can move: number, their columns of ``free`` and their rows."""
+        for number in np.unique(self.assembly):
+            yield int(number), self.assembly == number, np.repeat(self.pieces.assembly == number, 3)
+
+    def assembly_of(self, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+        """Number of the assembly that nodes of this rank are in, shape (n,)."""
+        return self.pieces.assembly[self.piece[nodes]]
+
+    def unheld(
+        self, boundary: ContactBoundary, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.bool_]:
+        """Which assemblies have a motion that neither contact at ``normal`` nodes nor stick at ``stick`` nodes resists,
+        shape (assemblies,); collective.
+        """
+        loose = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
+        if self.free.shape[1] == 0:
+            return loose
+        modes = self.at(boundary.nodes) * boundary.free[:, :, None]
+        rows = np.concatenate(
+            [
+                np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]),
+                np.einsum("ij,ijk->ik", boundary.tangents[stick, :, 0], modes[stick]),
+            ]
+        )
+        gram = parallel.global_sum(boundary.comm, rows.T @ rows)
+        for number, columns, _ in self.assemblies():
+            values = np.linalg.eigvalsh(gram[np.ix_(columns, columns)])
+            loose[number] = not values[0] > _HELD * values[-1] > 0
+        return loose
+
+    def held_by(self, boundary: ContactBoundary, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_]) -> bool:
+        """Whether contact at ``normal`` nodes and stick at ``stick`` nodes resist every free motion; collective."""
+        return not self.unheld(boundary, normal, stick).any()
+
+    def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
+        """The three motions of their pieces at nodes of this rank, shape (n, 2, 3)."""
+        piece = self.piece[nodes]
+        return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
+
+
+def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
+    """Translations and rotation at points of shape (n, 2), shape (n, 2, 3).
+
+    Args:
+        x: the points.
+        centre: the point about which each of them turns, shape (n, 2) or (2,).
+        length: the length at which the rotation moves by one, shape (n,) or ().
+    """
+    modes = np.zeros((x.shape[0], 2, 3))
+    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
+    arm = (x - centre) / np.asarray(length)[..., None]
+    modes[:, 0, 2], modes[:, 1, 2] = -arm[:, 1], arm[:, 0]
+    return modes
+
+
+def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: Pieces) -> RigidMotions:
+    """The motions without strain that the supports leave free; collective.
+
+    Args:
+        space: the displacements.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, 2).
+        pieces: of the body.
+    """
+    comm = space.mesh.comm
+    owned = slice(fixed.shape[0])
+    x = np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2], dtype=np.float64)
+    cells = space.dofmap.list
+    piece = np.zeros(x.shape[0], dtype=np.int64)
+    if pieces.count > 1:
+        piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])
+    sums = np.column_stack((np.ones(x[owned].shape[0]), x[owned]))
+    total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
+    centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
+    length = np.hypot(*(pieces.bounds[:, 1] - pieces.bounds[:, 0]).T)
+    none = np.zeros((3 * pieces.count, 0))
+    motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
+    node, component = np.nonzero(fixed)
+    rows = motions._modes(node)[np.arange(node.size), component]
+    supported: _Floats = np.zeros((pieces.count, 3, 3))
+    for number in range(pieces.count):
+        mine = rows[piece[node] == number]
+        supported[number] = mine.T @ mine
+    supported = parallel.global_sum(comm, supported)
+    free, assembly = _null_space(supported, motions)
+    return RigidMotions(pieces, x, piece, centre, length, free, assembly)
+
+
+def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
+    """Combinations of the motions of the pieces that the supports and the pins let happen, and their assemblies."""
+    pieces = motions.pieces
+    columns: list[_Floats] = []
+    numbers: list[int] = []
+    for number in range(int(pieces.assembly.max()) + 1):
+        members = np.flatnonzero(pieces.assembly == number)
+        place = {int(piece): k for k, piece in enumerate(members)}
+        gram = np.zeros((3 * members.size, 3 * members.size))
+        for piece, k in place.items():
+            here = slice(3 * k, 3 * k + 3)
+            # However many nodes of a piece are prescribed, they weigh as much as one pin.
+            gram[here, here] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
+        for pin in range(len(pieces.pins)):
+            one, other = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
+            if one in place:
+                apart = np.zeros((2, members.size, 3))
+                for piece, sign in ((one, 1.0), (other, -1.0)):
+                    mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
+                    apart[:, place[piece]] = sign * mode[0]
+                rows = apart.reshape(2, -1)
+                gram += rows.T @ rows
+        values, vectors = np.linalg.eigh(gram)
+        kept = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
+        whole = np.zeros((3 * pieces.count, kept.shape[1]))
+        whole[(3 * members[:, None] + np.arange(3)).ravel()] = kept
+        columns.append(whole)
+        numbers += [number] * kept.shape[1]
+    return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

@@ -1,0 +1,142 @@
+"""What is measured after a solve, the same way for every algorithm: contact state, forces, functionals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import Nodal, RegularisedData, inner, project, trial_pressure
+from signorini_fx.contact.laws import length as length_of
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """The contact nodes of this rank after a solve, arrays of shape (n,).
+
+    Attributes:
+        boundary: nodes, weights and normals.
+        gap: d, length.
+        u_n: tau_N y, length; u_n - gap > 0 is penetration.
+        u_t: tau_T y, length.
+        pressure: lambda = -sigma_N, stress.
+        shear: mu = -sigma_T, stress.
+        bound: friction bound F g, stress; zero without friction.
+        in_contact: True on A_c.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+            -1 on A_f,-.
+        has_friction: whether a friction law acts.
+        bilateral: nodes whose contact cannot open.
+        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes.
+    """
+
+    boundary: ContactBoundary
+    gap: Nodal
+    u_n: Nodal
+    u_t: Nodal
+    pressure: Nodal
+    shear: Nodal
+    bound: Nodal
+    in_contact: npt.NDArray[np.bool_]
+    direction: Nodal
+    has_friction: bool
+    bilateral: npt.NDArray[np.bool_]
+    slip_length: Nodal
+    xi: Nodal
+
+    @cached_property
+    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape (2,); collective."""
+        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
+        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
+        comm = self.boundary.comm
+        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
+
+    @cached_property
+    def friction_work(self) -> float:
+        """Work that slip takes out of the body in this load step, (mu, xi) with xi of (3.3c), never negative;
+        collective.
+
+        xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
+        """
+        work = np.dot(self.boundary.weight, inner(self.shear, self.xi))
+        return float(parallel.global_sum(self.boundary.comm, work))
+
+    @cached_property
+    def mean_tangential_displacement(self) -> float:
+        """Mean of tau_T y over the contact boundary, length; collective."""
+        weight = self.boundary.weight
+        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t[:, 0]), weight.sum()]))
+        return float(sums[0] / sums[1])
+
+    def sliding_sign(self) -> npt.NDArray[np.int8]:
+        """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
+        sign = np.where(self.bound > 0, self.direction[:, 0], np.where(self.slip_length[:, 0] < 0, -1.0, 1.0))
+        return np.sign(sign).astype(np.int8)
+
+
+@dataclass(frozen=True)
+class Functionals:
+    """Primal and dual functional of the regularised problem with given friction, energies per thickness.
+
+    Their difference is never negative for feasible lambda and mu, and zero where (3.3b) and (3.3c) hold; together with
+    equilibrium (3.3a) it is a certificate of optimality.
+
+    Attributes:
+        primal: J_gamma(y) of section 3.
+        dual: -J*_gamma(lambda, mu) of section 3, written for prescribed displacements that need not vanish.
+    """
+
+    primal: float
+    dual: float
+
+    @property
+    def relative_gap(self) -> float:
+        """(primal - dual) / |primal|."""
+        return (self.primal - self.dual) / abs(self.primal) if self.primal != 0 else self.primal - self.dual
+
+
+def functionals(elastic: float, contact: ContactState, data: RegularisedData) -> Functionals:
+    """Evaluate J_gamma (section 3) and its dual at a solution; collective.
+
+    Args:
+        elastic: a(y, y) / 2 - L(y), an energy per thickness.
+        contact: the contact nodes.
+        data: the regularised problem.
+
+    The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
+    displacement at hand, which is its minimiser as far as (3.3a) holds.
+    """
+    c, w = contact, contact.boundary.weight
+    pressure, shear = project(c.pressure, c.shear, data)
+    bound = data.friction_bound(pressure)
+    overlap, slip = c.u_n - c.gap, c.slip_length
+    if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
+        primal, dual = bound * length_of(slip), pressure * overlap + inner(shear, slip)
+    else:
+        trial = trial_pressure(c.u_n, data)
+        pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
+        primal = pushing**2 / (2 * data.gamma_n) + _smoothed_friction(slip, data, bound)
+        dual = (
+            pressure * overlap
+            + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
+            + inner(shear, slip)
+            + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
+        )
+    sums = parallel.global_sum(
+        contact.boundary.comm,
+        np.array([np.dot(w, primal), np.dot(w, dual)]),
+    )
+    return Functionals(elastic + float(sums[0]), elastic + float(sums[1]))
+
+
+def _smoothed_friction(slip: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
+    """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
+    trial = length_of(data.gamma_t * slip + data.mu_hat)
+    sliding = bound * (trial - bound / 2)
+    return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t

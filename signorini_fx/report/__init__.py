@@ -1,0 +1,4 @@
+"""Pictures and the page that shows a result, drawn from the files of a result folder.
+
+This package reads files only.  It must not import dolfinx, nor know how a solution was found.
+"""

@@ -1,0 +1,419 @@
+"""The certificate: whether a displacement and the contact tractions are a solution of the scene.
+
+It takes the scene, the mesh, the displacement that the user gets, and the contact tractions (pressure and shear at the
+contact nodes); in a later load step also those of the step before, from which friction acts.  Nothing else of the
+solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and slip are
+evaluated anew by ``nodal_forces``, in NumPy.  So a fault on the solver's side shows, each in its own way:
+
+- a displacement that is not the one that the iteration has found (a rotation or a resting place that is left out, an
+  interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
+- a wrong row of the stiffness matrix, wrong moduli, a wrong load, a load factor: ``equilibrium``;
+- wrong weights or normals: ``equilibrium``, since they turn tractions into forces;
+- a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
+- an iteration that stops too early: whichever condition is not met yet.
+
+What it does not see is a fault in what both sides share: the mesh and its names, basix, the values of expressions,
+quadrature degrees, and loads given as UFL expressions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.contact.state import ContactState
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.results.nodal_forces import NodalForces, hooke
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+
+Nodal = npt.NDArray[np.float64]
+
+# The figures that decide.
+JUDGED = (
+    "equilibrium",
+    "supports",
+    "negative_pressure",
+    "friction_cone",
+    "wrong_way_slip",
+    "entered",
+    "pressure_at_distance",
+    "slip_below_bound",
+)
+# The others say what the regularisation leaves, and how far the body moves.
+REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
+# Forces below this share of stiffness times displacement are round-off of a stress-free motion.
+_ROUND_OFF = 1e-8
+# Contact stresses below this share of the mean stress in the body are not told from zero.
+_FAINT = 1e-3
+# A direction has a component along an axis if it is larger than this.
+_ALONG = 1e-8
+
+
+@dataclass(frozen=True)
+class Law:
+    """The contact law that a result is judged by.
+
+    With finite gamma it is the regularised law: lambda = max(0, gamma_n (tau_N y - d)), and mu is the projection of
+    mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the shear before.  With infinite gamma it is the law of
+    contact and friction itself.
+
+    Attributes:
+        gamma_n: stress per length.
+        gamma_t: stress per length.
+    """
+
+    gamma_n: float = np.inf
+    gamma_t: float = np.inf
+
+    @property
+    def regularised(self) -> bool:
+        """Whether it allows for penetration and elastic slip."""
+        return bool(np.isfinite(self.gamma_n) or np.isfinite(self.gamma_t))
+
+    def __str__(self) -> str:
+        if not self.regularised:
+            return "the unregularised law"
+        return f"the regularised law, gamma_n = {self.gamma_n:.3g}, gamma_t = {self.gamma_t:.3g}"
+
+
+UNREGULARISED = Law()
+
+
+@dataclass(frozen=True)
+class Tractions:
+    """What the contact transmits at the contact nodes of this rank, n of them.
+
+    Attributes:
+        part: position of the effect in ``scene.contact``, shape (n,).
+        nodes: local number of the node (block of the function space), shape (n,).
+        pressure: lambda, stress, shape (n,).
+        shear: mu, stress, shape (n,).
+    """
+
+    part: npt.NDArray[Any]
+    nodes: npt.NDArray[Any]
+    pressure: Nodal
+    shear: Nodal
+
+    @classmethod
+    def of(cls, state: ContactState) -> Tractions:
+        """What a contact state says of them."""
+        return cls(state.boundary.part, state.boundary.nodes, state.pressure, state.shear[:, 0])
+
+
+@dataclass(frozen=True)
+class Before:
+    """The load step before, on which a step builds: the displacement and the tractions at its end."""
+
+    displacement: fem.Function
+    tractions: Tractions
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far a result is from the conditions of its problem; every figure is relative.
+
+    Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear, lengths
+    to the deformation: the largest displacement without its rigid part (penetration, complementarity and slip at stick
+    nodes: to the largest displacement).
+
+    Attributes:
+        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress.
+        supports: largest difference from a prescribed displacement.
+        negative_pressure: largest -lambda.
+        friction_cone: largest |mu| - F g.
+        wrong_way_slip: slip against mu, which (2.3e') excludes: the smaller of slip and shear.
+        entered: largest tau_N y - d beyond what the law allows for.
+        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
+        slip_below_bound: the complementarity (3.3c): the smaller of the slip and of what the shear lacks to its bound.
+        displacement: largest displacement, relative to the size of the body.
+        penetration: largest tau_N y - d; lambda / gamma by the regularisation.
+        complementarity: largest |lambda (tau_N y - d)|.
+        stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
+        law: the contact law that it was judged by.
+        strain_energy: a(y, y) / 2, an energy per thickness.
+        potential_energy: a(y, y) / 2 - L(y), an energy per thickness.
+    """
+
+    equilibrium: float = 0.0
+    supports: float = 0.0
+    negative_pressure: float = 0.0
+    friction_cone: float = 0.0
+    wrong_way_slip: float = 0.0
+    entered: float = 0.0
+    pressure_at_distance: float = 0.0
+    slip_below_bound: float = 0.0
+    displacement: float = 0.0
+    penetration: float = 0.0
+    complementarity: float = 0.0
+    stick_slip: float = 0.0
+    law: Law = UNREGULARISED
+    strain_energy: float = 0.0
+    potential_energy: float = 0.0
+
+    @property
+    def worst(self) -> float:
+        """The largest of the figures that are judged; what the regularisation leaves is not among them."""
+        return float(np.max([getattr(self, name) for name in JUDGED]))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the result is a solution by the law that its method promises."""
+        return self.worst <= CERTIFICATE_TOLERANCE
+
+    def as_dict(self) -> dict[str, float | bool | str]:
+        """All figures, the law, and the verdict."""
+        figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED)}
+        return {**figures, "law": str(self.law), "holds": self.holds}
+
+
+def certify(
+    scene: Scene,
+    tagged: TaggedMesh,
+    displacement: fem.Function,
+    tractions: Tractions | None,
+    *,
+    law: Law = UNREGULARISED,
+    step: int = 0,
+    scale: float = 1.0,
+    before: Before | None = None,
+) -> Certificate:
+    """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        displacement: y.
+        tractions: pressure and shear at the contact nodes; None for a scene without contact.
+        law: the contact law that the method promises.
+        step: the load step, from 0.
+        scale: factor of all loads and prescribed displacements.
+        before: the end of the load step before; None for the first one.
+
+    Raises:
+        ValueError: the tractions are not those of the contact nodes of the scene.
+    """
+    comm, space = tagged.mesh.comm, displacement.function_space
+    forces = NodalForces(scene, tagged, space)
+    every = displacement.x.array.reshape(-1, 2)
+    y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :2]
+    internal, external = forces.internal(every), forces.external(step, scale)
+    fixed, prescribed = _supports(forces, step, scale)
+    energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
+    strain_energy = max(0.0, float(energy) / 2)
+    modulus = max(a + b for a, b in map(hooke, scene.material))
+    far = _largest(comm, np.linalg.norm(y, axis=1))
+    # A stress-free motion has forces too, and one without change of volume: round-off of the largest modulus.
+    force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * modulus * _norm(comm, y))
+    length = max(_deformation(comm, x, y), _ROUND_OFF * far)
+    residual = internal - external
+    found: dict[str, Any] = {
+        "supports": _share(_largest(comm, np.abs(y - prescribed)[fixed]), length),
+        "displacement": far / tagged.size,
+    }
+    rest: dict[str, Any] = {
+        "law": law,
+        "strain_energy": strain_energy,
+        "potential_energy": strain_energy - float(work),
+    }
+    if tractions is None:
+        return Certificate(equilibrium=_share(_norm(comm, residual[~fixed]), force), **found, **rest)
+    nodes = _ContactNodes.of(scene, forces, x, tractions)
+    pressure, shear = nodes.pressure, nodes.shear
+    np.add.at(residual, nodes.nodes, nodes.forces())
+    # Where the contact transmits nothing its reactions are round-off of the stress in the body.
+    inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
+    finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
+    # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
+    tractions_at = np.maximum(np.abs(pressure), np.abs(shear))
+    free = ~nodes.supported(fixed)
+    carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
+    stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
+    # Where everything sticks, nothing moves but for round-off of what the stresses could move.
+    still = _FAINT * stress / scene.young * tagged.size
+    length, far = max(length, still), max(far, still)
+    unbalanced = np.where(fixed, 0.0, residual)[nodes.nodes] / nodes.weight[:, None]
+    equilibrium = max(
+        _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
+    )
+    u_n, u_t = nodes.traces(y)
+    overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
+    if before is not None:
+        last = _ContactNodes.of(scene, forces, x, before.tractions)
+        slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, 2))[1], last.shear
+    entered = overlap - pressure / law.gamma_n
+    xi = slip - (shear - origin) / law.gamma_t
+    if not np.isfinite(law.gamma_n):
+        # Where the supports decide on the distance, a penetration is the scene's own.
+        entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
+    bilateral = nodes.bilateral
+    distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
+    lacking = nodes.bound - shear * np.sign(xi)
+    figures = {
+        "negative_pressure": (-pressure[~bilateral], stress),
+        "friction_cone": (np.abs(shear) - nodes.bound, stress),
+        "wrong_way_slip": (_smaller(xi, length, -shear * np.sign(xi), stress), 1.0),
+        "entered": (np.where(bilateral, np.abs(entered), entered), length),
+        "pressure_at_distance": (_smaller(distance, length, pressure, stress), 1.0),
+        "slip_below_bound": (_smaller(xi, length, lacking, stress), 1.0),
+        "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
+        "complementarity": (np.abs(pressure * overlap), stress * far),
+        "stick_slip": (np.abs(slip)[np.abs(shear) < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
+    }
+    found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
+    return Certificate(equilibrium=equilibrium, **found, **rest)
+
+
+@dataclass(frozen=True)
+class _ContactNodes:
+    """The contact nodes of this rank, from the scene and the mesh, with the tractions at them.
+
+    Attributes:
+        nodes: local number of the node.
+        weight: length that the node stands for.
+        normal: outward unit normal, or the direction that the scene gives.
+        gap: d, length.
+        bound: F g of the friction law at the pressure at hand, stress.
+        bilateral: whether contact cannot open.
+        pressure: lambda.
+        shear: mu.
+    """
+
+    nodes: npt.NDArray[np.int64]
+    weight: Nodal
+    normal: Nodal
+    gap: Nodal
+    bound: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    pressure: Nodal
+    shear: Nodal
+
+    @classmethod
+    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> _ContactNodes:
+        columns: list[tuple[Any, ...]] = []
+        unmatched = False
+        for part, effect in enumerate(scene.contact):
+            moment = forces.moments(effect.boundary)
+            weight = np.linalg.norm(moment, axis=1)
+            nodes = np.flatnonzero(weight > 0)
+            normal = moment[nodes] / weight[nodes, None]
+            if effect.direction is not None:
+                normal = np.tile(np.asarray(effect.direction) / np.hypot(*effect.direction), (nodes.size, 1))
+            here = np.flatnonzero(np.asarray(tractions.part) == part)
+            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
+            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
+            pressure, shear = (
+                (values[here] if not unmatched else np.zeros(nodes.size))
+                for values in (tractions.pressure, tractions.shear)
+            )
+            points = np.zeros((3, nodes.size))
+            points[:2] = x[nodes].T
+            columns.append(
+                (
+                    nodes,
+                    weight[nodes],
+                    normal,
+                    sample(effect.gap, points),
+                    _friction_bound(effect.friction, points, pressure),
+                    np.full(nodes.size, isinstance(effect, BilateralContact)),
+                    pressure,
+                    shear,
+                )
+            )
+        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
+            raise ValueError("the tractions are not those of the contact nodes of the scene")
+        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+    @property
+    def tangent(self) -> Nodal:
+        """T = (-n_2, n_1)."""
+        return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
+
+    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y)."""
+        here = y[self.nodes]
+        return np.sum(here * self.normal, axis=1), np.sum(here * self.tangent, axis=1)
+
+    def forces(self) -> Nodal:
+        """W (lambda n + mu t), shape (n, 2)."""
+        traction = self.pressure[:, None] * self.normal + self.shear[:, None] * self.tangent
+        return self.weight[:, None] * traction
+
+    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Nodes where a support takes a part of the normal force."""
+        return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
+
+    def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Nodes that cannot move along their normal, because what is free at them is across it."""
+        return np.asarray(np.max(np.abs(self.normal) * free[self.nodes], axis=1, initial=0.0) <= _ALONG)
+
+
+def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
+    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
+    if not friction_acts(friction):
+        return np.zeros_like(pressure)
+    match friction:
+        case TrescaFriction(bound=bound):
+            return sample(bound, points)
+        case CoulombFriction(coefficient=coefficient, cap=cap):
+            bound = sample(coefficient, points) * np.abs(pressure)
+            return bound if cap is None else np.minimum(bound, sample(cap, points))
+    raise TypeError(f"no friction law: {friction!r}")
+
+
+def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
+    """Which components are prescribed, and to what, shape (owned nodes, 2) both; a later effect wins; collective."""
+    scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
+    fixed, value = np.zeros((owned, 2), dtype=bool), np.zeros((owned, 2))
+    x = space.tabulate_dof_coordinates()
+    dim = tagged.mesh.topology.dim - 1
+    for effect in scene.displacement:
+        nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
+        nodes = nodes[nodes < owned]
+        factor = scale * (1.0 if effect.factors is None else effect.factors[step])
+        prescribed = list(zip((0, 1), (effect.x, effect.y), (1.0, 1.0), strict=True))
+        if effect.normal is not None:
+            outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
+            axis = int(np.argmax(np.abs(outward)))
+            prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
+        for component, given, sign in prescribed:
+            if given is not None:
+                fixed[nodes, component] = True
+                value[nodes, component] = sign * factor * sample(given, x[nodes].T)
+    return fixed, value
+
+
+def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
+    """The largest displacement that is left when the rigid motion nearest to it is taken away; collective."""
+    count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
+    centre, mean = np.array(sums[:2]) / count, np.array(sums[2:]) / count
+    arm, motion = x - centre, y - mean
+    turned = np.column_stack((-arm[:, 1], arm[:, 0]))
+    moment, inertia = parallel.global_sum(comm, np.array([np.sum(turned * motion), np.sum(arm**2)]))
+    return _largest(comm, np.linalg.norm(motion - moment / inertia * turned, axis=1))
+
+
+def _smaller(a: Nodal, unit_a: float, b: Nodal, unit_b: float) -> Nodal:
+    """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
+    return np.minimum(np.abs(a) / (unit_a or 1.0), np.maximum(b, 0.0) / (unit_b or 1.0))
+
+
+def _largest(comm: MPI.Comm, values: Nodal) -> float:
+    """The largest value over the ranks, not below zero; nan where one is nan."""
+    return parallel.global_max(comm, float(np.nan_to_num(np.max(values, initial=0.0), nan=np.inf)))
+
+
+def _norm(comm: MPI.Comm, values: Nodal) -> float:
+    return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else part

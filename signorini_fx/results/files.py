@@ -1,0 +1,318 @@
+"""What a result folder holds: summary, tables, fields, pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem, io
+from mpi4py import MPI
+from pydantic import BaseModel
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.material import shear_energy_density, stress
+from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.csv_text import as_text
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.records import as_rows
+from signorini_fx.results.folder import SUMMARY, ResultFolder, cannot_be_written
+from signorini_fx.results.solution import Solution
+from signorini_fx.results.summary import summarise
+
+T = TypeVar("T")
+# What the files of fields take on each rank besides their data.
+_BYTES_PER_RANK = 100_000
+# The result of the last complete mesh, while the next one is being solved.
+LAST_LEVEL = "last_level"
+# All that a run may write; some of it only some runs do.  The report is about an older result then.
+_FILES = (
+    *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
+    *("displacement.bp", "stress.bp", "density.bp", "fields.xdmf", "fields.h5"),
+    *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
+    *("field_displacement.png", "field_density.png", "report.html"),
+    LAST_LEVEL,
+)
+# What changes along the contact boundary from load step to load step.
+_STEP_COLUMNS = ("x", "y", "s", "boundary", "u_n", "u_t", "pressure", "shear", "bound", "state", "friction")
+
+
+def write_results(
+    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool = True
+) -> dict[str, Any]:
+    """Write the result folder; collective.
+
+    Args:
+        solution: what to write, converged or not.
+        folder: made if it is not there, or claimed before.
+        fields: write the fields for ParaView.
+        pictures: draw the deformed mesh, the boundary profiles and the iteration history.
+
+    Returns:
+        The summary.
+
+    Raises:
+        OutputError: something could not be written; an older result is still there, or there is no summary.json.
+    """
+    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
+        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        claimed.commit(_FILES)
+    return summary
+
+
+def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool) -> dict[str, Any]:
+    """Write everything into the hidden part of a claimed folder; collective."""
+    comm, part = solution.comm, folder.part
+    table = solution.table if solution.contact is not None else None
+    summary = summarise(solution, table)
+    summary["scene"] = describe(solution.scene)
+    steps = summary.get("steps", [])
+    if fields:
+        folder.reserve(_size_of_fields(solution))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+    along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
+    gathered = gather_cells(solution) if pictures else None
+
+    def write() -> None:
+        try:
+            write_csv(part / "history.csv", as_rows(solution.history.iterations))
+            write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            if solution.price_list:
+                write_csv(part / "price_list.csv", as_rows(solution.price_list))
+            if len(steps) > 1:
+                write_csv(part / "steps.csv", steps)
+            if table is not None:
+                write_csv(part / "contact.csv", _rows(table.columns))
+            if along_steps:
+                write_csv(part / "contact_steps.csv", along_steps)
+            if gathered is not None:
+                _draw(solution, gathered, table, part)
+            text = json.dumps(_finite(summary), indent=2, allow_nan=False)
+            (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        except Exception as error:  # matplotlib fails once more on the file that a full disk has cut off
+            if (reason := _of_the_system(error)) is None:
+                raise
+            raise cannot_be_written(folder.path, reason) from None
+
+    parallel.on_root(comm, write)
+    return summary
+
+
+def _of_the_system(error: BaseException | None) -> OSError | None:
+    """The error of the system that others have followed, None: there is none."""
+    while error is not None and not isinstance(error, OSError):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _finite(value: Any) -> Any:
+    """Plain data as JSON has it: what a solve that failed could not compute is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
+    """What all ranks write together; a rank that cannot is heard by all."""
+    result, error = None, None
+    try:
+        result = write()
+    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 have the second
+        error = cannot_be_written(folder.path, reason)
+    parallel.raise_together(comm, error)
+    return cast(T, result)
+
+
+def _rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Columns of equal length as rows."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
+    """The contact boundary of each load step in turn, step number first; collective."""
+    names = [effect.boundary for effect in solution.scene.contact]
+    found: list[dict[str, Any]] = []
+    for result in solution.steps:
+        if result.contact is not None:
+            columns = contact_table(result.contact, names).columns
+            found += [{"step": result.step, **row} for row in _rows({name: columns[name] for name in _STEP_COLUMNS})]
+    return found
+
+
+def describe(value: Any) -> Any:
+    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type."""
+    if isinstance(value, BaseModel):
+        return {name: describe(getattr(value, name)) for name in type(value).model_fields}
+    if isinstance(value, Mapping):
+        return {str(key): describe(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [describe(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    if isinstance(value, Path):
+        return value.name
+    return getattr(value, "text", f"<{type(value).__name__}>")
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Rows with a header; numbers with all their digits, names as text that no spreadsheet takes for a formula."""
+    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        if rows:
+            writer = csv.DictWriter(file, rows[0].keys())
+            writer.writeheader()
+            writer.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
+
+
+def _cell(value: Any) -> Any:
+    """A value as it stands in a CSV file."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return as_text(value) if isinstance(value, str) else value
+
+
+def _hypothesis(solution: Solution) -> str:
+    """Plane strain or plane stress: one for the whole body."""
+    return solution.scene.material[0].hypothesis
+
+
+def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
+    """Stress (xx, yy, xy) and shear energy density, discontinuous, of the degree that they have."""
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    y = solution.displacement
+    sigma = stress(y, *d.lame)
+    density = shear_energy_density(y, *d.lame, _hypothesis(solution))
+    degree = max(solution.scene.element.degree, 1)
+    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,))), name="stress")
+    scalar = fem.Function(fem.functionspace(mesh, ("DG", degree)), name="shear_energy_density")
+    for function, expression in (
+        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))),
+        (scalar, density),
+    ):
+        points = compat.interpolation_points(function.function_space.element)
+        with compiling():
+            compiled = fem.Expression(expression, points, dtype=default_scalar_type)
+        function.interpolate(compiled)
+    return vector, scalar
+
+
+def _size_of_fields(solution: Solution) -> float:
+    """About how many bytes the fields take, rather too many: points, cells and values of three files."""
+    d = solution.discretisation
+    topology = d.tagged.mesh.topology
+    cells = topology.index_map(topology.dim).size_global
+    corners = int(d.space.dofmap.list.shape[1])
+    point, cell = 3 * 8 + 3 * 8 + 9, 8 * (corners + 1)
+    continuous, broken = d.dofs // 2 * point + cells * cell, cells * (corners * point + cell)
+    return continuous + 2 * broken + _BYTES_PER_RANK * solution.comm.size
+
+
+def write_fields(solution: Solution, folder: Path) -> list[str]:
+    """Displacement, stress and shear energy density for ParaView: VTX (ADIOS2), else XDMF; collective.
+
+    Returns:
+        Names of the files.
+    """
+    comm = solution.comm
+    stress_field, density = _stress_fields(solution)
+    if compat.has_vtx():
+        for name, functions in (
+            ("displacement", [solution.displacement]),
+            ("stress", [stress_field]),
+            ("density", [density]),
+        ):
+            with io.VTXWriter(comm, folder / f"{name}.bp", functions, engine="BP4") as file:
+                file.write(0.0)
+        return ["displacement.bp", "stress.bp", "density.bp"]
+    mesh = solution.discretisation.tagged.mesh
+    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))), name="displacement")
+    nodal.interpolate(solution.displacement)
+    with io.XDMFFile(comm, folder / "fields.xdmf", "w") as file:
+        file.write_mesh(mesh)
+        file.write_function(nodal)
+    return ["fields.xdmf", "fields.h5"]
+
+
+@dataclass(frozen=True)
+class GatheredCells:
+    """The whole mesh with its result on one rank, for a picture.
+
+    Attributes:
+        points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
+        cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
+        displacement: at the points, shape (n, 2).
+        density: shear energy density, one value a cell (at its midpoint), shape (m,).
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    displacement: npt.NDArray[np.float64]
+    density: npt.NDArray[np.float64]
+
+
+def gather_cells(solution: Solution) -> GatheredCells:
+    """Vertices, cells and their values from all ranks; collective."""
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    comm = solution.comm
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
+    linear.interpolate(solution.displacement)
+    constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
+    points = compat.interpolation_points(constant.function_space.element)
+    with compiling():
+        compiled = fem.Expression(density, points, dtype=default_scalar_type)
+    constant.interpolate(compiled)
+    space = linear.function_space
+    cells = space.dofmap.list[:owned].astype(np.int64)
+    if cells.shape[1] == 4:
+        cells = cells[:, [0, 1, 3, 2]]
+    x = space.tabulate_dof_coordinates()[:, :2]
+    counts = comm.allgather(x.shape[0])
+    cells += sum(counts[: comm.rank])
+    per_cell = constant.x.array[constant.function_space.dofmap.list[:owned, 0]]
+    return GatheredCells(
+        parallel.gather_rows(comm, x),
+        parallel.gather_rows(comm, cells),
+        parallel.gather_rows(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
+        parallel.gather_rows(comm, per_cell),
+    )
+
+
+def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
+    from signorini_fx.report import plots  # matplotlib takes a while to import
+    from signorini_fx.report.pyvista_pictures import draw_fields
+
+    title = plots.plain(solution.scene.title)
+    gap = None
+    if table is not None:
+        c = table.columns
+        gap = np.column_stack((c["x"], c["y"])), np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
+    plots.deformed_mesh(
+        folder / "deformed",
+        gathered.points,
+        gathered.cells,
+        gathered.displacement,
+        gathered.density,
+        gap=gap,
+        title=title,
+    )
+    factor = plots.magnification(gathered.points, gathered.displacement)
+    draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
+    if table is not None:
+        plots.boundary_profiles(folder / "profiles", table.columns, title=title)
+    if solution.history.iterations:
+        plots.iteration_history(folder / "history", as_rows(solution.history.iterations))
+    if solution.price_list:
+        plots.price_list(folder / "price_list", as_rows(solution.price_list), title=title)

@@ -1,0 +1,667 @@
+"""The scene: which effects are on, and their data.  No mesh, no forms; nothing here imports dolfinx.
+
+A scene is a TOML file (``read_scene``) or built in Python (``Scene(...)``), validated the same way: unknown keys are
+refused, and all mistakes are reported at once, each with its path.
+
+A *value* is a number, an expression of ``x[0]`` and ``x[1]`` (``expressions.Expression``), or in Python also a callable
+``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces) a UFL expression.
+Units are the user's own as long as they agree: forces, lengths and stresses of one system.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    InstanceOf,
+    Tag,
+    ValidationError,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
+
+from signorini_fx.errors import SceneError
+from signorini_fx.scene import magnitudes
+from signorini_fx.scene.expressions import Expression
+
+_LONGEST_SHOWN = 200
+
+
+def _shown(given: Any) -> str:
+    """A value in a message, cut where it is long."""
+    try:
+        text = repr(given).lower() if isinstance(given, bool) else repr(given)
+    except ValueError:  # Python does not print whole numbers of thousands of digits
+        return "a number with thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def _bounded(number: float) -> float:
+    wrong = magnitudes.complaint(number)
+    if wrong is not None:
+        raise ValueError(f"{wrong}, got {_shown(number)}")
+    return number
+
+
+def _value(given: Any) -> Any:
+    """A number, an expression, a callable or UFL; everything else is refused."""
+    if isinstance(given, bool):
+        raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
+    if isinstance(given, int | float):
+        try:
+            number = float(given)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise ValueError("the number must be finite")
+        return _bounded(number)
+    if isinstance(given, str):
+        return Expression(given)
+    if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
+        return given
+    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+
+
+def _not_negative(given: Any) -> Any:
+    if isinstance(given, float) and given < 0:
+        raise ValueError(f"must not be negative, got {given:g}")
+    return given
+
+
+Value = Annotated[Any, BeforeValidator(_value), WithJsonSchema({"type": ["number", "string"]})]
+NonNegativeValue = Annotated[
+    Any, BeforeValidator(lambda v: _not_negative(_value(v))), WithJsonSchema({"type": ["number", "string"]})
+]
+
+
+def _number_or_auto(given: Any) -> Any:
+    """A positive number or the word auto, with one message where it is neither."""
+    if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
+        raise ValueError(f"a positive number or 'auto' is wanted, got {_shown(given)}")
+    return given if given == "auto" else _bounded(given)
+
+
+def _count_or_auto(given: Any) -> Any:
+    if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
+        raise ValueError(f"a positive whole number or 'auto' is wanted, got {_shown(given)}")
+    return given
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
+Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
+Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def _selection(given: Any) -> Any:
+    """A number in the cell data of a mesh file, or a rule; everything else is refused."""
+    if type(given) is int or isinstance(given, Expression) or callable(given):
+        return given
+    if isinstance(given, str):
+        return Expression(given)
+    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+
+
+Selection = Annotated[Any, BeforeValidator(_selection), WithJsonSchema({"type": ["integer", "string"]})]
+
+
+class MeshFile(_Model):
+    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
+
+    Attributes:
+        file: .msh or .geo of gmsh, .inp, .med, .vtu or .xdmf.
+        boundaries: names for boundaries: the number of its facets in the cell data of the file, or a rule, an
+            expression that is true or positive at both ends of its facets, which are exterior ones.
+        regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
+        data: the cell data that the numbers refer to; None: the only one.
+    """
+
+    file: Path
+    boundaries: dict[str, Selection] = {}
+    regions: dict[str, Selection] = {}
+    data: str | None = None
+
+
+class MeshGenerator(_Model):
+    """A mesh from one of the generators in ``meshes/``."""
+
+    generator: str
+    parameters: dict[str, float | int | str | bool] = {}
+
+
+class Discretised(_Model):
+    """The finite element: Lagrange of this degree on the cells that the mesh has.
+
+    Attributes:
+        degree: polynomial degree of the displacement.
+        volumetric: ``full``: all terms are integrated exactly; ``reduced``: the volumetric term with fewer points,
+            which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
+            eliminated); ``auto``: reduced where some nu is at least 0.45 in plane strain and the element has a reduced
+            form.
+    """
+
+    degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
+    volumetric: Literal["full", "reduced", "auto"] = "full"
+
+
+class LinearElastic(_Model):
+    """Isotropic linear elasticity.
+
+    Attributes:
+        young: Young's modulus E > 0, stress.
+        poisson: Poisson's ratio nu in (-1, 0.5).
+        hypothesis: what becomes of the third dimension.
+        region: name of the part of the body that is made of it; None: all of it.
+    """
+
+    young: Positive
+    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
+    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    region: str | None = None
+
+
+class _Load(_Model):
+    """What load steps multiply.
+
+    Attributes:
+        factors: one number a load step; None: 1 in every step.
+    """
+
+    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+
+class BodyForce(_Load):
+    """Force per volume, f of (1.1a)."""
+
+    x: Value = 0.0
+    y: Value = 0.0
+
+
+class SurfaceTraction(_Load):
+    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], stress.
+        y: component along x[1], stress.
+        pressure: pushes against the boundary along the inward normal, stress.
+    """
+
+    boundary: str
+    x: Value = 0.0
+    y: Value = 0.0
+    pressure: Value = 0.0
+
+
+class PrescribedDisplacement(_Load):
+    """Displacement prescribed on a boundary; a component that is not named stays free.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], length.
+        y: component along x[1], length.
+        normal: component along the outward normal, length, on a boundary along an axis (0: symmetry).
+    """
+
+    boundary: str
+    x: Value | None = None
+    y: Value | None = None
+    normal: Value | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.x is None and self.y is None and self.normal is None:
+            raise ValueError("names no component: give x, y, both, or normal")
+        if self.normal is not None and (self.x is not None or self.y is not None):
+            raise ValueError("give either normal or x and y")
+        return self
+
+
+class NoFriction(_Model):
+    """Frictionless contact, said aloud."""
+
+    law: Literal["none"] = "none"
+
+
+class TrescaFriction(_Model):
+    """Given friction: |mu| <= bound (2.3d'), bound a stress."""
+
+    law: Literal["tresca"] = "tresca"
+    bound: NonNegativeValue
+
+
+class CoulombFriction(_Model):
+    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
+
+    Attributes:
+        law: its name.
+        coefficient: F, without unit.
+        cap: largest shear that the contact can transmit, stress; None: no such limit.
+    """
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: NonNegativeValue
+    cap: NonNegativeValue | None = None
+
+
+Friction = NoFriction | TrescaFriction | CoulombFriction
+
+
+class _Contact(_Model):
+    """Contact of a boundary with a rigid foundation.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
+    """
+
+    boundary: str
+    gap: Value = 0.0
+    direction: tuple[Finite, Finite] | None = None
+    friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
+
+    @field_validator("direction")
+    @classmethod
+    def _not_zero(cls, given: tuple[float, float] | None) -> tuple[float, float] | None:
+        if given == (0.0, 0.0):
+            raise ValueError("must not be zero")
+        return given
+
+
+class UnilateralContact(_Contact):
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it."""
+
+    kind: Literal["unilateral"] = "unilateral"
+
+
+class BilateralContact(_Contact):
+    """Contact that cannot open: tau_N y = d; only friction is left to decide."""
+
+    kind: Literal["bilateral"]
+
+
+Contact = UnilateralContact | BilateralContact
+
+
+def _contact_kind(given: Any) -> str:
+    """Contact is unilateral unless it says otherwise."""
+    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
+    return kind if isinstance(kind, str) else _shown(kind)
+
+
+class Box(_Model):
+    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted."""
+
+    x: tuple[float, float] = (-math.inf, math.inf)
+    y: tuple[float, float] = (-math.inf, math.inf)
+
+    @field_validator("x", "y")
+    @classmethod
+    def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
+        if not given[0] <= given[1]:
+            raise ValueError(f"an interval [low, high] is wanted, got {list(given)}")
+        return given
+
+
+class SolverSettings(_Model):
+    """How the scene is solved; every default works for every scale and unit.
+
+    Attributes:
+        algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation`` (from a first gamma to
+            the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
+            (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
+        coulomb: how the friction bound meets the pressure: ``fp`` (fixed point of Tresca problems, section 6.3; with
+            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where a coarser mesh
+            gives the start, else fp.
+        gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
+            Young's modulus over the size of the body.
+        gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
+        sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
+            slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
+        initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
+            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all, but
+            where a condensed system has more than 300 contact nodes the problem is solved on fewer of them first.
+        gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
+        gamma_factor: alm with given friction: growth of gamma from one problem to the next.
+        inner_iterations: alm with given friction: linear solves allowed for one problem (inexact); ``auto``: until its
+            sets repeat.
+        regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
+            the discretisation error.
+        linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or GMRES with
+            algebraic multigrid), ``condensed`` (the contact nodes only, dense; one rank), ``auto`` (condensed where it
+            is cheaper, else full).
+        levels: meshes of a nested iteration, each with elements half as large as the one before; the last is the mesh
+            of the scene, which must come from a generator.
+        max_iterations: linear solves allowed for one regularised problem.
+        max_outer_iterations: outer iterations allowed.
+        tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
+            relatively by no more than this.
+        largest_deformation: the largest deformation that is taken for one: mean size of the displacement gradient
+            (strain and rotation), and largest displacement over the size of the body; beyond it linear elasticity has
+            no meaning, and the outcome says so.
+        fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
+            Limits on iterations that are lower than usual are kept: they are an end, no failure.
+    """
+
+    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
+    coulomb: Literal["auto", "fp", "newton"] = "auto"
+    gamma_n: Automatic = "auto"
+    gamma_t: Automatic = "auto"
+    sigma: Automatic = "auto"
+    initial_contact: Box | Literal["auto", "all"] | Value = "auto"
+    gamma_first: Automatic = "auto"
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(_bounded)] = 1.0
+    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
+    regularisation_error: Automatic = "auto"
+    linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
+    levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
+    max_iterations: Count = 100
+    max_outer_iterations: Count = 100
+    tolerance: Positive = 1e-7
+    largest_deformation: Positive = 0.5
+    fallbacks: bool = True
+
+    @field_validator("initial_contact", mode="before")
+    @classmethod
+    def _region(cls, given: Any) -> Any:
+        if given in ("auto", "all") or isinstance(given, Box):
+            return given
+        return Box.model_validate(given) if isinstance(given, Mapping) else _value(given)
+
+
+class Accuracy(_Model):
+    """An accuracy that is asked for: meshes are refined, and gamma raised, until the estimate meets it.
+
+    Attributes:
+        target: relative error allowed.
+        of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
+            the contact zones, or the largest pressure.
+        refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
+            estimated error is; ``auto``: for displacement, pressure and force, bodies with straight sides get
+            triangles of degree 2, divided where the error is; bodies with arcs from a generator, drawings (.geo) and
+            mesh files with curved cells elements and cells of degree 2, refined uniformly; else uniform.
+        seconds: wall time allowed; None: no limit.
+        memory: peak memory of all ranks allowed, GB; None: no limit.
+    """
+
+    target: Annotated[float, Field(gt=0, lt=1, strict=True)]
+    of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
+    refinement: Literal["auto", "uniform", "adaptive"] = "auto"
+    seconds: Positive | None = None
+    memory: Positive | None = None
+
+
+class TaggedMeshBase:
+    """What ``mesh.TaggedMesh`` derives from, so that a scene can hold one without importing dolfinx."""
+
+
+def _one_or_many(given: Any) -> Any:
+    return [given] if isinstance(given, Mapping | BaseModel) else given
+
+
+class Scene(_Model):
+    """An elastic body, its loads, its supports and its contact with a rigid foundation."""
+
+    title: str = ""
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    element: Discretised = Discretised()
+    material: tuple[LinearElastic, ...]
+    displacement: tuple[PrescribedDisplacement, ...] = ()
+    traction: tuple[SurfaceTraction, ...] = ()
+    body_force: BodyForce | None = None
+    contact: tuple[
+        Annotated[
+            Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
+            Discriminator(_contact_kind),
+        ],
+        ...,
+    ] = ()
+    solver: SolverSettings = SolverSettings()
+    accuracy: Accuracy | None = None
+
+    _lists = field_validator("material", "displacement", "traction", "contact", mode="before")(_one_or_many)
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, given: Any) -> Any:
+        """Decide by the key, so that a mistake is reported for the kind of mesh that was meant."""
+        if isinstance(given, Mapping):
+            if ("file" in given) == ("generator" in given):
+                raise ValueError("give either file or generator")
+            return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
+        if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
+            raise ValueError("a table with file or generator is wanted")
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [effect.boundary for effect in self.contact]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
+        for effect in self.displacement:
+            in_full = effect.x is not None and effect.y is not None
+            if effect.boundary in names and (in_full or effect.normal is not None):
+                raise ValueError(
+                    f"boundary {effect.boundary!r} has its displacement prescribed and is in contact as well: "
+                    "choose one"
+                )
+        regions = [material.region for material in self.material]
+        if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
+            raise ValueError("give one material, or several, each with the name of its own region")
+        if len({material.hypothesis for material in self.material}) > 1:
+            raise ValueError("all materials must have the same hypothesis")
+        if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
+            raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
+        if self.accuracy is not None and not self.contact:
+            raise ValueError("accuracy needs a scene with contact")
+        lengths = {len(load.factors) for load in self.loads if load.factors is not None}
+        if len(lengths) > 1:
+            raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
+        return self
+
+    @property
+    def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
+        """All that load steps multiply."""
+        return (*self.displacement, *self.traction, *([self.body_force] if self.body_force is not None else []))
+
+    @property
+    def steps(self) -> int:
+        """Number of load steps."""
+        return max((len(load.factors) for load in self.loads if load.factors is not None), default=1)
+
+    @property
+    def young(self) -> float:
+        """Young's modulus of the stiffest material, the natural unit of stress."""
+        return max(material.young for material in self.material)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
+        return any(friction_acts(effect.friction) for effect in self.contact)
+
+    @property
+    def has_coulomb(self) -> bool:
+        """Whether any friction bound depends on the contact pressure."""
+        return any(isinstance(e.friction, CoulombFriction) and friction_acts(e.friction) for e in self.contact)
+
+
+def friction_acts(friction: Friction) -> bool:
+    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and takes its path."""
+    match friction:
+        case TrescaFriction(bound=amount):
+            return amount != 0.0
+        case CoulombFriction(coefficient=amount, cap=cap):
+            return amount != 0.0 and cap != 0.0
+    return False
+
+
+def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
+    """A validated scene from plain data.
+
+    Args:
+        data: the scene as nested mappings, as ``tomllib`` gives them.
+        source: what to call it in messages.
+        folder: mesh files are looked up relative to it.
+
+    Raises:
+        SceneError: with every mistake at once.
+    """
+    try:
+        scene = Scene.model_validate(dict(data))
+    except ValidationError as error:
+        raise SceneError(_problems(error, data), source) from None
+    if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
+        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
+    return scene
+
+
+_LARGEST_FILE = 1_000_000
+# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
+_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
+
+
+def read_scene_text(path: Path) -> str:
+    """The text of a scene file.
+
+    Raises:
+        SceneError: the file cannot be read as text, or has no end.
+    """
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_LARGEST_FILE + 1)
+    except OSError as error:
+        raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
+    except ValueError as error:  # a null byte in the path
+        raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
+    if len(text) > _LARGEST_FILE:
+        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
+    return text
+
+
+def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
+    """A validated scene from the text of the TOML file at ``path``.
+
+    Args:
+        text: the scene.
+        path: where it comes from; mesh files are looked up beside it.
+        overrides: entries that replace those of the text, table by table.
+
+    Raises:
+        SceneError: syntax error with line and column, or every mistake of the content at once.
+    """
+    if found := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
+    try:
+        data = tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
+        raise SceneError([("syntax", str(error))], str(path)) from None
+    except RecursionError:
+        raise SceneError([("syntax", "nested too deeply")], str(path)) from None
+    for table, entries in (overrides or {}).items():
+        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
+            data[table] = {**said, **entries}
+    return parse_scene(data, str(path), path.parent)
+
+
+def read_scene(path: str | Path) -> Scene:
+    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors)."""
+    path = Path(path)
+    return parse_scene_text(read_scene_text(path), path)
+
+
+_MESSAGES = {
+    "extra_forbidden": "unknown key",
+    "unexpected_keyword_argument": "unknown key",
+    "missing": "is missing",
+    "union_tag_not_found": "is missing",
+}
+
+
+def plain_message(detail: Any) -> str:
+    """What pydantic complains of, in the words of this package."""
+    match detail:
+        case {"type": str(kind)} if kind in _MESSAGES:
+            return _MESSAGES[kind]
+        case {"type": "model_type"}:
+            return "must be a table"
+        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
+            return f"must be one of {known}, got {tag!r}"
+    message = str(detail["msg"]).removeprefix("Value error, ")
+    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
+
+
+# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
+_MOST_GUESSES = 50
+
+
+def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """One entry a path: where pydantic tried several types, what each of them would have wanted."""
+    found: dict[str, list[str]] = {}
+    for number, detail in enumerate(error.errors()):
+        path, message = _problem(detail, data, guess=number < _MOST_GUESSES)
+        found.setdefault(path, []).append(message)
+    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
+
+
+def _problem(detail: Any, data: Mapping[str, Any], *, guess: bool) -> tuple[str, str]:
+    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
+    path = ""
+    node: Any = data
+    for part in detail["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]" if isinstance(node, Sequence) else ""
+            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
+        elif (isinstance(node, Mapping) and part in node) or (
+            detail["type"] == "missing" and part == detail["loc"][-1]
+        ):
+            name = part or '""'
+            path += f".{name}" if path else name
+            node = node[part] if isinstance(node, Mapping) and part in node else node
+    message = plain_message(detail)
+    given = detail.get("input")
+    if detail["type"] == "extra_forbidden" and guess:
+        message += _meant(str(detail["loc"][-1]))
+    if detail["type"].startswith("union_tag"):
+        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
+    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and _shown(given) not in message:
+        message += f", got {_shown(given)}"
+    return path or "scene", message
+
+
+def _meant(key: str) -> str:
+    """Where an unknown key belongs, or what it was perhaps to be."""
+    if key in Scene.model_fields:
+        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
+    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in Scene.model_fields.items()}
+    home = next((name for name, fields in tables.items() if key in fields), None)
+    if home is not None:
+        return f" here: it belongs to [{home}]"
+    similar = difflib.get_close_matches(key, _keys(_Model), n=1, cutoff=0.75)
+    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    """All keys of a table and of those that derive from it."""
+    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
