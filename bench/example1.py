@@ -12,7 +12,8 @@ from mpi4py import MPI
 from signorini_fx.contact.state import ContactState
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene, parse_scene
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,7 +12,6 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "errors": (
-        "ConvergenceError",
         "InstallationError",
         "MachineError",
         "MeshError",
@@ -20,10 +19,11 @@ _PUBLIC = {
         "SceneError",
         "SignoriniError",
     ),
-    "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
-    "results": ("Status",),
-    "io": ("write_results",),
-    "scene": (
+    "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
+    "records": ("Status",),
+    "results.files": ("write_results",),
+    "results.solution": ("ConvergenceError", "Solution"),
+    "scene.model": (
         "Accuracy",
         "BilateralContact",
         "BodyForce",
@@ -40,11 +40,10 @@ _PUBLIC = {
         "SurfaceTraction",
         "TrescaFriction",
         "UnilateralContact",
-        "read_scene",
     ),
-    "solution": ("Solution",),
-    "solver": ("solve",),
-    "parameter_sweep": ("SweepPoint", "sweep"),
+    "scene.reading": ("read_scene",),
+    "solving.solver": ("solve",),
+    "solving.sweep": ("SweepPoint", "sweep"),
 }
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 

@@ -270,7 +270,7 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
     from signorini_fx import parallel
     from signorini_fx.linalg.petsc_start import start_petsc
-    from signorini_fx.scene.model import parse_scene_text, read_scene_text
+    from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
@@ -336,7 +336,7 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
 
     from signorini_fx import parallel
     from signorini_fx.linalg.petsc_start import start_petsc
-    from signorini_fx.scene.model import read_scene
+    from signorini_fx.scene.reading import read_scene
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
@@ -408,7 +408,7 @@ def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
 
     from signorini_fx import parallel
     from signorini_fx.linalg.petsc_start import start_petsc
-    from signorini_fx.scene.model import parse_scene_text, read_scene_text
+    from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
     try:

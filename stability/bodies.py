@@ -197,7 +197,7 @@ def solved_load(scene: dict[str, Any]) -> float:
     from signorini_fx.body.discretisation import discretise
     from signorini_fx.mesh.tagged import load_mesh
     from signorini_fx.records import Timings
-    from signorini_fx.scene.model import parse_scene
+    from signorini_fx.scene.reading import parse_scene
 
     parsed = parse_scene(scene)
     applied = discretise(parsed, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied

@@ -30,7 +30,7 @@ from signorini_fx.mesh.files import gmsh_files, gmsh_process
 from signorini_fx.mesh.tagged import read_mesh
 from signorini_fx.records import Status
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import parse_scene, parse_scene_text
+from signorini_fx.scene.reading import parse_scene, parse_scene_text
 from signorini_fx.scene.template import starting_scene
 from signorini_fx.solving.solver import solve
 from stability.case import CONVERGED, Case, Finding

@@ -14,7 +14,8 @@ from signorini_fx.contact.laws import ActiveSets, Nodal
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene, parse_scene
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import contact_task, solve, solve_contact
 from stability.case import Finding
 

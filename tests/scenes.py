@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from signorini_fx.contact.table import contact_table
 from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}

@@ -10,7 +10,8 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import ActiveSets
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.model import PrescribedDisplacement, parse_scene
+from signorini_fx.scene.model import PrescribedDisplacement
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import contact_task
 from signorini_fx.solving.strategy import run
 

@@ -13,7 +13,7 @@ from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digit
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])

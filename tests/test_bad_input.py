@@ -31,7 +31,7 @@ from signorini_fx.report import page, plots
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scene import magnitudes
-from signorini_fx.scene.model import parse_scene_text
+from signorini_fx.scene.reading import parse_scene_text
 from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD

@@ -8,7 +8,7 @@ from scenes import alone, example1, on_mesh, rectangle, table_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import boundary_levels
 from signorini_fx.solving.solver import contact_task
 

@@ -25,7 +25,8 @@ from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import template
-from signorini_fx.scene.model import LinearElastic, parse_scene, parse_scene_text, read_scene
+from signorini_fx.scene.model import LinearElastic
+from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
 BLOCK = {

@@ -7,7 +7,7 @@ import pytest
 from scenes import alone, example1
 
 from signorini_fx.records import Status
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import solver, strategy
 from stability.friction import STIFFNESS
 from stability.shapes import triangle

@@ -30,7 +30,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
 from signorini_fx.scene import model as scene
-from signorini_fx.scene.model import parse_scene, read_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.template import starting_scene
 
 ROOT = Path(__file__).parent.parent

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import on_mesh, rectangle
 
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 PETSc.Log.begin()

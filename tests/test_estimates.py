@@ -15,7 +15,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 
 NX = 4
 JUMP = 1.1

@@ -25,7 +25,7 @@ from signorini_fx.linalg import choice, full
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scene.model import read_scene_text
+from signorini_fx.scene.reading import read_scene_text
 from signorini_fx.solving.solver import solve
 
 SELF = MPI.COMM_SELF

@@ -16,7 +16,7 @@ from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 GAMMA_N, GAMMA_T = 2e6, 7e5

@@ -17,7 +17,8 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.arrays import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, triangle_parameters
-from signorini_fx.scene.model import Discretised, parse_scene
+from signorini_fx.scene.model import Discretised
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 

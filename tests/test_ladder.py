@@ -14,7 +14,7 @@ from signorini_fx.contact import resting
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import solver, strategy, task
 from signorini_fx.solving.solver import contact_task
 

@@ -7,7 +7,7 @@ from scenes import alone, example1, table_of
 
 from signorini_fx.linalg import full, schur
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
 
 

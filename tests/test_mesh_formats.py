@@ -15,7 +15,7 @@ from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import areas, quality
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import read_mesh
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 LENGTH, HEIGHT, NX, NY = 3.0, 1.0, 12, 4

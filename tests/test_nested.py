@@ -9,7 +9,7 @@ from mpi4py import MPI
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.solver import solve
 

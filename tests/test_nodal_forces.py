@@ -13,7 +13,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 
 LOADS = {
     "body_force": {"x": "x[1]", "y": -3.0},

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx.records import Status
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
 
 

@@ -18,7 +18,8 @@ from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import certify
-from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction, parse_scene
+from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import contact_task, solve
 
 pytestmark = pytest.mark.mpi

@@ -15,7 +15,7 @@ from scenes import alone, example1
 
 from signorini_fx.contact.table import contact_table
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 
 LENGTH, HEIGHT = 1.5, 1.0
 YOUNG, POISSON = 5000.0, 0.3

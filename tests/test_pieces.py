@@ -17,7 +17,7 @@ from signorini_fx.body.pieces import MOST_PIECES, find_pieces
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import contact_task, from_rest, solve
 
 WORLD = MPI.COMM_WORLD

@@ -10,7 +10,8 @@ from scenes import alone, example1
 from signorini_fx.accuracy import estimators
 from signorini_fx.body import material
 from signorini_fx.results.files import gather_cells
-from signorini_fx.scene.model import LinearElastic, parse_scene
+from signorini_fx.scene.model import LinearElastic
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 YOUNG, POISSON = 5000.0, 0.3

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import Status
-from signorini_fx.scene.model import parse_scene, parse_scene_text
+from signorini_fx.scene.reading import parse_scene, parse_scene_text
 from signorini_fx.scene.template import starting_scene
 from signorini_fx.solving.solver import solve
 

@@ -10,7 +10,8 @@ from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.model import SurfaceTraction, parse_scene
+from signorini_fx.scene.model import SurfaceTraction
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import strategy
 from signorini_fx.solving.solver import contact_task
 

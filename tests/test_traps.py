@@ -16,7 +16,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Status, Timings
 from signorini_fx.report.page import write_report
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 WORLD = MPI.COMM_WORLD

@@ -12,7 +12,7 @@ from signorini_fx import cli
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.report.plots import read_csv
-from signorini_fx.scene.model import read_scene
+from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies import work_precision
 from signorini_fx.studies.reference import Reference, on_mesh, reference_errors

@@ -4,7 +4,7 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from signorini_fx.scene.model import parse_scene, read_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.studies.reference import Reference, divided, overkill, reference_errors
 
 SCENES = Path(__file__).parent.parent / "scenes"

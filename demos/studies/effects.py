@@ -22,7 +22,7 @@ from mpi4py import MPI
 from signorini_fx.accuracy.price_list import peak_memory
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.results.files import write_csv
-from signorini_fx.scene.model import parse_scene
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 PRESSED = {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"}

@@ -20,7 +20,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene, parse_scene, read_scene
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.solving.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"

@@ -10,11 +10,8 @@ Units are the user's own as long as they agree: forces, lengths and stresses of 
 
 from __future__ import annotations
 
-import difflib
 import math
-import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -27,102 +24,32 @@ from pydantic import (
     Field,
     InstanceOf,
     Tag,
-    ValidationError,
-    WithJsonSchema,
     field_validator,
     model_validator,
 )
 
-from signorini_fx.errors import SceneError
-from signorini_fx.scene import magnitudes
-from signorini_fx.scene.expressions import Expression
-
-_LONGEST_SHOWN = 200
-
-
-def _shown(given: Any) -> str:
-    """A value in a message, cut where it is long."""
-    try:
-        text = repr(given).lower() if isinstance(given, bool) else repr(given)
-    except ValueError:  # Python does not print whole numbers of thousands of digits
-        return "a number with thousands of digits"
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
-
-
-def _bounded(number: float) -> float:
-    wrong = magnitudes.complaint(number)
-    if wrong is not None:
-        raise ValueError(f"{wrong}, got {_shown(number)}")
-    return number
+from signorini_fx.scene.values import (
+    Automatic,
+    Count,
+    Finite,
+    NonNegativeValue,
+    Positive,
+    Selection,
+    Value,
+    bounded,
+    count_or_auto,
+    shown,
+    value,
+)
 
 
-def _value(given: Any) -> Any:
-    """A number, an expression, a callable or UFL; everything else is refused."""
-    if isinstance(given, bool):
-        raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
-    if isinstance(given, int | float):
-        try:
-            number = float(given)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            raise ValueError("the number must be finite")
-        return _bounded(number)
-    if isinstance(given, str):
-        return Expression(given)
-    if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
-        return given
-    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+class Table(BaseModel):
+    """A table of a scene: its keys are known, its entries do not change."""
 
-
-def _not_negative(given: Any) -> Any:
-    if isinstance(given, float) and given < 0:
-        raise ValueError(f"must not be negative, got {given:g}")
-    return given
-
-
-Value = Annotated[Any, BeforeValidator(_value), WithJsonSchema({"type": ["number", "string"]})]
-NonNegativeValue = Annotated[
-    Any, BeforeValidator(lambda v: _not_negative(_value(v))), WithJsonSchema({"type": ["number", "string"]})
-]
-
-
-def _number_or_auto(given: Any) -> Any:
-    """A positive number or the word auto, with one message where it is neither."""
-    if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
-        raise ValueError(f"a positive number or 'auto' is wanted, got {_shown(given)}")
-    return given if given == "auto" else _bounded(given)
-
-
-def _count_or_auto(given: Any) -> Any:
-    if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
-        raise ValueError(f"a positive whole number or 'auto' is wanted, got {_shown(given)}")
-    return given
-
-
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(_bounded)]
-Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
-Automatic = Annotated[float | Literal["auto"], BeforeValidator(_number_or_auto)]
-
-
-class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-def _selection(given: Any) -> Any:
-    """A number in the cell data of a mesh file, or a rule; everything else is refused."""
-    if type(given) is int or isinstance(given, Expression) or callable(given):
-        return given
-    if isinstance(given, str):
-        return Expression(given)
-    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
-
-
-Selection = Annotated[Any, BeforeValidator(_selection), WithJsonSchema({"type": ["integer", "string"]})]
-
-
-class MeshFile(_Model):
+class MeshFile(Table):
     """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
 
     Attributes:
@@ -139,14 +66,14 @@ class MeshFile(_Model):
     data: str | None = None
 
 
-class MeshGenerator(_Model):
+class MeshGenerator(Table):
     """A mesh from one of the generators in ``meshes/``."""
 
     generator: str
     parameters: dict[str, float | int | str | bool] = {}
 
 
-class Discretised(_Model):
+class Discretised(Table):
     """The finite element: Lagrange of this degree on the cells that the mesh has.
 
     Attributes:
@@ -161,7 +88,7 @@ class Discretised(_Model):
     volumetric: Literal["full", "reduced", "auto"] = "full"
 
 
-class LinearElastic(_Model):
+class LinearElastic(Table):
     """Isotropic linear elasticity.
 
     Attributes:
@@ -177,7 +104,7 @@ class LinearElastic(_Model):
     region: str | None = None
 
 
-class _Load(_Model):
+class _Load(Table):
     """What load steps multiply.
 
     Attributes:
@@ -234,20 +161,20 @@ class PrescribedDisplacement(_Load):
         return self
 
 
-class NoFriction(_Model):
+class NoFriction(Table):
     """Frictionless contact, said aloud."""
 
     law: Literal["none"] = "none"
 
 
-class TrescaFriction(_Model):
+class TrescaFriction(Table):
     """Given friction: |mu| <= bound (2.3d'), bound a stress."""
 
     law: Literal["tresca"] = "tresca"
     bound: NonNegativeValue
 
 
-class CoulombFriction(_Model):
+class CoulombFriction(Table):
     """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
 
     Attributes:
@@ -264,7 +191,7 @@ class CoulombFriction(_Model):
 Friction = NoFriction | TrescaFriction | CoulombFriction
 
 
-class _Contact(_Model):
+class _Contact(Table):
     """Contact of a boundary with a rigid foundation.
 
     Attributes:
@@ -305,10 +232,10 @@ Contact = UnilateralContact | BilateralContact
 def _contact_kind(given: Any) -> str:
     """Contact is unilateral unless it says otherwise."""
     kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
-    return kind if isinstance(kind, str) else _shown(kind)
+    return kind if isinstance(kind, str) else shown(kind)
 
 
-class Box(_Model):
+class Box(Table):
     """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted."""
 
     x: tuple[float, float] = (-math.inf, math.inf)
@@ -322,7 +249,7 @@ class Box(_Model):
         return given
 
 
-class SolverSettings(_Model):
+class SolverSettings(Table):
     """How the scene is solved; every default works for every scale and unit.
 
     Attributes:
@@ -369,8 +296,8 @@ class SolverSettings(_Model):
     sigma: Automatic = "auto"
     initial_contact: Box | Literal["auto", "all"] | Value = "auto"
     gamma_first: Automatic = "auto"
-    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(_bounded)] = 1.0
-    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(_count_or_auto)] = "auto"
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(bounded)] = 1.0
+    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
     linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
     levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
@@ -385,10 +312,10 @@ class SolverSettings(_Model):
     def _region(cls, given: Any) -> Any:
         if given in ("auto", "all") or isinstance(given, Box):
             return given
-        return Box.model_validate(given) if isinstance(given, Mapping) else _value(given)
+        return Box.model_validate(given) if isinstance(given, Mapping) else value(given)
 
 
-class Accuracy(_Model):
+class Accuracy(Table):
     """An accuracy that is asked for: meshes are refined, and gamma raised, until the estimate meets it.
 
     Attributes:
@@ -418,7 +345,7 @@ def _one_or_many(given: Any) -> Any:
     return [given] if isinstance(given, Mapping | BaseModel) else given
 
 
-class Scene(_Model):
+class Scene(Table):
     """An elastic body, its loads, its supports and its contact with a rigid foundation."""
 
     title: str = ""
@@ -512,156 +439,3 @@ def friction_acts(friction: Friction) -> bool:
         case CoulombFriction(coefficient=amount, cap=cap):
             return amount != 0.0 and cap != 0.0
     return False
-
-
-def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
-    """A validated scene from plain data.
-
-    Args:
-        data: the scene as nested mappings, as ``tomllib`` gives them.
-        source: what to call it in messages.
-        folder: mesh files are looked up relative to it.
-
-    Raises:
-        SceneError: with every mistake at once.
-    """
-    try:
-        scene = Scene.model_validate(dict(data))
-    except ValidationError as error:
-        raise SceneError(_problems(error, data), source) from None
-    if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
-        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
-    return scene
-
-
-_LARGEST_FILE = 1_000_000
-# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
-_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
-
-
-def read_scene_text(path: Path) -> str:
-    """The text of a scene file.
-
-    Raises:
-        SceneError: the file cannot be read as text, or has no end.
-    """
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            text = file.read(_LARGEST_FILE + 1)
-    except OSError as error:
-        raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
-    except UnicodeDecodeError:
-        raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
-    except ValueError as error:  # a null byte in the path
-        raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
-    if len(text) > _LARGEST_FILE:
-        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
-    return text
-
-
-def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
-    """A validated scene from the text of the TOML file at ``path``.
-
-    Args:
-        text: the scene.
-        path: where it comes from; mesh files are looked up beside it.
-        overrides: entries that replace those of the text, table by table.
-
-    Raises:
-        SceneError: syntax error with line and column, or every mistake of the content at once.
-    """
-    if found := _DEEP_KEY.search(text):
-        line = text.count("\n", 0, found.start()) + 1
-        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
-    try:
-        data = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
-        raise SceneError([("syntax", str(error))], str(path)) from None
-    except RecursionError:
-        raise SceneError([("syntax", "nested too deeply")], str(path)) from None
-    for table, entries in (overrides or {}).items():
-        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
-            data[table] = {**said, **entries}
-    return parse_scene(data, str(path), path.parent)
-
-
-def read_scene(path: str | Path) -> Scene:
-    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors)."""
-    path = Path(path)
-    return parse_scene_text(read_scene_text(path), path)
-
-
-_MESSAGES = {
-    "extra_forbidden": "unknown key",
-    "unexpected_keyword_argument": "unknown key",
-    "missing": "is missing",
-    "union_tag_not_found": "is missing",
-}
-
-
-def plain_message(detail: Any) -> str:
-    """What pydantic complains of, in the words of this package."""
-    match detail:
-        case {"type": str(kind)} if kind in _MESSAGES:
-            return _MESSAGES[kind]
-        case {"type": "model_type"}:
-            return "must be a table"
-        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
-            return f"must be one of {known}, got {tag!r}"
-    message = str(detail["msg"]).removeprefix("Value error, ")
-    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
-
-
-# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
-_MOST_GUESSES = 50
-
-
-def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """One entry a path: where pydantic tried several types, what each of them would have wanted."""
-    found: dict[str, list[str]] = {}
-    for number, detail in enumerate(error.errors()):
-        path, message = _problem(detail, data, guess=number < _MOST_GUESSES)
-        found.setdefault(path, []).append(message)
-    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
-
-
-def _problem(detail: Any, data: Mapping[str, Any], *, guess: bool) -> tuple[str, str]:
-    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
-    path = ""
-    node: Any = data
-    for part in detail["loc"]:
-        if isinstance(part, int):
-            path += f"[{part}]" if isinstance(node, Sequence) else ""
-            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
-        elif (isinstance(node, Mapping) and part in node) or (
-            detail["type"] == "missing" and part == detail["loc"][-1]
-        ):
-            name = part or '""'
-            path += f".{name}" if path else name
-            node = node[part] if isinstance(node, Mapping) and part in node else node
-    message = plain_message(detail)
-    given = detail.get("input")
-    if detail["type"] == "extra_forbidden" and guess:
-        message += _meant(str(detail["loc"][-1]))
-    if detail["type"].startswith("union_tag"):
-        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
-    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and _shown(given) not in message:
-        message += f", got {_shown(given)}"
-    return path or "scene", message
-
-
-def _meant(key: str) -> str:
-    """Where an unknown key belongs, or what it was perhaps to be."""
-    if key in Scene.model_fields:
-        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
-    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in Scene.model_fields.items()}
-    home = next((name for name, fields in tables.items() if key in fields), None)
-    if home is not None:
-        return f" here: it belongs to [{home}]"
-    similar = difflib.get_close_matches(key, _keys(_Model), n=1, cutoff=0.75)
-    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
-
-
-def _keys(model: type[BaseModel]) -> set[str]:
-    """All keys of a table and of those that derive from it."""
-    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))

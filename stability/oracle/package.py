@@ -12,7 +12,7 @@ from mpi4py import MPI
 from signorini_fx import compat
 from signorini_fx.contact.table import contact_table
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import read_scene
+from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 from stability.oracle.body import Mesh
 from stability.oracle.judge import Answer, Step
