@@ -269,7 +269,7 @@ def _solve(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
@@ -335,7 +335,7 @@ def _work_precision(options: argparse.Namespace, petsc_options: list[str]) -> in
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene.reading import read_scene
 
     comm = MPI.COMM_WORLD
@@ -407,7 +407,7 @@ def _check(options: argparse.Namespace, petsc_options: list[str]) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     comm = MPI.COMM_WORLD
