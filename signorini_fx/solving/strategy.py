@@ -22,7 +22,6 @@ from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
-from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.data import AUTOMATIC_GAMMA
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import balance_exists
