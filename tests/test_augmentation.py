@@ -187,7 +187,7 @@ def test_settled_is_both():
 @pytest.mark.parametrize("gammas", [(1e13, 1e3), (1e3, 1e13), (1e13, 1e13)])
 def test_no_more_gamma_than_digits(gammas):
     """Each of the two is lowered to ten times the natural one."""
-    data = begun(example1(bound=1.5, nx=12, ny=4)).data
+    data = begun(example1(bound=1.5, nx=12, ny=4)).start.data
     lowered = with_enough_digits(replace(data, gamma_n=gammas[0], gamma_t=gammas[1]), 1e5)
     assert (lowered.gamma_n, lowered.gamma_t) == tuple(min(gamma, 1e6) for gamma in gammas)
 
