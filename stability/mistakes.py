@@ -662,6 +662,13 @@ MUTANTS = (
         within="_nothing_acts",
         tests=("strategy::test_a_loose_body_without_load_is_not_at_rest",),
     ),
+    Mutant(
+        "solving/strategy",
+        "given.slip_origin - start.elastic_slip",
+        "given.slip_origin",
+        "elastic slip of earlier load steps counts as slip",
+        tests=("load_steps::test_elastic_slip_of_earlier_steps_is_no_slip",),
+    ),
     # --- the state of a solve ----------------------------------------------------------------------------------------
     Mutant("solving/task", "mu_hat=shear", "mu_hat=data.mu_hat", "load steps forget the shear", tests=("load_steps",)),
     Mutant(

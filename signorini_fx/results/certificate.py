@@ -18,7 +18,7 @@ quadrature degrees, and loads given as UFL expressions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -111,10 +111,28 @@ class Tractions:
 
 @dataclass(frozen=True)
 class Before:
-    """The load step before, on which a step builds: the displacement and the tractions at its end."""
+    """The load step before, on which a step builds.
+
+    Attributes:
+        displacement: at its end.
+        tractions: at its end.
+        elastic_slip: what of its slip the regularised law allows to come back, length, as the shear; None: nothing.
+    """
 
     displacement: fem.Function
     tractions: Tractions
+    elastic_slip: Nodal | None = None
+
+    @classmethod
+    def of(cls, displacement: fem.Function, tractions: Tractions, law: Law, before: Before | None) -> Before:
+        """The end of a load step that kept to ``law`` and built on ``before``."""
+        if not np.isfinite(law.gamma_t):
+            return cls(displacement, tractions)
+        added = tractions.shear if before is None else tractions.shear - before.tractions.shear
+        elastic: Nodal = np.asarray(added / law.gamma_t)
+        if before is not None and before.elastic_slip is not None:
+            elastic = before.elastic_slip + elastic
+        return cls(displacement, tractions, elastic)
 
 
 @dataclass(frozen=True)
@@ -196,7 +214,8 @@ def certify(
         law: the contact law that the method promises.
         step: the load step, from 0.
         scale: factor of all loads and prescribed displacements.
-        before: the end of the load step before; None for the first one.
+        before: the end of the load step before; None for the first one.  Where that kept to the regularised law and
+            this one does not, its elastic slip is none.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
@@ -237,6 +256,11 @@ def certify(
     free = ~nodes.supported(fixed)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
+    if before is not None:  # what is added to it has its round-off
+        last = _ContactNodes.of(scene, forces, x, before.tractions)
+        so_far = before.displacement.x.array.reshape(-1, 2)[: forces.owned]
+        stress = max(stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.abs(last.shear))))
+        length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
@@ -247,8 +271,10 @@ def certify(
     u_n, u_t = nodes.traces(y)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
     if before is not None:
-        last = _ContactNodes.of(scene, forces, x, before.tractions)
         slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, 2))[1], last.shear
+        if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
+            elastic = replace(before.tractions, shear=before.elastic_slip)
+            slip = slip + _ContactNodes.of(scene, forces, x, elastic).shear
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):

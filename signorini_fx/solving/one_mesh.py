@@ -97,7 +97,7 @@ def solve_contact(
                 step=step,
                 before=last,
             )
-            last = Before(displacement, Tractions.of(contact))
+            last = Before.of(displacement, Tractions.of(contact), task.promised(outcome), last)
             deformation = deformation_of(discretisation, displacement)
             status = _judged(outcome.status, certificate, deformation, scene)
             energy = certificate.strain_energy

@@ -82,9 +82,11 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 def _augmented(task: Task, start: Start, failed: Outcome, share: float = _AUGMENTED_SHARE) -> Outcome:
     """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
-    for every gamma, and leaves no regularisation error.
+    for every gamma, and leaves no regularisation error.  The elastic slip of earlier load steps is none then.
     """
     s, newton, given = task.settings, task.iterate.newton, failed.data
+    if start.elastic_slip is not None and given.slip_origin is not None:
+        given = replace(given, slip_origin=given.slip_origin - start.elastic_slip)
     share = max(share, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
     data = replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
     task.history.add(f"{failed.status.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")

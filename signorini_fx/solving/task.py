@@ -45,6 +45,7 @@ class Start:
         step: the load step, from 0.
         scale: multiple of its loads and prescribed displacements.
         regularisation_error: what path-following has left in an earlier load step, in the energy norm.
+        elastic_slip: what of the slip so far is none without regularisation, length; None: nothing.
     """
 
     data: RegularisedData
@@ -55,6 +56,7 @@ class Start:
     step: int = 0
     scale: float = 1.0
     regularisation_error: float | None = None
+    elastic_slip: Nodal | None = None
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same from sets and (lambda, mu) that another mesh, fewer contact nodes or another load have led to."""
@@ -98,15 +100,20 @@ class Outcome:
         """
         _, u_t = self.problem.traces(self.newton.x)
         pressure, shear = self.newton.multipliers()
-        data = replace(self.data, slip_origin=u_t)
+        data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
         if start.law is not None:
             data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
+            if np.isfinite(solved.gamma_t) and not self.augmented:
+                elastic = (0.0 if elastic is None else elastic) + (shear - solved.mu_hat) / solved.gamma_t
+            else:
+                elastic = None
         return Start(
             data,
             start.law,
             multipliers=(pressure, shear),
             step=start.step + 1,
             regularisation_error=self.regularisation_error,
+            elastic_slip=elastic,
         )
 
 

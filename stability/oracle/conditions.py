@@ -181,7 +181,9 @@ def violations(
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
     faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
-    near = max(near, 1e-300)
+    # What is added to the slip and the shear of the step before has their round-off.
+    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)
+    faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
     # A direction in which a support holds the node is the support's.
