@@ -487,6 +487,16 @@ def test_pyvista_that_cannot_draw(tmp_path, monkeypatch, module):
     assert list((tmp_path / "out").iterdir()) == []
 
 
+def test_the_process_that_draws_finds_the_package(tmp_path, monkeypatch):
+    """Wherever it is begun, and whether the package is installed or not."""
+    begun = []
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(pyvista_pictures.subprocess, "run", lambda command, **options: begun.append(options["env"]))
+    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
+    assert (Path(begun[0]["PYTHONPATH"]) / "signorini_fx" / "report" / "pyvista_pictures.py").is_file()
+
+
 def test_without_pyvista(tmp_path, monkeypatch):
     """No process is begun."""
     monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: None)
