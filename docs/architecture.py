@@ -36,13 +36,16 @@ LAYERS = (
     "scene",
     "ground",
     "machine",
+    "errors",
 )
 TOP_LEVEL = {
     "cli": ("__main__",),
-    "ground": ("compat", "csv_text", "errors", "parallel", "records"),
+    "ground": ("compat", "csv_text", "parallel", "petsc_start", "records"),
+    "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Errors, outcomes and records, ranks, versions of dolfinx.",
+    "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx.",
+    "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.
 OUTSIDE = (

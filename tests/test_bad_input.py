@@ -21,11 +21,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx import cli
+from signorini_fx import cli, petsc_start
 from signorini_fx.cli.options import parsed_accuracy, parsed_budget
 from signorini_fx.csv_text import as_name, as_text
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
-from signorini_fx.linalg import options, petsc_start
+from signorini_fx.linalg import options
 from signorini_fx.machine import compilation, requirements, terminal
 from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.report import deformed_body, page, result_files

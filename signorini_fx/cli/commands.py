@@ -24,7 +24,7 @@ def _read_scene(options: argparse.Namespace, changes: dict[str, dict[str, Any]] 
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.linalg.petsc_start import start_petsc
+    from signorini_fx.petsc_start import start_petsc
     from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))

@@ -1,4 +1,7 @@
-"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol."""
+"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol.
+
+This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
+"""
 
 from __future__ import annotations
 
