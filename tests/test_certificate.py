@@ -11,7 +11,7 @@ from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import Before, Law, Tractions, certify
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver
+from signorini_fx.solving import one_mesh
 
 
 def wedge(**solver):
@@ -361,14 +361,14 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no resting place": (solver, "from_rest", without_resting_place),
-    "rotation dropped": (solver, "from_rest", with_turned_rest),
-    "wrong row of the stiffness": (solver, "discretise", stiffer),
-    "wrong weight": (solver, "discretise", of_the_boundary(weight=at_one_node(0.001))),
-    "wrong normals": (solver, "discretise", of_the_boundary(normal=tilted)),
-    "wrong gap": (solver, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
-    "wrong coefficient": (solver, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
-    "wrong load": (solver, "discretise", heavier),
+    "no resting place": (one_mesh, "from_rest", without_resting_place),
+    "rotation dropped": (one_mesh, "from_rest", with_turned_rest),
+    "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
+    "wrong weight": (one_mesh, "discretise", of_the_boundary(weight=at_one_node(0.001))),
+    "wrong normals": (one_mesh, "discretise", of_the_boundary(normal=tilted)),
+    "wrong gap": (one_mesh, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
+    "wrong coefficient": (one_mesh, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
+    "wrong load": (one_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }
 

@@ -16,7 +16,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import solver, strategy, task
-from signorini_fx.solving.solver import contact_task
+from signorini_fx.solving.one_mesh import contact_task, from_rest
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 
@@ -126,9 +126,9 @@ def test_descent_from_anywhere(seed):
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
     random = np.random.default_rng(seed)
-    x = task.x.getArray()
+    x = task.iterate.x.getArray()
     x[:] = np.where(task.system.fixed, x, 0.01 * random.standard_normal(x.size))
-    task.problem.set_data(task.data)
+    task.iterate.newton.problem.set_data(task.start.data)
     slopes = []
     lowest = descent._Line.lowest
 
@@ -138,12 +138,12 @@ def test_descent_from_anywhere(seed):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(descent._Line, "lowest", watched)
-        status = energy_descent(task.newton, task.data, lambda: None)
+        status = energy_descent(task.iterate.newton, task.start.data, lambda: None)
     assert status is Status.CONVERGED
     assert len(slopes) > 2
     assert all(slope < 0 for slope in slopes)
     assert task.history.linear_solves == len(slopes)
-    ours = solver.total_displacement(discretisation, task).x.array
+    ours = from_rest(discretisation, task.rest, task.iterate.newton.problem.system.displacement(task.iterate.x)).x.array
     np.testing.assert_allclose(ours, reference.displacement.x.array, atol=1e-9)
 
 
@@ -183,7 +183,7 @@ def test_augmentation():
 @pytest.mark.usefixtures("no_rungs")
 def test_nested_iteration(monkeypatch):
     """When nothing else has helped, coarser meshes make the start."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, coulomb, failed, share=1.0: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
     ours = alone(jumping())
     assert rungs(ours) == ["nested iteration on 2 coarser meshes"]
     assert len(ours.levels) == 3
@@ -194,7 +194,7 @@ def test_nested_iteration(monkeypatch):
 @pytest.mark.usefixtures("no_rungs")
 def test_giving_up(monkeypatch):
     """At last the outcome is the one that the plain iteration had."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, coulomb, failed, share=1.0: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
     monkeypatch.setattr(solver, "_from_coarser", lambda scene, comm, history, failed: failed)
     ours = alone(jumping(), check=False)
     assert ours.status is Status.CYCLING
@@ -229,7 +229,7 @@ def test_a_ladder_that_fails_restores_the_start(monkeypatch):
 @pytest.mark.usefixtures("no_rungs")
 def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
     """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, coulomb, failed, share=1.0: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
 
     def without(scene, levels):
         return [with_contact(scene, boundary="nowhere")] * (levels - 1)

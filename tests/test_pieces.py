@@ -18,7 +18,8 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import contact_task, from_rest, solve
+from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.solver import solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)

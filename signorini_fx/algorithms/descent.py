@@ -53,7 +53,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     for _ in range(newton.max_iterations):
         u_n, u_t = problem.traces(newton.x)
         sets, held = natural_sets(u_n, u_t, data), data
-        problem.data = data
+        problem.set_data(data)
         if problem.accept(newton.x, sets, RESIDUAL_TOLERANCE):
             status = Status.CONVERGED
             break
@@ -73,7 +73,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
         newton.x.axpy(step, direction)
     else:
         status = Status.MAX_ITERATIONS
-    problem.data = data  # not that of a step with ties
+    problem.set_data(data)  # not that of a step with ties
     newton.close(data, status, before, measure)
     return status
 

@@ -46,7 +46,7 @@ def climb(
     measure: Callable[[], float | None],
 ) -> Status:
     """Try the rungs in order; the status of the first that solves the problem, else the one that it failed with."""
-    start, sets = newton.x.copy(), newton.problem.sets
+    start = newton.checkpoint()
     reason = failed
     for name, rung in _rungs(newton, data, first_sets, measure):
         newton.history.add(f"{reason.value}: {name}")
@@ -54,9 +54,8 @@ def climb(
         if status is Status.CONVERGED:
             return status
         reason = status
-    start.copy(newton.x)
     newton.problem.set_data(data)  # not those of the last rung
-    newton.problem.sets = sets
+    newton.restore(start)
     return failed
 
 

@@ -216,6 +216,24 @@ class SemismoothNewton:
             return not self._factorised
         return status is Status.CYCLING and self._loosened
 
+    def checkpoint(self) -> tuple[PETSc.Vec, ActiveSets]:
+        """The iterate and its sets, to come back to."""
+        return self.x.copy(), self.problem.sets
+
+    def restore(self, checkpoint: tuple[PETSc.Vec, ActiveSets]) -> None:
+        """Go back to an iterate and its sets."""
+        x, self.problem.sets = checkpoint
+        x.copy(self.x)
+
+    def begin_at(self, x: PETSc.Vec) -> None:
+        """Take an iterate over; the sets stay."""
+        self.x.getArray()[:] = x.getArray(readonly=True)
+
+    def pose(self, data: RegularisedData, sets: ActiveSets) -> None:
+        """Take a problem and its sets over without solving it."""
+        self.problem.set_data(data, sets)
+        self.problem.sets = self.problem.next.sets
+
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)

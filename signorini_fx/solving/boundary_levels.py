@@ -22,7 +22,7 @@ from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.records import History, Status
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.strategy import run
-from signorini_fx.solving.task import Task
+from signorini_fx.solving.task import Start, Task
 
 # A boundary of fewer nodes takes no time worth saving; and the iteration of the paper's examples stays as published.
 _FEWEST_NODES = 300
@@ -57,8 +57,8 @@ def worthwhile(task: Task) -> bool:
     )
 
 
-def start_from_few_nodes(task: Task) -> None:
-    """Give a task the sets and the multipliers of its problem on every second contact node, and so on.
+def start_from_few_nodes(task: Task) -> Start:
+    """A start from the sets and the multipliers of the problem on every second contact node, and so on.
 
     Where a coarse problem has no solution the next finer one begins anew: it is only a start.
     """
@@ -73,28 +73,25 @@ def start_from_few_nodes(task: Task) -> None:
             settings=task.settings.model_copy(update={"algorithm": "ssn", "fallbacks": False}),
             system=level.system,
             boundary=level.boundary,
-            data=level.data,
-            law=level.law,
+            start=replace(task.start, data=level.data, law=level.law, sets=level.first_sets),
             rest=None,
-            first_sets=level.first_sets,
             history=history,
         )
-        if start is not None:
-            coarse.begin_from(*start)
-        status = run(coarse)
-        start = carry_over(coarse.contact(), fine.boundary) if status is Status.CONVERGED else None
+        outcome = run(coarse, coarse.start if start is None else coarse.start.begin_from(*start))
+        status, start = outcome.status, None
+        if status is Status.CONVERGED:
+            start = carry_over(coarse.contact(outcome, level.law), fine.boundary)
         solves = f"{history.linear_solves} linear solves"
         task.history.add(f"{level.boundary.size} contact nodes first: {solves}, {status.value}")
-    if start is not None:
-        task.begin_from(*start)
+    return task.start if start is None else task.start.begin_from(*start)
 
 
 def _finest(task: Task) -> _Level:
-    boundary = task.boundary
+    boundary, begin = task.boundary, task.start
     numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
     ranges, order = chains(numbers, boundary.segments, boundary.x)
     found = [order[rows.start : rows.stop] for rows in ranges]
-    return _Level(task.system, boundary, task.data, task.law, task.first_sets, found, np.arange(boundary.size))
+    return _Level(task.system, boundary, begin.data, begin.law, begin.sets, found, np.arange(boundary.size))
 
 
 def _coarser(fine: _Level) -> _Level:

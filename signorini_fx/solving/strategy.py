@@ -22,12 +22,11 @@ from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
-from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.data import AUTOMATIC_GAMMA
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import balance_exists
 from signorini_fx.records import OuterRecord, Status
-from signorini_fx.solving.task import Task
+from signorini_fx.solving.task import Outcome, Start, Task
 
 # gamma above this times E / size of the body loses the last digits that double precision has for contact pressures.
 LARGEST_GAMMA = 1e9
@@ -46,50 +45,51 @@ _MOST_APART = 10.0
 _AUGMENTED_SHARE = 1e-3
 
 
-def run(task: Task) -> Status:
-    """Solve the current load step; the iterate, the sets and the data stay in the task."""
-    task.augmented = False
+def run(task: Task, start: Start) -> Outcome:
+    """Solve a load step; the iterates stay in ``task.iterate``."""
+    task.iterate.take_loads(start.step, start.scale)
     if task.settings.algorithm == "alm":
-        enough = with_enough_digits(task.data, _natural(task))
-        if (enough.gamma_n, enough.gamma_t) != (task.data.gamma_n, task.data.gamma_t):
+        data = start.data
+        enough = with_enough_digits(data, _natural(task))
+        if (enough.gamma_n, enough.gamma_t) != (data.gamma_n, data.gamma_t):
             task.history.add(
                 f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
             )
-        task.data = enough
-    if _nothing_acts(task):
-        return _stay(task)
+        start = replace(start, data=enough)
+    if _nothing_acts(task, start):
+        return _stay(task, start)
     task.history.allow(PROBLEMS * task.settings.max_iterations)
-    status = _solve(task)
-    if status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+    outcome = _solve(task, start)
+    if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
         task.history.add("all methods together have taken as many linear solves as they may")
-    return status
+    return outcome
 
 
-def _solve(task: Task) -> Status:
+def _solve(task: Task, start: Start) -> Outcome:
     """The method of the scene, and what takes over where it fails."""
-    coulomb = task.law if task.has_coulomb else None
-    status = _given_friction(task, task.data) if coulomb is None else _coulomb(task, coulomb)
-    if task.settings.fallbacks and task.gave_up(status) and task.settings.algorithm != "alm":
-        status = _augmented(task, coulomb, status)
-    elif task.settings.algorithm == "exact" and status is Status.CONVERGED:
-        status = _exact(task)
-        if task.settings.fallbacks and task.gave_up(status):  # but the problem with gamma was solved
-            status = _augmented(task, coulomb, status, share=1.0)
-    return status
+    settings = task.settings
+    coulomb = start.law if task.has_coulomb else None
+    outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
+    if settings.fallbacks and task.gave_up(outcome.status) and settings.algorithm != "alm":
+        return _augmented(task, start, outcome)
+    if settings.algorithm == "exact" and outcome.status is Status.CONVERGED:
+        limit = _exact(task, start, outcome)
+        if settings.fallbacks and task.gave_up(limit.status):  # but the problem with gamma was solved
+            return _augmented(task, start, limit, share=1.0)
+        return limit
+    return outcome
 
 
-def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: float = _AUGMENTED_SHARE) -> Status:
+def _augmented(task: Task, start: Start, failed: Outcome, share: float = _AUGMENTED_SHARE) -> Outcome:
     """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
     for every gamma, and leaves no regularisation error.
     """
-    s, newton = task.settings, task.newton
-    task.problem = newton.problem
-    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / task.data.gamma_n))
-    data = replace(task.data, gamma_n=share * task.data.gamma_n, gamma_t=share * task.data.gamma_t)
-    task.history.add(f"{failed.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
-    task.monolithic = False
-    everywhere = ActiveSets.all_in_contact(*task.data.mu_hat.shape)
-    if coulomb is None:
+    s, newton, given = task.settings, task.iterate.newton, failed.data
+    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
+    data = replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
+    task.history.add(f"{failed.status.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
+    everywhere = ActiveSets.all_in_contact(*given.mu_hat.shape)
+    if start.law is None or not task.has_coulomb:
         status = augmented_lagrangian(
             newton,
             data,
@@ -100,13 +100,13 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
             max_outer=s.max_outer_iterations,
         )
     else:
-        start = _coulomb_start(task)
-        status = newton.solve(replace(start, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
+        contact = _coulomb_start(task, given)
+        status = newton.solve(replace(contact, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
         if status is Status.CONVERGED:
             status = fixed_point(
                 newton,
                 data,
-                coulomb,
+                start.law,
                 newton.multipliers(),
                 None,
                 tolerance=s.tolerance,
@@ -114,9 +114,8 @@ def _augmented(task: Task, coulomb: FrictionLaw | None, failed: Status, share: f
                 augmentation=Augmentation(newton, _natural(task), s.tolerance),
             )
     if status is not Status.CONVERGED:
-        return failed
-    task.augmented, task.regularisation_error = True, None  # what path-following left is not left here
-    return status
+        return replace(failed, newton=newton, monolithic=False)
+    return Outcome(status, newton, given, augmented=True)  # what path-following left is not left here
 
 
 def _natural(task: Task) -> float:
@@ -124,10 +123,10 @@ def _natural(task: Task) -> float:
     return AUTOMATIC_GAMMA * task.natural_gamma
 
 
-def _nothing_acts(task: Task) -> bool:
+def _nothing_acts(task: Task, start: Start) -> bool:
     """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
-    data = task.data
-    if task.step > 0 or task.motions.free.shape[1] > 0:
+    data = start.data
+    if start.step > 0 or task.motions.free.shape[1] > 0:
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
@@ -137,90 +136,97 @@ def _nothing_acts(task: Task) -> bool:
     return not parallel.any_rank(task.system.comm, bool(pushed.any()))
 
 
-def _stay(task: Task) -> Status:
+def _stay(task: Task, start: Start) -> Outcome:
     """Zero is the solution; nothing is solved for."""
-    task.x.set(0.0)
-    _touch_nothing(task)
+    task.iterate.x.set(0.0)
     task.history.add("nothing loads the body: it stays where it is")
-    task.history.add(OuterRecord(len(task.history.outer), 0, task.data.gamma_n, None, Status.CONVERGED.value))
-    return Status.CONVERGED
+    task.history.add(OuterRecord(len(task.history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+    return _without_contact(task, start.data, Status.CONVERGED)
 
 
-def _touch_nothing(task: Task) -> None:
-    """The sets of a body that nothing was solved for: no contact, hence no traction."""
-    none = np.zeros(task.boundary.size, dtype=bool)
-    task.problem.set_data(task.data, ActiveSets.of(none, np.zeros_like(task.data.mu_hat)))
-    task.problem.sets = task.problem.next.sets
+def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
+    """The outcome of a problem that nothing was solved for: no contact, hence no traction."""
+    newton = task.iterate.newton
+    newton.pose(data, ActiveSets.of(np.zeros(task.boundary.size, dtype=bool), np.zeros_like(data.mu_hat)))
+    return Outcome(status, newton, data)
 
 
-def _given_friction(task: Task, data: RegularisedData) -> Status:
-    """Frictionless or Tresca contact by the algorithm of the scene."""
-    s, newton = task.settings, task.newton
+def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
+    """Frictionless or Tresca contact by the algorithm of the scene.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        data: its problem, or the contact problem that starts Coulomb friction.
+    """
+    s, newton = task.settings, task.iterate.newton
+    error = start.regularisation_error
     match s.algorithm:
         case "continuation":
             share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
             gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
-            return continuation(newton, data, task.first_sets, gammas, first_iteration=task.first_iteration)
+            status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
         case "path-following":
             # A later load step begins with the gamma that the one before has found.
-            first = START_GAMMA * task.natural_gamma if task.step == 0 else data.gamma_n
+            first = START_GAMMA * task.natural_gamma if start.step == 0 else data.gamma_n
             ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / _MOST_APART, _MOST_APART))
-            status, last, task.regularisation_error = path_following(
+            status, last, error = path_following(
                 newton,
                 replace(data, gamma_n=first, gamma_t=ratio * first),
-                task.first_sets,
-                first_iteration=task.first_iteration,
-                goal=lambda: task.goal(task.x),
+                start.sets,
+                first_iteration=start.iteration,
+                goal=lambda: task.goal(newton.x),
                 largest=LARGEST_GAMMA * task.natural_gamma,
                 max_outer=s.max_outer_iterations,
             )
-            task.data = replace(task.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
-            return status
+            found = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
+            return Outcome(status, newton, found, regularisation_error=error)
         case "alm":
-            return augmented_lagrangian(
+            status = augmented_lagrangian(
                 newton,
                 data,
-                task.first_sets,
+                start.sets,
                 natural=_natural(task),
-                first_iteration=task.first_iteration,
+                first_iteration=start.iteration,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
                 inner_iterations=None if s.inner_iterations == "auto" else s.inner_iterations,
                 gamma_factor=s.gamma_factor,
             )
-    return newton.solve(data, task.first_sets, first_iteration=task.first_iteration)
+        case _:
+            status = newton.solve(data, start.sets, first_iteration=start.iteration)
+    return Outcome(status, newton, start.data, regularisation_error=error)
 
 
-def _coulomb(task: Task, law: FrictionLaw) -> Status:
+def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
-    s, newton = task.settings, task.newton
-    first_sets, start = task.first_sets, task.start
-    task.monolithic = False  # an earlier load step may have been
+    s, newton = task.settings, task.iterate.newton
+    first_sets, multipliers = start.sets, start.multipliers
     # These find their gamma, or go through several, on the pure contact problem of every mesh.
-    finds_gamma = task.step == 0 and s.algorithm in ("path-following", "continuation")
-    if start is None or finds_gamma:
-        data = _coulomb_start(task)
-        lost = _no_balance(task, law) if data.bound is not None else None
+    finds_gamma = start.step == 0 and s.algorithm in ("path-following", "continuation")
+    before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    if multipliers is None or finds_gamma:
+        data = _coulomb_start(task, start.data)
+        lost = _no_balance(task, start.data, law) if data.bound is not None else None
         if lost is not None:
-            _touch_nothing(task)
-            return lost
+            return _without_contact(task, start.data, lost)
         if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
-            status = newton.solve(data, first_sets, first_iteration=task.first_iteration)
+            before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
         else:
-            status = _given_friction(task, data)
-        if status is not Status.CONVERGED:
-            return status
-        start, first_sets = newton.multipliers(), None
+            before = _given_friction(task, start, data)
+        if before.status is not Status.CONVERGED:
+            return before
+        multipliers, first_sets = newton.multipliers(), None
         if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
-            first_sets = ActiveSets.of(task.problem.next.sets.contact, np.zeros_like(task.data.mu_hat))
-    data = replace(task.data, bound=law.given)
+            first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
+    data = replace(before.data, bound=law.given)
 
     def fixed(damping: float) -> Status:
         return fixed_point(
             newton,
             data,
             law,
-            start,
+            multipliers,
             first_sets,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
@@ -230,9 +236,9 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
 
     def monolithic() -> Status:
         if s.algorithm != "alm":
-            return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
+            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
         return augmented_lagrangian(
-            task.unsymmetric_newton,
+            task.iterate.unsymmetric_newton,
             replace(data, bound=law.given, coupling=law.coefficient),
             first_sets,
             natural=_natural(task),
@@ -241,119 +247,119 @@ def _coulomb(task: Task, law: FrictionLaw) -> Status:
             max_outer=s.max_outer_iterations,
         )
 
-    started = s.coulomb == "auto" and task.start is not None and task.step == 0 and s.algorithm != "alm"
-    return _either_way(task, newton, fixed, monolithic, monolithic_first=s.coulomb == "newton" or started)
+    started = s.coulomb == "auto" and start.multipliers is not None and start.step == 0 and s.algorithm != "alm"
+    first = s.coulomb == "newton" or started
+    return _either_way(task, law, before, fixed, monolithic, monolithic_first=first)
 
 
 def _either_way(
     task: Task,
-    newton: SemismoothNewton,
+    law: FrictionLaw,
+    begun: Outcome,
     fixed: Callable[[float], Status],
     monolithic: Callable[[], Status],
     *,
     monolithic_first: bool,
-) -> Status:
+) -> Outcome:
     """The fixed point or the monolithic Newton method; where it fails the other, then damped, from the same start.
 
     Args:
         task: the contact problem.
-        newton: the inner method that holds the start.
+        law: its friction law.
+        begun: what there is so far; its inner method holds the start.
         fixed: the fixed point with a damping.
         monolithic: Newton's method.
         monolithic_first: which comes first.
     """
-    s, law, problem = task.settings, task.law, newton.problem
-    state, sets = newton.x.copy(), problem.sets
-
-    def unsymmetric() -> Status:
-        task.monolithic = True
-        return monolithic()
-
-    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", lambda: fixed(1.0))]
+    s, newton = task.settings, begun.newton
+    checkpoint = newton.checkpoint()
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
     # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
-    if law is not None and law.cap is None and task.data.bilateral is None and task.system.unsymmetric:
-        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", unsymmetric))
+    if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
+        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
-    needed = ways[0][1] is unsymmetric
-    task.monolithic = False
-    status = _proved(task, ways[0][1]())
+    needed = ways[0][1] is monolithic
+
+    def ended(way: Callable[[], Status]) -> Outcome:
+        status = _proved(task, begun.data, law, way())
+        return replace(begun, status=status, monolithic=way is monolithic)
+
+    outcome = ended(ways[0][1])
     for place, (name, way) in enumerate(ways[1:], start=1):
-        settled = status in (Status.CONVERGED, Status.SINGULAR)
-        if settled or (place > needed and not (s.fallbacks and task.gave_up(status))):
+        settled = outcome.status in (Status.CONVERGED, Status.SINGULAR)
+        if settled or (place > needed and not (s.fallbacks and task.gave_up(outcome.status))):
             break
-        task.history.add(f"{status.value}: {name} from the same start")
-        state.copy(newton.x)
-        problem.sets = sets
-        task.monolithic = False
-        status = _proved(task, way())
-    return status
+        task.history.add(f"{outcome.status.value}: {name} from the same start")
+        newton.restore(checkpoint)
+        outcome = ended(way)
+    return outcome
 
 
-def _proved(task: Task, status: Status) -> Status:
+def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
     """An outcome of Coulomb friction: that a body slides under the bound of one Tresca problem proves nothing.
 
     The bound of such a problem is that of the pressure before.  Where the law itself allows for an equilibrium the
     fixed point has failed, and another method may find it.
     """
-    law = task.law
-    if status not in (Status.SLIDES, Status.OPEN) or law is None or task.data.bilateral is not None:
+    if status not in (Status.SLIDES, Status.OPEN) or data.bilateral is not None:
         return status
-    if _no_balance(task, law) is not None:
+    if _no_balance(task, data, law) is not None:
         return status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
     return Status.OUTER_MAX_ITERATIONS
 
 
-def _no_balance(task: Task, law: FrictionLaw) -> Status | None:
+def _no_balance(task: Task, data: RegularisedData, law: FrictionLaw) -> Status | None:
     """How a body that needs friction gets away, whatever friction the law may allow for; None: it does not."""
     everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
     held = task.motions.held_by(task.boundary, everywhere, everywhere)
-    if task.data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
+    if data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
         return None  # what is not held at all has a name of its own, given by the iteration
 
     def balanced(data: RegularisedData) -> bool:
         return balance_exists(data, task.boundary, task.motions, task.system.resultant)
 
-    if balanced(replace(task.data, bound=law.given, coupling=law.coefficient)):
+    if balanced(replace(data, bound=law.given, coupling=law.coefficient)):
         return None
-    rough = replace(task.data, bound=np.full(task.boundary.size, np.inf))
+    rough = replace(data, bound=np.full(task.boundary.size, np.inf))
     return Status.SLIDES if balanced(rough) else Status.OPEN
 
 
-def _coulomb_start(task: Task) -> RegularisedData:
+def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick."""
     boundary = task.boundary
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
-    frictionless = replace(task.data, bound=None)
+    frictionless = replace(data, bound=None)
     held = task.motions.held_by(boundary, everywhere, ~everywhere)
     if held and (
         task.motions.free.shape[1] == 0 or balance_exists(frictionless, boundary, task.motions, task.system.resultant)
     ):
         return frictionless
-    return replace(task.data, bound=np.full(boundary.size, np.inf))
+    return replace(data, bound=np.full(boundary.size, np.inf))
 
 
-def _exact(task: Task) -> Status:
+def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
     """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
-    s, law, sets = task.settings, task.law, task.problem.sets
-    pressure, _ = task.newton.multipliers()
-    newton = task.exact_newton
-    task.problem = newton.problem
-    newton.x.getArray()[:] = newton.problem.system.start.getArray(readonly=True)
-    limit = replace(task.data, gamma_n=np.inf, gamma_t=np.inf)
+    s, law, sets = task.settings, start.law, regularised.problem.sets
+    pressure, _ = regularised.newton.multipliers()
+    newton = task.iterate.exact_newton
+    newton.begin_at(newton.problem.system.start)
+    begun = replace(regularised, newton=newton)
+    limit = replace(regularised.data, gamma_n=np.inf, gamma_t=np.inf)
     if law is None or not task.has_coulomb:
-        return newton.solve(replace(limit, bound=None if law is None else law.bound(pressure)), sets)
+        problem = replace(limit, bound=None if law is None else law.bound(pressure))
+        return replace(begun, status=newton.solve(problem, sets))
 
     def fixed(damping: float) -> Status:
         data = replace(limit, bound=law.bound(pressure))
         status = newton.solve(data, sets)
         if status is not Status.CONVERGED:
             return status
-        start, most = newton.multipliers(), s.max_outer_iterations
-        return fixed_point(newton, data, law, start, None, tolerance=s.tolerance, max_outer=most, damping=damping)
+        first, most = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(newton, data, law, first, None, tolerance=s.tolerance, max_outer=most, damping=damping)
 
     def monolithic() -> Status:
-        return coulomb_newton(task.exact_unsymmetric_newton, limit, law, sets)
+        return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
 
-    return _either_way(task, newton, fixed, monolithic, monolithic_first=task.monolithic)
+    return _either_way(task, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)

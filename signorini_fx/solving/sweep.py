@@ -20,7 +20,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, Law, Tractions, certify
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, Scene
-from signorini_fx.solving.solver import contact_task, from_rest
+from signorini_fx.solving.one_mesh import contact_task, from_rest
 from signorini_fx.solving.strategy import run
 
 
@@ -91,24 +91,25 @@ def sweep(
     assert discretisation.boundary is not None
     history = History()
     task = contact_task(discretisation, discretisation.boundary, history)
-    law = task.law
+    begin, law = task.start, task.start.law
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
         before, load = history.linear_solves, value if loads is not None else 1.0
-        task.restart(0, load)
+        start = replace(begin, scale=load)
         if coefficients is not None and law is not None:
-            task.law = replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0))
-        status = run(task)
-        contact = task.contact()
-        x = task.answer.x.copy()
-        solves, problem = history.linear_solves - before, task.problem
+            start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
+        outcome = run(task, start)
+        contact, promised = task.contact(outcome, start.law), task.promised(outcome)
+        x = outcome.newton.x.copy()
+        solves, problem = history.linear_solves - before, outcome.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)
         points.append(
-            SweepPoint(value, status, contact, solves, own, task.promised, discretisation, problem, x, load, task.rest)
+            SweepPoint(
+                value, outcome.status, contact, solves, own, promised, discretisation, problem, x, load, task.rest
+            )
         )
-        if status is Status.CONVERGED:
-            task.first_sets, task.first_iteration = task.problem.sets, 1
-            task.start = task.answer.multipliers()
+        if outcome.status is Status.CONVERGED:
+            begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
     return points
 
 

@@ -1,9 +1,10 @@
-"""A contact problem ready to be solved: its parts, the iterate that algorithms share, and what they leave behind."""
+"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how it ended."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from petsc4py import PETSc
@@ -31,121 +32,126 @@ from signorini_fx.results.certificate import UNREGULARISED, Law
 from signorini_fx.scene.model import SolverSettings
 
 
-@dataclass
+@dataclass(frozen=True)
+class Start:
+    """Where a load step starts.
+
+    Attributes:
+        data: the regularised problem with the gamma to begin with.
+        law: the friction law, None without friction.
+        sets: active sets of the first linear solve; None: from the iterate.
+        iteration: number of the first linear solve.
+        multipliers: (lambda, mu) to start from, where there are any.
+        step: the load step, from 0.
+        scale: multiple of its loads and prescribed displacements.
+        regularisation_error: what path-following has left in an earlier load step, in the energy norm.
+    """
+
+    data: RegularisedData
+    law: FrictionLaw | None
+    sets: ActiveSets | None = None
+    iteration: int = 1
+    multipliers: tuple[Nodal, Nodal] | None = None
+    step: int = 0
+    scale: float = 1.0
+    regularisation_error: float | None = None
+
+    def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
+        """The same from sets and (lambda, mu) that another mesh, fewer contact nodes or another load have led to."""
+        return replace(self, sets=sets, iteration=1, multipliers=multipliers)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a load step ended, or one of the methods that were tried on it.
+
+    Attributes:
+        status: its name.
+        newton: the inner method whose iterate is the answer.
+        data: the problem of the load step with the gamma that was arrived at.
+        monolithic: whether Coulomb friction was solved monolithically.
+        augmented: whether augmentation took over, which leaves nothing of the regularisation.
+        regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
+    """
+
+    status: Status
+    newton: SemismoothNewton
+    data: RegularisedData
+    monolithic: bool = False
+    augmented: bool = False
+    regularisation_error: float | None = None
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem that holds the answer."""
+        return self.newton.problem
+
+    def displacement(self) -> PETSc.Vec:
+        """All displacement dofs of the answer, counted from where the body rests."""
+        return self.problem.system.displacement(self.newton.x)
+
+    def next_step(self, start: Start) -> Start:
+        """Where the next load step starts: friction acts on what is added to the slip, from the shear that there is.
+
+        Args:
+            start: where this load step started.
+        """
+        _, u_t = self.problem.traces(self.newton.x)
+        pressure, shear = self.newton.multipliers()
+        data = replace(self.data, slip_origin=u_t)
+        if start.law is not None:
+            data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
+        return Start(
+            data,
+            start.law,
+            multipliers=(pressure, shear),
+            step=start.step + 1,
+            regularisation_error=self.regularisation_error,
+        )
+
+
+@dataclass(frozen=True)
 class Task:
-    """A contact problem ready to be solved, and what the algorithms leave behind.
+    """The inputs of a contact problem.
 
     Attributes:
         settings: the solver settings of the scene.
         system: the elastic system.
         boundary: the contact nodes.
         motions: rigid motions of the body.
-        data: the regularised problem with the gamma of the scene.
-        law: the friction law, None without friction.
-        has_coulomb: whether its bound follows the pressure anywhere.
-        first_sets: sets of the first linear solve; None: from the iterate.
-        first_iteration: its number.
-        start: (lambda, mu) to start from, where there are any.
-        rest: where displacements are counted from; None: from where the body was at first.
+        start: where the first load step starts.
+        has_coulomb: whether the friction bound follows the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
         linear_algebra: which kind of elastic system it is, and why.
         goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
-        step: the load step, from 0.
-        x: the iterate.
-        problem: the problem that holds the answer.
-        monolithic: whether Coulomb friction was solved monolithically.
-        augmented: whether augmentation took over, which leaves nothing of the regularisation.
-        regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
+        rest: where displacements are counted from; None: from where the body was at first.
     """
 
     settings: SolverSettings
     system: ElasticSystem
     boundary: ContactBoundary
     motions: RigidMotions
-    data: RegularisedData
-    law: FrictionLaw | None
+    start: Start
     has_coulomb: bool
-    first_sets: ActiveSets | None
-    first_iteration: int
     natural_gamma: float
     history: History
     linear_algebra: str
     goal: Callable[[PETSc.Vec], float]
-    start: tuple[Nodal, Nodal] | None = None
     rest: Rest | None = None
-    step: int = 0
-    x: PETSc.Vec = field(init=False)
-    problem: ContactProblem = field(init=False)
-    monolithic: bool = False
-    augmented: bool = False
-    regularisation_error: float | None = None
 
-    def __post_init__(self) -> None:
-        self.x = self.system.start.copy()
-        self._regularised = self.problem = RegularisedProblem(self.system, self.boundary, self.motions)
-        self._symmetric = self._newton(self._regularised)
-        self._unsymmetric: SemismoothNewton | None = None
-        self._exact: dict[bool, SemismoothNewton] = {}
+    @cached_property
+    def iterate(self) -> Iterate:
+        """The iterates, which the algorithms share."""
+        return Iterate(self)
 
-    def _newton(
-        self, problem: ContactProblem, x: PETSc.Vec | None = None, *, symmetric: bool = True
-    ) -> SemismoothNewton:
-        return SemismoothNewton(
-            problem,
-            self.x if x is None else x,
-            self.settings.max_iterations,
-            self.history,
-            symmetric=symmetric,
-            climb=climb if self.settings.fallbacks else None,
-            limited=_limited(self.settings, "max_iterations"),
-        )
-
-    @property
-    def newton(self) -> SemismoothNewton:
-        """The inner method on the regularised problem."""
-        return self._symmetric
-
-    @property
-    def unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
-        if self._unsymmetric is None:
-            self._unsymmetric = self._newton(self._regularised, symmetric=False)
-        return self._unsymmetric
-
-    @property
-    def exact_newton(self) -> SemismoothNewton:
-        """The inner method on the unregularised problem, with an iterate of its own."""
-        if True not in self._exact:
-            system = rotate(self.system, self.boundary)
-            problem = ExactProblem(system, self.boundary, self.motions)
-            self._exact[True] = self._newton(problem, system.start.copy())
-        return self._exact[True]
-
-    @property
-    def exact_unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
-        exact = self.exact_newton
-        if False not in self._exact:
-            self._exact[False] = self._newton(exact.problem, exact.x, symmetric=False)
-        return self._exact[False]
-
-    @property
-    def answer(self) -> SemismoothNewton:
-        """The inner method whose iterate is the answer."""
-        return self._symmetric if self.problem is self._regularised else self.exact_newton
-
-    def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the answer, counted from where the body rests."""
-        return self.problem.system.displacement(self.answer.x)
-
-    def contact(self) -> ContactState:
-        """The contact nodes of this rank as the answer has them, displacements from where the body was at first."""
-        problem = self.problem
+    def contact(self, outcome: Outcome, law: FrictionLaw | None) -> ContactState:
+        """The contact nodes of this rank as an answer has them, displacements from where the body was at first."""
+        problem = outcome.problem
         sets, data = problem.sets, problem.data
-        u_n, u_t = problem.traces(self.answer.x)
+        u_n, u_t = problem.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
-        pressure, shear = self.answer.multipliers()
+        pressure, shear = outcome.newton.multipliers()
         return ContactState(
             boundary=self.boundary,
             gap=data.gap + rest_n,
@@ -154,7 +160,7 @@ class Task:
             pressure=pressure,
             shear=shear,
             # Of the law itself: the iteration may have stopped with the bound of the pressure before.
-            bound=np.zeros_like(pressure) if not data.has_friction or self.law is None else self.law.bound(pressure),
+            bound=np.zeros_like(pressure) if not data.has_friction or law is None else law.bound(pressure),
             in_contact=sets.contact,
             direction=sets.direction,
             has_friction=data.has_friction,
@@ -163,40 +169,72 @@ class Task:
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
         )
 
-    @property
-    def promised(self) -> Law:
-        """The contact law that the answer promises to meet: without regularisation, or with the gamma in force."""
-        if self.augmented or self.settings.algorithm in ("alm", "exact"):
+    def promised(self, outcome: Outcome) -> Law:
+        """The contact law that an answer promises to meet: without regularisation, or with the gamma in force."""
+        if outcome.augmented or self.settings.algorithm in ("alm", "exact"):
             return UNREGULARISED
-        return Law(self.problem.data.gamma_n, self.problem.data.gamma_t)
-
-    def begin_from(self, sets: ActiveSets, start: tuple[Nodal, Nodal]) -> None:
-        """Start from sets and (lambda, mu) that another mesh, or fewer contact nodes, have led to."""
-        self.first_sets, self.first_iteration, self.start = sets, 1, start
+        return Law(outcome.problem.data.gamma_n, outcome.problem.data.gamma_t)
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed that was not told when to end."""
         limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
         return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
 
-    def restart(self, step: int, scale: float = 1.0) -> None:
-        """Take the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
-        for problem in {id(p): p for p in (self._regularised, self.problem)}.values():
-            problem.system.set_step(step, scale)
-        fixed = self.system.fixed
-        self.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
-        self.problem = self._regularised
 
-    def next_step(self) -> None:
-        """Go on to the next load step: friction acts on what is added to the slip, from the shear that there is."""
-        _, u_t = self.problem.traces(self.answer.x)
-        pressure, shear = self.answer.multipliers()
-        self.step += 1
-        self.restart(self.step)
-        self.data = replace(self.data, slip_origin=u_t)
-        if self.law is not None:
-            self.data = replace(self.data, mu_hat=shear, bound=self.law.bound(pressure))
-        self.first_sets, self.first_iteration, self.start = None, 1, (pressure, shear)
+class Iterate:
+    """The iterates of a contact problem and the inner methods on them, each set up when it is first asked for.
+
+    Attributes:
+        x: the iterate of the regularised problem.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self.x: PETSc.Vec = task.system.start.copy()
+
+    def _newton(self, problem: ContactProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
+        settings = self._task.settings
+        return SemismoothNewton(
+            problem,
+            x,
+            settings.max_iterations,
+            self._task.history,
+            symmetric=symmetric,
+            climb=climb if settings.fallbacks else None,
+            limited=_limited(settings, "max_iterations"),
+        )
+
+    @cached_property
+    def newton(self) -> SemismoothNewton:
+        """The inner method on the regularised problem."""
+        task = self._task
+        return self._newton(RegularisedProblem(task.system, task.boundary, task.motions), self.x)
+
+    @cached_property
+    def unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        return self._newton(self.newton.problem, self.x, symmetric=False)
+
+    @cached_property
+    def exact_newton(self) -> SemismoothNewton:
+        """The inner method on the unregularised problem, with an iterate of its own."""
+        task = self._task
+        system = rotate(task.system, task.boundary)
+        return self._newton(ExactProblem(system, task.boundary, task.motions), system.start.copy())
+
+    @cached_property
+    def exact_unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        exact = self.exact_newton
+        return self._newton(exact.problem, exact.x, symmetric=False)
+
+    def take_loads(self, step: int, scale: float) -> None:
+        """Put the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
+        self._task.system.set_step(step, scale)
+        if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._task.system:
+            self.exact_newton.problem.system.set_step(step, scale)
+        fixed = self._task.system.fixed
+        self.x.getArray()[fixed] = self._task.system.start.getArray(readonly=True)[fixed]
 
 
 def _limited(settings: SolverSettings, name: str) -> bool:

@@ -42,7 +42,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Accuracy, MeshFile, MeshGenerator, Scene
 from signorini_fx.solving.strategy import LARGEST_GAMMA
-from signorini_fx.solving.task import Task
+from signorini_fx.solving.task import Outcome, Task
 
 # Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
 _COARSER = {1: 4, 2: 8}
@@ -78,14 +78,16 @@ class Solved:
     Attributes:
         solution: how it ended.
         task: the contact problem; None without one.
+        outcome: how it ended; None where it has no solution.
         level: what the mesh is worth; None where it has no solution.
         errors: what is estimated on the mesh; None where it has no solution.
     """
 
     solution: Solution
     task: Task | None
-    level: LevelResult | None
-    errors: Errors | None
+    outcome: Outcome | None = None
+    level: LevelResult | None = None
+    errors: Errors | None = None
 
 
 def solve_to_accuracy(
@@ -120,12 +122,12 @@ def solve_to_accuracy(
     while True:
         before = time.perf_counter()
         solved = meshes.solve(solve_on, state, len(levels))
-        solution, task, level = solved.solution, solved.task, solved.level
+        solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         if last is not None and solution.status in _TOO_FINE:
             # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
             say(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
             return replace(last, status=Status.OUT_OF_REACH)
-        if level is None or task is None:
+        if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
         if meshes.polygonal and not levels:
             polygon = polygon_error(level.table, max(map(plane_modulus, scene.material)))
@@ -151,7 +153,7 @@ def solve_to_accuracy(
         if hopeless:
             say(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
-        meshes.raise_gamma(task, level.regularisation, left / goal.target)
+        meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
         allowed = goal.target * (1 - _REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
@@ -163,7 +165,7 @@ def solve_to_accuracy(
                     return replace(solution, status=Status.BUDGET)
             keep(solution)
             meshes.refine(solved, excess, jump)
-        elif task.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
+        elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)
 
 
@@ -333,20 +335,21 @@ class Meshes:
             tagged = refine(tagged, cells_at(tagged, corners))
         return tagged
 
-    def raise_gamma(self, task: Task, left: float, excess: float) -> None:
+    def raise_gamma(self, task: Task, outcome: Outcome, left: float, excess: float) -> None:
         """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
 
         Path-following finds gamma itself: it is allowed less.
 
         Args:
             task: the contact problem on the last mesh.
+            outcome: how it ended.
             left: what its regularisation leaves, relative in the energy norm.
             excess: the same of what is asked for, relative to the target.
         """
         factor = excess / _REGULARISATION_SHARE
         if factor <= 1:
             return
-        settings, data = self.scene.solver, task.data
+        settings, data = self.scene.solver, outcome.data
         largest = LARGEST_GAMMA * task.natural_gamma
         update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
         if settings.algorithm == "path-following":
