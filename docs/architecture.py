@@ -18,9 +18,9 @@ DOCS = Path(__file__).resolve().parent
 PACKAGE = DOCS.parent / "signorini_fx"
 PICTURE = DOCS / "images" / "architecture.svg"
 
-# From the top down.  What is no folder is a set of modules of the top level.
+# From the top down.  What is no folder is a set of modules of the top level; a folder may have some beside it.
 LAYERS = (
-    "command line",
+    "cli",
     "studies",
     "solving",
     "check",
@@ -39,12 +39,11 @@ LAYERS = (
     "errors",
 )
 TOP_LEVEL = {
-    "command line": ("__main__", "cli"),
+    "cli": ("__main__",),
     "ground": ("compat", "csv_text", "parallel", "petsc_start", "records"),
     "errors": ("errors",),
 }
 SAYS = {
-    "command line": "Words in, exit code out.",
     "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx.",
     "errors": "The ways in which a request can fail.",
 }
@@ -75,6 +74,11 @@ def files() -> dict[str, Path]:
     return found
 
 
+def packages() -> list[str]:
+    """The layers that are folders."""
+    return [layer for layer in LAYERS if (PACKAGE / layer).is_dir()]
+
+
 def layer_of(module: str) -> str:
     """The layer of a module: its package, or the set of modules of the top level that it belongs to.
 
@@ -82,7 +86,7 @@ def layer_of(module: str) -> str:
         KeyError: it is in none.
     """
     package = module.partition(".")[0]
-    if package in LAYERS and package not in TOP_LEVEL:
+    if package in packages():
         return package
     return {name: layer for layer, modules in TOP_LEVEL.items() for name in modules}[module]
 
@@ -152,7 +156,7 @@ def _text(x: float, y: float, text: str, **style: str) -> str:
 
 def _box(layer: str, left: float, top: float, width: float) -> tuple[list[str], float]:
     """What is in the box of a layer, and its height."""
-    name = layer if layer in TOP_LEVEL else f"{layer}/"
+    name = f"{layer}/" if layer in packages() else layer
     parts = [
         _text(left + 12, top + 20, name, font_weight="700", font_size="15"),
         _text(left + 12, top + 36, says(layer), fill="#555", font_size="12"),

@@ -65,6 +65,11 @@ class OutputError(SignoriniError):
     """A result cannot be written."""
 
 
+def cannot_be_written(path: object, error: Exception) -> OutputError:
+    """The error of a file or folder that takes no more, with the system's reason."""
+    return OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}")
+
+
 class ResultError(SignoriniError):
     """A result folder cannot be read: it is none, or not whole."""
 

@@ -160,7 +160,7 @@ def separately(command):
 def test_synopsis():
     """The README lists the commands with all their options, and the guide those of ``solve``."""
     (synopsis,) = (block.text for block in BLOCKS if block.page == README and block.language == "text")
-    (commands,) = (action.choices for action in cli._parser()._actions if isinstance(action.choices, dict))
+    (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
     lines = synopsis.replace("\n  ", "").splitlines()
     shown = {line.split()[1]: set(re.findall(r"--\w[\w-]*", line)) for line in lines}
     known = {

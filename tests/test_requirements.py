@@ -8,6 +8,7 @@ import dolfinx
 import pytest
 
 from signorini_fx import cli, compat
+from signorini_fx.cli.endings import EXIT_BAD_INPUT
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine import requirements
 
@@ -18,7 +19,7 @@ CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-
 def test_command_line(command, monkeypatch, capsys):
     """No traceback, exit code 2, and how to install it."""
     monkeypatch.setattr(requirements, "find_spec", lambda name: None if name == "dolfinx" else object())
-    assert cli.main([command] if command == "info" else [command, "no.toml"]) == cli.EXIT_BAD_INPUT
+    assert cli.main([command] if command == "info" else [command, "no.toml"]) == EXIT_BAD_INPUT
     said = capsys.readouterr().err
     assert said.startswith("signorini-fx: error: dolfinx cannot be imported: FEniCSx with dolfinx >= 0.9 is needed")
     assert all(channel in said for channel in CHANNELS)

@@ -30,8 +30,9 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.results.files import write_csv
 from signorini_fx.scene.model import Accuracy
 from signorini_fx.solving.solver import solve
+from signorini_fx.studies.methods import methods
 from signorini_fx.studies.reference import on_mesh
-from signorini_fx.studies.work_precision import methods, work_of
+from signorini_fx.studies.work_precision import work_of
 
 SCENES = ("example1_tresca", "example1_coulomb", "hertz_degree2", "hertz")
 TARGETS = (1e-1, 1e-2, 1e-3)

@@ -62,7 +62,7 @@ def draw_fields(
             density=density,
             factor=factor,
         )
-        search = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
+        search = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
         environment = environment_of_no_rank() | {"PYTHONPATH": os.pathsep.join(filter(None, search))}
         command = [sys.executable, "-m", __name__, scratch]
         try:

@@ -20,9 +20,10 @@ from signorini_fx import compat, parallel
 from signorini_fx.body.material import shear_energy_density, stress
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
+from signorini_fx.errors import cannot_be_written
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.records import as_rows
-from signorini_fx.results.folder import SUMMARY, ResultFolder, cannot_be_written
+from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
 
@@ -291,15 +292,19 @@ def gather_cells(solution: Solution) -> GatheredCells:
 
 
 def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
-    from signorini_fx.report import plots  # matplotlib takes a while to import
+    # matplotlib takes a while to import
+    from signorini_fx.report.boundary_profiles import boundary_profiles
+    from signorini_fx.report.convergence import errors_against_time, iteration_history
+    from signorini_fx.report.deformed_body import deformed_mesh, magnification
     from signorini_fx.report.pyvista_pictures import draw_fields
+    from signorini_fx.report.style import plain
 
-    title = plots.plain(solution.scene.title)
+    title = plain(solution.scene.title)
     gap = None
     if table is not None:
         c = table.columns
         gap = np.column_stack((c["x"], c["y"])), np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
-    plots.deformed_mesh(
+    deformed_mesh(
         folder / "deformed",
         gathered.points,
         gathered.cells,
@@ -308,11 +313,11 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
         gap=gap,
         title=title,
     )
-    factor = plots.magnification(gathered.points, gathered.displacement)
+    factor = magnification(gathered.points, gathered.displacement)
     draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
     if table is not None:
-        plots.boundary_profiles(folder / "profiles", table.columns, title=title)
+        boundary_profiles(folder / "profiles", table.columns, title=title)
     if solution.history.iterations:
-        plots.iteration_history(folder / "history", as_rows(solution.history.iterations))
+        iteration_history(folder / "history", as_rows(solution.history.iterations))
     if solution.price_list:
-        plots.price_list(folder / "price_list", as_rows(solution.price_list), title=title)
+        errors_against_time(folder / "price_list", as_rows(solution.price_list), title=title)

@@ -19,7 +19,7 @@ from typing import Self
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.errors import OutputError, SignoriniError
+from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
 
 SUMMARY = "summary.json"
 _PART = ".part"
@@ -139,11 +139,6 @@ class ResultFolder:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-
-def cannot_be_written(path: Path, error: Exception) -> OutputError:
-    """The error of a folder that takes no more, with the system's reason."""
-    return OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}")
 
 
 def _lock(descriptor: int) -> None:
