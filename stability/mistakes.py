@@ -673,8 +673,8 @@ MUTANTS = (
     Mutant("solving/task", "mu_hat=shear", "mu_hat=data.mu_hat", "load steps forget the shear", tests=("load_steps",)),
     Mutant(
         "solving/task",
-        "data = replace(self.data, slip_origin=u_t)",
-        "pass",
+        "replace(self.data, slip_origin=u_t)",
+        "self.data",
         "load steps forget the slip",
         tests=("load_steps",),
     ),
