@@ -122,7 +122,7 @@ class Price(MeshCost):
 
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """What a mesh is worth if its straight facets stand for a curved boundary."""
+    """A mesh with the errors that its straight facets add where they stand for a curved boundary."""
     more = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
     pressure = None if level.pressure is None else level.pressure + more["pressure"]
     return replace(
@@ -131,7 +131,7 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
 
 
 def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
-    """Whether the largest pressure has no limit: it grew by as much, or nearly, each time the mesh was made finer."""
+    """Whether the largest pressure has no limit: it grew by about as much each time the mesh was made finer."""
     seen = [peak_of(level.table) for level in levels]
     steps = [
         np.log(fine / coarse) / np.log(h / smaller)

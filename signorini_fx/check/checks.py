@@ -1,9 +1,9 @@
-"""What a scene is before it is solved: its effects and what each of them adds, an estimate of its cost, what will hurt.
+"""What a scene is before it is solved: its effects, what each of them adds, and an estimate of its cost.
 
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
 assembled as the solver does, so that every mistake that the solver would find in the scene or its mesh is found here.
 
-What will hurt is said by ``findings``.  What is said of costs is a rule of thumb, and says so.
+What may go wrong is said by ``findings``.  The estimate of the cost is a rule of thumb, and says so.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class Check:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings that hurt."""
+        """The findings whose level is warning."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What to know of a scene and its result: what hurts, and what to do about it.
+"""What to know of a scene and its result: what may go wrong, and what to do about it.
 
 ``checks`` says it before a scene is solved, ``solver`` with the solution; both by the functions of this module, from
 data that they have anyway.  What is said of gaps and of uniqueness is a rule of thumb, and says so.

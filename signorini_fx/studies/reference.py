@@ -164,7 +164,7 @@ def _stress(solution: Solution) -> Any:
     return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
 
 
-def overkill(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
+def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
     """A reference for a scene, and how far it may be wrong.
 
     Args:
