@@ -40,11 +40,11 @@ LAYERS = (
 )
 TOP_LEVEL = {
     "cli": ("__main__",),
-    "ground": ("compat", "csv_text", "parallel", "petsc_start", "records"),
+    "ground": ("compat", "csv_text", "parallel", "petsc_start", "records", "tuned"),
     "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx.",
+    "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx, tuned constants.",
     "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.

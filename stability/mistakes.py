@@ -469,7 +469,7 @@ MUTANTS = (
     ),
     Mutant(
         "augmentation",
-        "min(_GROWTH * gamma, enough) if slow else gamma",
+        "min(GAMMA_GROWTH * gamma, enough) if slow else gamma",
         "gamma",
         "augmentation: gamma not raised where it is slow",
         tests=("augmentation",),
@@ -621,7 +621,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/strategy",
-        "task.history.allow(PROBLEMS * task.settings.max_iterations)",
+        "task.history.allow(PROBLEMS_PER_STEP * task.settings.max_iterations)",
         "pass",
         "no end of linear solves",
         tests=("coulomb_ways",),
@@ -635,7 +635,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/strategy",
-        "float(np.clip(data.gamma_t / data.gamma_n, 1 / _MOST_APART, _MOST_APART))",
+        "float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))",
         "data.gamma_t / data.gamma_n",
         "path-following: ratio of gammas without limits",
         tests=("strategy",),
@@ -804,7 +804,7 @@ MUTANTS = (
     ),
     Mutant(
         "full",
-        "moved is not None and moved <= _LAG",
+        "moved is not None and moved <= LAGGED_NODES",
         "moved is not None and moved == 0",
         "no lagged factor: slower, same answer",
         tests=("linalg::test_an_old_factor_serves_where_few_nodes_have_moved",),
@@ -825,8 +825,8 @@ MUTANTS = (
     ),
     Mutant(
         "full",
-        "_LOOSE_TOLERANCE if self.inexact else _KRYLOV_TOLERANCE",
-        "_LOOSE_TOLERANCE",
+        "INEXACT_TOLERANCE if self.inexact else KRYLOV_TOLERANCE",
+        "INEXACT_TOLERANCE",
         "Krylov: loose to the end",
         tests=("inexact",),
     ),
@@ -1431,8 +1431,8 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/pressure_error",
-        "_KINKS / 2 * h[:-1] ** 3 * kinks",
-        "_KINKS * h[:-1] ** 3 * kinks",
+        "KINK_SHARE / 2 * h[:-1] ** 3 * kinks",
+        "KINK_SHARE * h[:-1] ** 3 * kinks",
         "pressure: kinks count twice",
         tests=("estimates::test_kinks_of_a_smooth_pressure",),
     ),
@@ -1466,7 +1466,7 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/error_estimates",
-        "contact + (FAR * error) ** 2 * body + data * forces",
+        "contact + (POLLUTION * error) ** 2 * body + data * forces",
         "contact",
         "estimate: the body is not refined for the pressure",
         tests=("estimates",),
@@ -1540,8 +1540,8 @@ MUTANTS = (
     ),
     Mutant(
         "check/checks",
-        "1e-6 * n + 3e-9 * n**1.5",
-        "1e-4 * n + 3e-7 * n**1.5",
+        "FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5",
+        "100 * (FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5)",
         "factorisation time times 100",
         tests=("cost_model",),
     ),

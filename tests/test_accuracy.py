@@ -49,9 +49,9 @@ def test_pressure(reference, target):
 
 
 @pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
-def test_true_error_on_the_meshes_that_the_program_chooses(overkill, of, targets):
+def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
     """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
-    friction, fine = overkill
+    friction, fine = with_reference
     for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
         solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
         assert fine.errors(solution)[of] <= target
@@ -59,7 +59,7 @@ def test_true_error_on_the_meshes_that_the_program_chooses(overkill, of, targets
 
 
 @pytest.fixture(scope="module", params=sorted(FRICTION))
-def overkill(request):
+def with_reference(request):
     """A reference of much higher accuracy, of displacement too."""
     scene = example1(**FRICTION[request.param], nx=120, ny=40)
     return request.param, Reference(divided(scene, 2.0, 60_000)[-1])
@@ -111,9 +111,9 @@ def test_uniform_meshes_jump_to_what_is_needed():
 
 
 @pytest.mark.parametrize("of", ["energy", "pressure"])
-def test_own_triangles(overkill, of):
+def test_own_triangles(with_reference, of):
     """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
-    friction, fine = overkill
+    friction, fine = with_reference
     scene = asked(friction, target=1e-2, of=of)
     generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
     own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)

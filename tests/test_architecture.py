@@ -88,7 +88,7 @@ def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
     assert graph["body.forms"] == {"body.material"}
-    assert {"scene.model", "mesh.tagged", "linalg.full"} <= graph["solving.solver"]
+    assert {"scene.model", "mesh.tagged", "linalg.full"} <= graph["solving.one_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
         f"{module} imports {other}"
@@ -173,3 +173,19 @@ def test_public_names():
     assert callable(solve)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         signorini_fx.nothing  # noqa: B018
+
+
+def test_every_tuned_constant_is_used_and_explained():
+    """By a module that imports it by name; the comment above it says more than a word."""
+    path = PACKAGE / "tuned.py"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    defined = {
+        node.lineno: {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        for node in ast.parse("\n".join(lines)).body
+        if isinstance(node, ast.Assign)
+    }
+    names = set().union(*defined.values())
+    imported = set().union(*(uses(module, "signorini_fx.tuned") for module in MODULES))
+    assert imported - {"signorini_fx.tuned"} == {f"signorini_fx.tuned.{name}" for name in names}
+    ends = ("# ", *names)
+    assert not {line: lines[line - 1] for line in defined if not lines[line - 2].startswith(ends)}

@@ -232,7 +232,7 @@ def test_accuracy_in_per_cent(run):
     assert parsed_accuracy("2%") == parsed_accuracy("0.02") == parsed_accuracy(" 2 %") == 0.02
     code, errors = run("solve", "scene.toml", "--accuracy", "2 per cent")
     assert code == 2
-    assert "a number like 0.05 or 5% is wanted, got '2 per cent'" in errors
+    assert "a number like 0.05 or 5% is expected, got '2 per cent'" in errors
 
 
 # --- PETSc options ---------------------------------------------------------------------------------------------------

@@ -213,7 +213,7 @@ def test_too_little_memory(monkeypatch):
     assert "use a coarser mesh" in said(block())["mesh"]
 
 
-# --- what hurts ------------------------------------------------------------------------------------------------------
+# --- what may go wrong ------------------------------------------------------------------------------------------------
 
 QUIET = {
     "plain": block(),

@@ -1,4 +1,4 @@
-"""The price list of a nested solve: estimates against an overkill solution, and the arithmetic behind them."""
+"""The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
 import numpy as np
 import pytest

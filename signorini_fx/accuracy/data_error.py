@@ -22,6 +22,7 @@ from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_v
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
+from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,9 +30,6 @@ Floats = npt.NDArray[np.float64]
 _FACET_DEGREE, _CELL_DEGREE = 60, 18
 # Points between two nodes.
 _POINTS = 32
-# What the nodes themselves say of a smooth function between them is no error of the data: its deviation from a line is
-# an eighth of the second difference, in the mean a twelfth; a little more is allowed.
-_SMOOTH_LARGEST, _SMOOTH_MEAN = 1 / 6, 1 / 9
 
 
 @dataclass(frozen=True)
@@ -132,14 +130,14 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
         both = (pressure[:-1] != 0) & (pressure[1:] != 0)
         missed = np.where(both[:, None], np.abs(away), -away - room).max(axis=1)
-        gaps.append(np.maximum(missed - _SMOOTH_LARGEST * bend, 0.0))
+        gaps.append(np.maximum(missed - SMOOTH_LARGEST * bend, 0.0))
         missed = np.zeros(length.size)
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):
             law = effect.friction
             _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
             times = (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2 if isinstance(law, CoulombFriction) else 1.0
             sliding = np.char.startswith(c["friction"][rows].astype(str), "slip")
-            missed = np.maximum(np.abs(away).mean(axis=1) - _SMOOTH_MEAN * bend, 0.0) * times * length
+            missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * length
             missed[~(sliding[:-1] | sliding[1:])] = 0.0
         friction.append(missed)
     return friction, gaps

@@ -14,12 +14,9 @@ from signorini_fx.accuracy.estimators import StressRecovery
 from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pressure_square
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.table import ContactTable
+from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
-
-# An error in the body reaches the contact pressure with its square, as it does every functional, times about this: 6.5
-# to 8 on meshes that were divided for the pressure alone.
-FAR = 6.0
 
 
 @dataclass(frozen=True)
@@ -91,7 +88,7 @@ def estimate_errors(
         pressed=float(np.sqrt(pressed)),
         squares={
             "energy": body + data * forces,
-            "pressure": contact + (FAR * error) ** 2 * body + data * forces,
+            "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
             "force": sum(shares, np.zeros_like(body)),
         },
     )

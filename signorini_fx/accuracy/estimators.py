@@ -18,12 +18,9 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import is_zero, ufl_value
 from signorini_fx.body.material import stress
 from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
+from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
-# Of the squared residual on the boundary, times h over the stiffness, so much belongs to the error: the least that
-# makes up for what the recovered stress does not see in the corners of the first meshes; found on the first 22 scenes
-# of demos/studies/random_scenes.py, seed 1, where 0.05 and 0.1 left 0.63 and 0.67 of the error on some.
-_BOUNDARY_SHARE = 0.2
 # Tractions that vary may jump within a facet: they are looked at in so many points more.
 _FINE_DEGREE = 20
 
@@ -170,7 +167,7 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
             else:
                 residual = _free(effect, residual, n)
                 away += _away(effect, y, factor, n, d.space)
-        density = _BOUNDARY_SHARE * size / stiffness * ufl.inner(residual, residual)
+        density = BOUNDARY_RESIDUAL_SHARE * size / stiffness * ufl.inner(residual, residual)
         density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
             continue

@@ -12,26 +12,20 @@ import numpy.typing as npt
 
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.table import ContactTable
+from signorini_fx.tuned import (
+    CORNER_ANGLE,
+    CORNER_ERROR_SHARE,
+    CORNER_SHARE,
+    FIT_STRETCH,
+    JUMP_RATIO,
+    KINK_SHARE,
+    LARGEST_EXPONENT,
+    STEEP_EXPONENT,
+)
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-# The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
-# that where it ends like a square root, as contact zones do.
-_KINKS = 1 / 33
-# At a corner it is about half of h^3 [p']^2 in the last interval, for quadratic elements and exponents of the stress
-# from 0.55 to 0.8: 0.4 to 0.8 times that.
-_CORNER = 0.5
-# The pressure is square integrable if it grows like r^-a with a < 1/2.
-_STEEPEST = 0.49
-# A growth with more than this power is looked at over distances that differ by so much, where the mesh has them.
-_STEEP, _STRETCH = 0.3, 64.0
-# A jump of the pressure is so many times larger than its changes beside it.
-_JUMP = 3.0
-# A corner with this share of the squared error is refined for its own sake.
-_MUCH = 0.2
-# Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
-_TURN = 0.4
 # Smaller angles are round-off.
 _STRAIGHT = 1e-7
 
@@ -60,8 +54,8 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
     if h.size < 2:
         return squares
     kinks = np.diff(np.diff(pressure) / h) ** 2
-    squares[:-1] += _KINKS / 2 * h[:-1] ** 3 * kinks
-    squares[1:] += _KINKS / 2 * h[1:] ** 3 * kinks
+    squares[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
+    squares[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
     jumps = _jumps(s, pressure)
     squares[:-1] += h[:-1] * jumps**2 / 12
     squares[1:] += h[1:] * jumps**2 / 12
@@ -72,7 +66,7 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
             away = slice(corner, None) if interval == corner else slice(corner, None, -1)
             squares[interval] = max(
                 squares[interval],
-                _CORNER * h[interval] ** 3 * kinks[inside - 1],
+                CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
                 _singular(np.abs(s[away] - s[corner]), pressure[away], blur),
             )
         else:
@@ -95,7 +89,7 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
     right = pressure[3:-1] + slopes[3:] * (s[2:-2] - s[3:-1])
     size = np.abs(left - right)
     pressed = np.lib.stride_tricks.sliding_window_view(pressure != 0, 5).all(axis=1)
-    beyond = size > _JUMP * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
+    beyond = size > JUMP_RATIO * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
     jumps[1:-1] = np.where(pressed & beyond, size, 0.0)
     return jumps
 
@@ -115,16 +109,16 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
         return 0.0
     first = near[0]
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
-    stretch = falling[(r[falling] <= _STRETCH * r[first]) & (pressure[falling] > 0)]
+    stretch = falling[(r[falling] <= FIT_STRETCH * r[first]) & (pressure[falling] > 0)]
 
     def growth(other: int) -> float:
         return float(np.log(pressure[first] / pressure[other]) / np.log(r[other] / r[first]))
 
     a = growth(near[1])
-    if a > _STEEP and stretch[-1] > first:
+    if a > STEEP_EXPONENT and stretch[-1] > first:
         # Two neighbours say much of their element; a singularity shows over the whole stretch where it reigns.
         a = max(a, growth(stretch[-1]))
-    a = min(a, _STEEPEST)
+    a = min(a, LARGEST_EXPONENT)
     h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
     k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
     square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))
@@ -143,7 +137,7 @@ def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:
     found = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
-        for node in np.flatnonzero(_turning(x, y) > _TURN) + 1:
+        for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
             found += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
     return [(node, interval) for node, interval in found if pressure[node] != 0]
 
@@ -151,7 +145,7 @@ def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:
 def corners_of_error(table: ContactTable) -> Floats:
     """Positions of the corners beside which much of the error of the pressure is, shape (n, 2)."""
     squares = interval_squares(table)
-    much = _MUCH * sum(float(own.sum()) for own in squares)
+    much = CORNER_ERROR_SHARE * sum(float(own.sum()) for own in squares)
     rows = [
         chain.start + node
         for chain, own in zip(table.chains, squares, strict=True)
@@ -183,7 +177,7 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
         rows = slice(chain.start, chain.stop)
         angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
         near = pressed[1:-1] | pressed[:-2] | pressed[2:]
-        turns += angle[near & (angle > _STRAIGHT) & (angle <= _TURN)].tolist()
+        turns += angle[near & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)].tolist()
     square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
     return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns and square > 0 else 0.0
 

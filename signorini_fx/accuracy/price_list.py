@@ -1,5 +1,4 @@
-"""What accuracy costs: one row a mesh of a nested iteration, with what is wrong there and what it took, and the next
-mesh.
+"""What accuracy costs: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
 Nothing is solved for it that the nested iteration does not solve anyway.  The energy norm of the displacement's error
 is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact
@@ -11,46 +10,40 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.accuracy.error_estimates import FAR
 from signorini_fx.accuracy.pressure_error import peak_of
 from signorini_fx.contact.table import ContactTable
-
-# How errors fall with h.  The square-root ends of the contact zone limit all but the peak; measured on the paper's
-# first example against an overkill solution.  Rates seen on two or three meshes scatter more than they tell: where an
-# end falls on a node, one change is small and the next one large.
-_RATE = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
-_ENERGY_RATES = (0.5, 3.0)
-_MEMORY_OF_CHANGES = 3
-# What a polygon leaves of energy, pressure and force, times ``LevelResult.polygon`` to a power, and of the largest
-# pressure; measured on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to 0.29,
-# 0.006 to 0.04 and 0.6 to 1.4, the largest of each where a single node is in contact.
-_POLYGON = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
-_POLYGON_PEAK = 0.5
-# The largest pressure has no limit if it grows like h^-0.05 or faster on so many meshes one after the other, each finer
-# there, and hardly less on the last.
-_FINER, _GROWING, _GROWTH, _LASTING = 1.3, 2, 0.05, 0.6
-# An error that falls by less than this from mesh to mesh is not believed to fall at all.
-_SLOWEST = 0.95
-# Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.
-_TIME_POWER, _MEMORY_POWER = 1.2, 1.1
-# Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.
-_LEAST_GROWING = 0.25
-# What changes from one uniform mesh to the next in a pressure that the mesh resolves comes from elsewhere in the body.
-_SMOOTH_RATE = 2.0
+from signorini_fx.tuned import (
+    CHANGES_USED,
+    ENERGY_RATES,
+    EXPECTED_RATES,
+    FINER_FACTOR,
+    GROWING_MESHES,
+    GROWTH_POWER,
+    LASTING_SHARE,
+    LEAST_GROWING_TIME,
+    MEMORY_POWER,
+    POLLUTION,
+    POLYGON_ERRORS,
+    POLYGON_PEAK,
+    SLOWEST_DECREASE,
+    SMOOTH_RATE,
+    TIME_POWER,
+)
 
 
 @dataclass(frozen=True)
-class LevelResult:
-    """What is kept of one mesh.
+class MeshCost:
+    """A mesh and what a solve on it took.
 
     Attributes:
         level: its number, the coarsest is 0.
@@ -60,6 +53,22 @@ class LevelResult:
         factorisations: of them with a new factorisation.
         seconds: wall time of everything on this mesh, largest over the ranks.
         memory: peak memory so far of all ranks together, MB.
+    """
+
+    level: int
+    h: float
+    dofs: int
+    linear_solves: int
+    factorisations: int
+    seconds: float
+    memory: float
+
+
+@dataclass(frozen=True)
+class LevelResult(MeshCost):
+    """What is known of one mesh that was solved; its cost is that of ``MeshCost``.
+
+    Attributes:
         status: how it ended.
         energy: estimated discretisation error, relative in the energy norm, data included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
@@ -74,13 +83,6 @@ class LevelResult:
         force: contact and friction force on the body of all load steps, shape (4 steps,).
     """
 
-    level: int
-    h: float
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    memory: float
     status: str
     energy: float
     pressure: float | None
@@ -95,17 +97,10 @@ class LevelResult:
 
 
 @dataclass(frozen=True)
-class Price:
-    """One row of the price list; every error is relative, None where it cannot be told yet.
+class Price(MeshCost):
+    """One row of the price list: ``MeshCost`` and errors; each is relative, None where it cannot be told yet.
 
     Attributes:
-        level: number of the mesh.
-        h: mean spacing of the contact nodes, length.
-        dofs: unknowns.
-        linear_solves: linear solves.
-        factorisations: of them with a new factorisation.
-        seconds: wall time.
-        memory: peak memory so far, MB.
         energy: error of the displacement, energy norm.
         pressure: error of the contact pressure, L2(Gamma_c).
         force: error of contact and friction force.
@@ -116,13 +111,6 @@ class Price:
         predicted: whether this is the next mesh, not solved yet.
     """
 
-    level: int
-    h: float
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    memory: float
     energy: float | None
     pressure: float | None
     force: float | None
@@ -134,8 +122,8 @@ class Price:
 
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """What a mesh is worth if its straight facets stand for a curved boundary."""
-    more = {name: share * polygon**power for name, (share, power) in _POLYGON.items()}
+    """A mesh with the errors that its straight facets add where they stand for a curved boundary."""
+    more = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
     pressure = None if level.pressure is None else level.pressure + more["pressure"]
     return replace(
         level, energy=level.energy + more["energy"], pressure=pressure, data=level.data + more["force"], polygon=polygon
@@ -143,15 +131,15 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
 
 
 def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
-    """Whether the largest pressure has no limit: it grew by as much, or nearly, each time the mesh was made finer."""
+    """Whether the largest pressure has no limit: it grew by about as much each time the mesh was made finer."""
     seen = [peak_of(level.table) for level in levels]
     steps = [
         np.log(fine / coarse) / np.log(h / smaller)
         for (coarse, h), (fine, smaller) in pairwise(seen)
-        if coarse > 0 and fine > 0 and smaller < h / _FINER
+        if coarse > 0 and fine > 0 and smaller < h / FINER_FACTOR
     ]
-    last = steps[-_GROWING:]
-    return len(last) == _GROWING and min(last) > _GROWTH and bool(last[-1] > _LASTING * last[0])
+    last = steps[-GROWING_MESHES:]
+    return len(last) == GROWING_MESHES and min(last) > GROWTH_POWER and bool(last[-1] > LASTING_SHARE * last[0])
 
 
 def peak_memory(comm: MPI.Comm) -> float:
@@ -172,11 +160,11 @@ def expected_rates(degree: int) -> dict[str, float]:
         degree: of the displacement on meshes that are refined where the error is, which restores the rates of smooth
             solutions; 1 on meshes that are refined everywhere, where the ends of the contact zones limit them.
     """
-    return {name: max(rate, degree) for name, rate in _RATE.items()}
+    return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
 
 
 def price_list(
-    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = _RATE, uniform: bool = True
+    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
 ) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
@@ -189,37 +177,24 @@ def price_list(
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
     for index, level in enumerate(levels):
-        errors: dict[str, float | None] = dict.fromkeys(_RATE)
+        errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
         if index > 0:
             fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
-            errors = {name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in _RATE}
+            errors = {
+                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
+            }
             errors["force"] = _force_error(levels[: index + 1])
             if errors["peak"] is not None:
-                errors["peak"] += level.data + _POLYGON_PEAK * level.polygon
+                errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
         if change is not None and level.pressure is not None:
             errors["pressure"] = _confirmed(levels[index - 1], level, change, uniform=uniform)
-        rows.append(
-            Price(
-                level=level.level,
-                h=level.h,
-                dofs=level.dofs,
-                linear_solves=level.linear_solves,
-                factorisations=level.factorisations,
-                seconds=level.seconds,
-                memory=level.memory,
-                energy=level.energy,
-                regularisation=level.regularisation,
-                iteration=level.iteration,
-                pressure=errors["pressure"],
-                force=errors["force"],
-                zone=errors["zone"],
-                peak=errors["peak"],
-            )
-        )
+        own = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
+        row: dict[str, Any] = {name: getattr(level, name) for name in own} | errors
+        rows.append(Price(**row))
     return [*rows, predict(rows, base_memory, rates=rates)]
 
 
@@ -231,9 +206,9 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     """
     estimate = fine.pressure or 0.0
     if uniform:
-        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (_SMOOTH_RATE / 2) - 1)))
+        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / 2) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
-    return float(np.hypot(estimate * times, FAR * fine.energy**2))
+    return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
 
 
 def _force_error(levels: Sequence[LevelResult]) -> float | None:
@@ -247,10 +222,10 @@ def _force_error(levels: Sequence[LevelResult]) -> float | None:
     if size == 0.0:
         return None
     told = []
-    for coarse in levels[-1 - _MEMORY_OF_CHANGES : -1]:
+    for coarse in levels[-1 - CHANGES_USED : -1]:
         pairs = ((coarse.energy, fine.energy), (coarse.inside, fine.inside))
         share = max((after / before for before, after in pairs if before > 0), default=0.0) ** 2
-        share = float(np.clip(share, 0.0, _SLOWEST))
+        share = float(np.clip(share, 0.0, SLOWEST_DECREASE))
         told.append(float(np.linalg.norm(fine.force - coarse.force)) / size * share / (1 - share))
     return max(told) + fine.data
 
@@ -260,7 +235,7 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
     c, f = coarse.table.columns, fine.table.columns
     weight, pressure = f["weight"], f["pressure"]
     size = float(np.sqrt(np.dot(weight, pressure**2)))
-    difference = pressure - _interpolate(coarse.table, fine.table, "pressure")
+    difference = pressure - interpolated(coarse.table, fine.table, "pressure")
     ends_c, ends_f = zone_ends(coarse.table), zone_ends(fine.table)
     length = float(sum(abs(b - a) for a, b in zip(ends_f[::2], ends_f[1::2], strict=True)))
     comparable = len(ends_c) == len(ends_f) > 0 and length > 0
@@ -273,7 +248,7 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
     }
 
 
-def _interpolate(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
+def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
     """A column of the coarse table at the nodes of the fine one, linearly along each piece of the boundary."""
     values = np.zeros(fine.columns["s"].size)
     for here, there in zip(fine.chains, coarse.chains, strict=False):
@@ -322,7 +297,7 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
         return changes[-1]
     told = [
         change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
-        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-_MEMORY_OF_CHANGES:]
+        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
         if change
     ]
     return float(np.exp(np.mean(np.log(told))))
@@ -334,7 +309,7 @@ def _finer(rows: Sequence[Price]) -> float:
 
 
 def predict(
-    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = _RATE, finer: float | None = None
+    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, finer: float | None = None
 ) -> Price:
     """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
 
@@ -348,14 +323,13 @@ def predict(
     seen_growth, seen_finer = last.dofs / before.dofs, _finer(rows)
     finer = seen_finer if finer is None else finer
     growth = finer**2
-    dofs = round(last.dofs * growth)
 
     def next_error(name: str) -> float | None:
         value = getattr(last, name)
         return None if value is None else value / finer ** rates[name]
 
     energy_rate = (
-        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *_ENERGY_RATES)
+        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *ENERGY_RATES)
         if before.energy and last.energy
         else 1.0
     )
@@ -367,21 +341,18 @@ def predict(
         own = max(value - offset, 0.0)
         return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
 
-    return Price(
+    return replace(
+        last,
         level=last.level + 1,
         h=last.h / finer,
-        dofs=dofs,
-        linear_solves=last.linear_solves,
-        factorisations=last.factorisations,
-        seconds=grown("seconds", _TIME_POWER, 0.0, _LEAST_GROWING),
-        memory=grown("memory", _MEMORY_POWER, base_memory, 0.0),
+        dofs=round(last.dofs * growth),
+        seconds=grown("seconds", TIME_POWER, 0.0, LEAST_GROWING_TIME),
+        memory=grown("memory", MEMORY_POWER, base_memory, 0.0),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),
         zone=next_error("zone"),
         peak=next_error("peak"),
-        regularisation=last.regularisation,
-        iteration=last.iteration,
         predicted=True,
     )
 

@@ -28,9 +28,7 @@ from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
-
-# The path begins at this share of gamma and grows by this factor.
-_FIRST_SHARE, _GROWTH = 1e-4, 10.0
+from signorini_fx.tuned import LADDER_FIRST_SHARE, LADDER_GROWTH
 
 # A gap below this share of the largest one is none.
 _CLOSED = 1e-6
@@ -97,7 +95,7 @@ def _path(
     descend: bool,
 ) -> Status:
     """From a small gamma to the given one; a stage that fails leaves its iterate to the next rung, or descends."""
-    share = _FIRST_SHARE
+    share = LADDER_FIRST_SHARE
     while True:
         share = min(share, 1.0)
         stage = replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t)
@@ -106,5 +104,5 @@ def _path(
             status = energy_descent(newton, stage, measure)
         if status is not Status.CONVERGED or share == 1.0:
             return status
-        share *= _GROWTH
+        share *= LADDER_GROWTH
         first_sets = newton.continued_sets(replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t))

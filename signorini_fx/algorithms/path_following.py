@@ -22,11 +22,10 @@ from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangent
 from signorini_fx.records import Status
+from signorini_fx.tuned import NEGLIGIBLE_POLE
 
 # What the derivatives along the path need of a solve on an old factor.
 _SLOPE_TOLERANCE = 1e-10
-# Below this share of gamma the pole is left out: it changes the distance by no more.
-_NO_POLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     unknowns, _ = system.contact.entries()
     stiffness = system.matrix.getDiagonal().getArray(readonly=True)[unknowns].max(axis=1, initial=0.0)
     largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
-    if largest > _NO_POLE * data.gamma_n:
+    if largest > NEGLIGIBLE_POLE * data.gamma_n:
         second = newton.x.duplicate()
         ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
         curvature = -stretched.dot(second)

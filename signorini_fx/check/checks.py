@@ -1,14 +1,15 @@
-"""What a scene is before it is solved: its effects and what each of them adds, an estimate of its cost, what will hurt.
+"""What a scene is before it is solved: its effects, what each of them adds, and an estimate of its cost.
 
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
 assembled as the solver does, so that every mistake that the solver would find in the scene or its mesh is found here.
 
-What will hurt is said by ``findings``.  What is said of costs is a rule of thumb, and says so.
+What may go wrong is said by ``findings``.  The estimate of the cost is a rule of thumb, and says so.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -30,6 +31,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.model import (
     BodyForce,
+    Contact,
     CoulombFriction,
     Friction,
     PrescribedDisplacement,
@@ -37,6 +39,23 @@ from signorini_fx.scene.model import (
     SurfaceTraction,
     TrescaFriction,
     friction_acts,
+)
+from signorini_fx.tuned import (
+    BACK_SUBSTITUTION,
+    BASE_BYTES,
+    BYTES_PER_DOF,
+    CONDENSING,
+    DENSE_SPEED,
+    DENSE_STEP_SECONDS,
+    FACTOR_ENTRIES,
+    FACTOR_SECONDS,
+    KRYLOV_SECONDS,
+    MEMORY_SHARE,
+    MORE_SOLVES,
+    ROW_ENTRIES,
+    SOLVES_OF_FINER_MESH,
+    SOLVES_OF_LATER_STEP,
+    SOLVES_PER_DOUBLING,
 )
 
 # What ``estimators.StressRecovery`` compiles.
@@ -109,7 +128,7 @@ class Check:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings that hurt."""
+        """The findings whose level is warning."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
     def as_dict(self) -> dict[str, Any]:
@@ -194,12 +213,13 @@ def _effects(d: Body) -> list[Effect]:
         found.append(Effect("traction", False, "no [[traction]]"))
     found += _contacts(d)
     nodes = _contact_nodes(d)
-    one, every = (_linear_solves(scene, nodes, steps=steps, levels=1) for steps in (1, scene.steps))
+    kind = _friction_kind(scene, scene.contact)
+    one, every = (_linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.steps))
     numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
     why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
     found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
     nested = scene.solver.levels > 1 and d.boundary is not None
-    solves = _minus(_linear_solves(scene, nodes), every)
+    solves = _minus(_linear_solves(scene, kind, nodes, steps=scene.steps, levels=scene.solver.levels), every)
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
     found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
@@ -218,10 +238,10 @@ def _materials(scene: Scene) -> list[Effect]:
 
 
 def _reduced(d: Body) -> Effect:
-    wanted = d.scene.element.volumetric
+    setting = d.scene.element.volumetric
     on = d.reduced is not None
-    why = f"volumetric = {wanted!r}"
-    if wanted == "auto":
+    why = f"volumetric = {setting!r}"
+    if setting == "auto":
         why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
     return Effect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
 
@@ -247,29 +267,20 @@ def _contacts(d: Body) -> list[Effect]:
     scene = d.scene
     if d.boundary is None:
         return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]
-    found = []
-    nodes = _contact_nodes(d)
+    found, nodes = [], _contact_nodes(d)
+    # One effect after the other: the first contact costs the iteration, the first friction of a kind the rest of it.
     previous = (1, 1)
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
-        name = f"contact {effect.boundary}"
-        without = scene.model_copy(update={"contact": _frictionless(scene.contact[: index + 1])})
-        total = _linear_solves(without, nodes, steps=1, levels=1)
-        why = f"{effect.kind}, {count} nodes"
-        found.append(Effect(name, True, why, (name,), solves=_minus(total, previous)))
+        name, total = f"contact {effect.boundary}", _linear_solves(scene, "none", nodes)
+        found.append(Effect(name, True, f"{effect.kind}, {count} nodes", (name,), solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
-        law = effect.friction
-        with_it = (*scene.contact[: index + 1], *_frictionless(scene.contact[index + 1 :]))
-        total = _linear_solves(scene.model_copy(update={"contact": with_it}), nodes, steps=1, levels=1)
+        law, total = effect.friction, _linear_solves(scene, _friction_kind(scene, scene.contact[: index + 1]), nodes)
         name = f"friction {effect.boundary}"
         found.append(Effect(name, friction_acts(law), _friction(law), solves=_minus(total, previous)))
         previous = total
     return found
-
-
-def _frictionless(contacts: Any) -> tuple[Any, ...]:
-    return tuple(contact.model_copy(update={"friction": TrescaFriction(bound=0.0)}) for contact in contacts)
 
 
 def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:
@@ -306,15 +317,6 @@ def _friction(law: Friction) -> str:
 
 # --- cost ------------------------------------------------------------------------------------------------------------
 
-# Linear solves of one load step per log2 of the number of contact nodes, from and to, as a sweep over Example 1 with
-# 25 to 241 contact nodes showed them.
-_SOLVES = {"none": (0.6, 2.0), "tresca": (0.8, 3.0), "fp": (1.5, 6.0), "newton": (1.4, 4.5)}
-_MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
-# What a process holds before it has a mesh, and what the mesh, the forms and the vectors need per unknown.
-_BASE_BYTES, _BYTES_PER_DOF = 1.4e8, 1.0e3
-# Dense Cholesky, operations per second; a solve by CG with algebraic multigrid, seconds per unknown.
-_DENSE_SPEED, _KRYLOV_SECONDS = 2e10, 1e-5
-
 
 def _contact_nodes(d: Body) -> int:
     if d.boundary is None:
@@ -322,43 +324,51 @@ def _contact_nodes(d: Body) -> int:
     return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
 
 
-def _linear_solves(scene: Scene, nodes: int, *, steps: int | None = None, levels: int | None = None) -> tuple[int, int]:
-    """Linear solves to expect, from and to."""
-    steps, levels = steps or scene.steps, levels or scene.solver.levels
+def _friction_kind(scene: Scene, contacts: Sequence[Contact]) -> str:
+    """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
+    acting = [contact.friction for contact in contacts if friction_acts(contact.friction)]
+    if any(isinstance(law, CoulombFriction) for law in acting):
+        return "newton" if scene.solver.coulomb == "newton" else "fp"
+    return "tresca" if acting else "none"
+
+
+def _linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
+    """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
     if not scene.contact:
         return steps * levels, steps * levels
-    kind = "tresca" if scene.has_friction else "none"
-    if scene.has_coulomb:
-        kind = "newton" if scene.solver.coulomb == "newton" else "fp"
-    more = _MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
+    more = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
     size = math.log2(max(nodes / 2 ** (levels - 1), 4))
-    low, high = (round(factor * size) + extra for factor, extra in zip(_SOLVES[kind], more, strict=True))
+    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], more, strict=True))
     # A later load step starts from the sets of the one before, a finer mesh from those of the coarser one.
-    low, high = low + 2 * (steps - 1), high * steps
-    return low + 2 * (levels - 1) * steps, high + 5 * (levels - 1) * steps
+    low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
+    least, most = SOLVES_OF_FINER_MESH
+    return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
 
 
 def _cost(d: Body) -> Cost:
-    """Nested dissection in two dimensions: n log n entries, n^1.5 operations, as measured with CHOLMOD and MUMPS."""
+    """Nested dissection in two dimensions: n log n entries, n^1.5 operations."""
     comm = d.comm
     n = d.dofs
     nodes = _contact_nodes(d)
-    entries = n * max(15.0, 7.6 * (math.log2(n) - 5.1))
-    factorisation = 1e-6 * n + 3e-9 * n**1.5
-    solves = _linear_solves(d.scene, nodes)
-    wanted, dense = d.scene.solver.linear_algebra, 0
-    reason, once, each = "one factorisation for all load steps", factorisation, 0.1 * factorisation
-    if wanted == "krylov":
-        reason, once, each, entries = "Krylov", 0.0, _KRYLOV_SECONDS * n, 0.0
+    least, slope, offset = FACTOR_ENTRIES
+    entries = n * max(least, slope * (math.log2(n) - offset))
+    factorisation = FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5
+    kind = _friction_kind(d.scene, d.scene.contact)
+    solves = _linear_solves(d.scene, kind, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
+    setting, dense = d.scene.solver.linear_algebra, 0
+    reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
+    if setting == "krylov":
+        reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
     elif d.boundary is not None:
         against = choice.against_condensing(d, 2 * nodes)
-        if comm.size == 1 and wanted != "full" and (against is None or wanted == "condensed"):
+        if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
             dense = 2 * nodes
-            reason, once, each = "condensed", 1.4 * factorisation, dense**3 / 3 / _DENSE_SPEED + 1e-4
+            step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+            reason, once, each = "condensed", CONDENSING * factorisation, step
         else:
             reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
-    matrix = 12.0 * 18 * n
+    matrix = 12.0 * ROW_ENTRIES * n
     return Cost(
         unknowns=free,
         contact_nodes=nodes,
@@ -367,13 +377,13 @@ def _cost(d: Body) -> Cost:
         factorisation_seconds=factorisation,
         factorisation_bytes=9.0 * entries,
         seconds=(once + solves[0] * each, once + solves[1] * each),
-        memory_bytes=_BASE_BYTES * comm.size + _BYTES_PER_DOF * n + 2 * matrix + 12.0 * entries + 24.0 * dense**2,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + 12.0 * entries + 24.0 * dense**2,
     )
 
 
 def _memory(cost: Cost, comm: MPI.Comm) -> list[Finding]:
     there = parallel.machine_memory(comm)
-    if cost.memory_bytes < 0.8 * there:
+    if cost.memory_bytes < MEMORY_SHARE * there:
         return []
     message = (
         f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {there / 1e9:.0f}: use a coarser mesh"

@@ -1,4 +1,4 @@
-"""What to know of a scene and its result: what hurts, and what to do about it.
+"""What to know of a scene and its result: what may go wrong, and what to do about it.
 
 ``checks`` says it before a scene is solved, ``solver`` with the solution; both by the functions of this module, from
 data that they have anyway.  What is said of gaps and of uniqueness is a rule of thumb, and says so.
@@ -24,7 +24,7 @@ from signorini_fx.contact.statics import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
-from signorini_fx.solving.strategy import LARGEST_GAMMA, START_GAMMA
+from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
 
 _Rows = npt.NDArray[np.float64]
 # A gap this many times larger than the estimated displacements is called out.

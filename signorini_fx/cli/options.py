@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    check = commands.add_parser("check", help="say what a scene will do and what will hurt, without solving it")
+    check = commands.add_parser("check", help="say what a scene will do and what may go wrong, without solving it")
     check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
     report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
@@ -107,15 +107,15 @@ def parsed_accuracy(text: str) -> float:
     try:
         return float(found[1]) / 100 if found and found[2] else float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is wanted, got {text!r}") from None
+        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
 
 
 def parsed_budget(text: str) -> tuple[str, float]:
     """60s or 4GB as the key of the scene and its value."""
     found = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
     if found is None:
-        wanted = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is wanted"
-        raise argparse.ArgumentTypeError(f"{wanted}, got {text!r}")
+        expected = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is expected"
+        raise argparse.ArgumentTypeError(f"{expected}, got {text!r}")
     key, unit = _BUDGETS[found[2]]
     return key, float(found[1]) * unit
 

@@ -15,9 +15,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
-
-# gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-AUTOMATIC_GAMMA = 1e5
+from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 
 def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:

@@ -10,11 +10,7 @@ from signorini_fx.body.discretisation import Body, Discretisation
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
-
-# Below this many unknowns a sparse factorisation costs no more than what condensation saves.
-_SMALL = 4_000
-# A dense solve costs n_c^3 / 3, a sparse one in two dimensions about 50 n^1.5 operations.
-_SPARSE_OPERATIONS = 50.0
+from signorini_fx.tuned import FEWEST_CONDENSED_UNKNOWNS, SPARSE_OPERATIONS
 
 
 def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticSystem, str]:
@@ -53,8 +49,8 @@ def against_condensing(d: Body, kept: int) -> str | None:
         return "PETSc has no MUMPS"
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return "the options choose a linear solver"
-    if d.dofs < _SMALL:
+    if d.dofs < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {d.dofs} unknowns"
-    if kept**3 / 3 > _SPARSE_OPERATIONS * d.dofs**1.5:
+    if kept**3 / 3 > SPARSE_OPERATIONS * d.dofs**1.5:
         return f"{kept} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
     return None

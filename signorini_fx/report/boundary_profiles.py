@@ -86,7 +86,7 @@ def boundary_profiles(
     sides: Sequence[str] = ("friction", "contact"),
     suffixes: Sequence[str] = BOTH,
 ) -> None:
-    """Draw the curves along the contact boundary, as in Figures 3 and 4 of the paper, one row a boundary.
+    """Draw the curves along the contact boundary, as in Figures 3 and 4 of the paper, one row per boundary.
 
     Left: shear stress mu, its bounds and the tangential displacement.  Right: contact pressure lambda, rigid foundation
     and normal displacement.  Lengths are multiplied by a power of ten that the legend names.  Foundation and bounds are

@@ -31,7 +31,7 @@ def iteration_history(
 
     Args:
         path_stem: where to write, without suffix.
-        rows: one mapping a linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
+        rows: one mapping per linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
         title: what to say above the picture.
         suffixes: of the files to write.
@@ -112,7 +112,7 @@ _QUANTITIES = {
 def errors_against_time(
     path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = BOTH
 ) -> None:
-    """Estimated errors against the time that they cost, one point a mesh; the next mesh as an open marker.
+    """Estimated errors against the time that they cost, one point per mesh; the next mesh as an open marker.
 
     Args:
         path_stem: the files without their ending.

@@ -68,7 +68,7 @@ def deformed_mesh(
         points: positions, length, shape (n, 2); a point may appear several times, once for each rank that has it.
         cells: triangles or quadrilaterals, their points in order along the perimeter, shape (m, 3) or (m, 4).
         displacement: y at the points, length, shape (n, 2).
-        density: elastic shear energy density, energy per volume, one value a cell, shape (m,).
+        density: elastic shear energy density, energy per volume, one value per cell, shape (m,).
         gap: contact nodes and the vector d n from each to the rigid foundation, lengths, both of shape (k, 2), nodes in
             order along each boundary; like the displacement, d n is multiplied by the factor.
         factor: None: ``magnification(points, displacement)``; the title says it.

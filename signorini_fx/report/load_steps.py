@@ -77,7 +77,7 @@ _FRAMES_A_SECOND = 4
 
 
 def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
-    """Write a GIF of pressure, shear and states along the contact boundary, one frame a load step.
+    """Write a GIF of pressure, shear and states along the contact boundary, one frame per load step.
 
     Scales stay the same from frame to frame.  Of more than 120 steps every second, third, ... is shown, and the last.
 

@@ -45,7 +45,7 @@ def draw_fields(
         points: positions, shape (n, 2).
         cells: triangles or quadrilaterals, their points in order along the perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, length, shape (n, 2).
-        density: elastic shear energy density, energy per volume, one value a cell, shape (m,).
+        density: elastic shear energy density, energy per volume, one value per cell, shape (m,).
         factor: what the displacement is multiplied by.
 
     Returns:

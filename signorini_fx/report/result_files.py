@@ -26,7 +26,7 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     """The columns of a CSV file with a header line, in order.
 
     Returns:
-        Name -> one entry a row: floats where every entry is a number (an empty one is nan), strings elsewhere.
+        Name -> one entry per row: floats where every entry is a number (an empty one is nan), strings elsewhere.
 
     Raises:
         ValueError: a row has more or fewer entries than the header, or it is no CSV file.

@@ -156,7 +156,7 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
     """What an effect says; ``nothing`` is what a load that is not there says."""
     said = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
     factors = said.pop("factors", None)
-    return shown(said) + (f", times {len(factors)} factors, one a load step" if factors else "")
+    return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
 
 
 def deformed(folder: ResultFiles) -> Markup:
@@ -225,7 +225,7 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
     shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
     caption = "Estimated relative errors against the time of each mesh; open: the next mesh, predicted."
     note = (
-        "One row a mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones; "
+        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones; "
         "peak: largest pressure; of the energy error, what the regularisation and the iteration leave. Memory in MB."
     )
     classes = ["predicted" if row["predicted"] else "" for row in rows]
@@ -271,8 +271,8 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     advice = []
     if summary["status"] != Status.CONVERGED.value:
         advice.append(
-            "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what will hurt, "
-            "and why."
+            "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what may "
+            "go wrong, and why."
         )
         if summary["status"] not in _SHORT_OF_ACCURACY:
             return advice

@@ -23,11 +23,8 @@ from signorini_fx.records import History, Status
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.strategy import run
 from signorini_fx.solving.task import Start, Task
+from signorini_fx.tuned import COARSEST_NODES, FEWEST_NODES_TO_COARSEN
 
-# A boundary of fewer nodes takes no time worth saving; and the iteration of the paper's examples stays as published.
-_FEWEST_NODES = 300
-# The coarsest boundary.
-_COARSEST_NODES = 40
 _ALGORITHMS = ("auto", "ssn", "exact")
 
 Indices = npt.NDArray[np.int64]
@@ -51,7 +48,7 @@ def worthwhile(task: Task) -> bool:
     """Whether a task has a dense system large enough, no start yet, and an algorithm that would use one."""
     return (
         isinstance(task.system, CondensedSystem)
-        and task.boundary.size > _FEWEST_NODES
+        and task.boundary.size > FEWEST_NODES_TO_COARSEN
         and task.settings.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS
     )
@@ -63,7 +60,7 @@ def start_from_few_nodes(task: Task) -> Start:
     Where a coarse problem has no solution the next finer one begins anew: it is only a start.
     """
     levels = [_finest(task)]
-    while levels[-1].boundary.size > 2 * _COARSEST_NODES:
+    while levels[-1].boundary.size > 2 * COARSEST_NODES:
         levels.append(_coarser(levels[-1]))
     start: tuple[ActiveSets, tuple[Nodal, Nodal]] | None = None
     for fine, level in zip(levels[-2::-1], levels[:0:-1], strict=True):

@@ -14,9 +14,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
 from signorini_fx.contact.state import ContactState
-
-# A node counts as in the middle where the farther neighbour is no more than this much farther away.
-_MIDDLE = 1.5
+from signorini_fx.tuned import MIDDLE_RATIO
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
@@ -45,7 +43,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         places = cKDTree(there[:, 1 : 1 + dim])
         distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
         share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
-        near = (distance <= _MIDDLE * distance[:, :1]) | (np.arange(count) == 0)
+        near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
         touching, load, sliding, sheared = np.split(there[nearest][:, :, 1 + dim :], (1, 2, 2 + dim), axis=2)
         contact[here] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])

@@ -34,6 +34,7 @@ from signorini_fx.solving import boundary_levels
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.strategy import run
 from signorini_fx.solving.task import Outcome, Start, Task
+from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called with what a load step was solved on, how it ended and its result.
 After = Callable[[Discretisation, Outcome, StepResult], object]
@@ -253,16 +254,12 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-# Of the discretisation error path-following may leave: with degree 2 the model of the path was seen to be wrong by two.
-_PATH_SHARE = {1: 1.0, 2: 1 / 3}
-
-
 def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
     """What path-following may leave at an iterate of the system, in the energy norm."""
     wanted = discretisation.scene.solver.regularisation_error
     if discretisation.scene.solver.algorithm == "path-following" and wanted == "auto":
         recovery = StressRecovery(discretisation)
-        allowed = _PATH_SHARE[discretisation.scene.element.degree]
+        allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
         return lambda x: allowed * recovery.error(system.displacement(x))
 
     forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)

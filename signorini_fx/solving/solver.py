@@ -23,9 +23,9 @@ from signorini_fx.records import History, IterationRecord
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.strategy import PROBLEMS
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
+from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
 
 
 def solve(
@@ -118,18 +118,14 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     return Solved(solution, task, outcome, level, errors)
 
 
-# Coarser meshes that are tried where nothing else has helped.
-_HELPING_MESHES = 2
-
-
 def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
     """The last resort: nested iteration, if the generator makes coarser meshes that have what the scene names."""
     if not isinstance(scene.mesh, MeshGenerator):
         return failed
     try:
-        coarse = coarser_scenes(scene, 1 + _HELPING_MESHES)
-        history.add(f"{failed.status.value}: nested iteration on {_HELPING_MESHES} coarser meshes")
-        history.allow(PROBLEMS * scene.solver.max_iterations)
+        coarse = coarser_scenes(scene, 1 + HELPING_MESHES)
+        history.add(f"{failed.status.value}: nested iteration on {HELPING_MESHES} coarser meshes")
+        history.allow(PROBLEMS_PER_STEP * scene.solver.max_iterations)
         history.kept = True
         solution = _solve_nested([*coarse, scene], comm, history)
     except (SceneError, MeshError) as error:

@@ -22,27 +22,20 @@ from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
-from signorini_fx.contact.data import AUTOMATIC_GAMMA
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import balance_exists
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.solving.task import Outcome, Start, Task
-
-# gamma above this times E / size of the body loses the last digits that double precision has for contact pressures.
-LARGEST_GAMMA = 1e9
-# Path-following begins where the penetration is about a hundredth of the displacements.
-START_GAMMA = 100.0
-# Continuation begins where Table 4 does: at this share of the last gamma.
-CONTINUATION_SHARE = 1e-4
-# Fixed points that do not contract are damped, more and more.
-_DAMPING = (0.5, 0.2)
-# A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
-# so many problems that run to their last iteration.  A fixed point with its most problems takes a fifth of them.
-PROBLEMS = 20
-# The model of the path has one pole: it is of no use where the two gammas are farther apart than this.
-_MOST_APART = 10.0
-# The augmented Lagrangian method takes over with a gamma that much smaller, though none below that of a path's start.
-_AUGMENTED_SHARE = 1e-3
+from signorini_fx.tuned import (
+    AUGMENTED_SHARE,
+    AUTOMATIC_GAMMA,
+    CONTINUATION_SHARE,
+    DAMPING,
+    LARGEST_GAMMA,
+    LARGEST_GAMMA_RATIO,
+    PROBLEMS_PER_STEP,
+    START_GAMMA,
+)
 
 
 def run(task: Task, start: Start) -> Outcome:
@@ -58,7 +51,7 @@ def run(task: Task, start: Start) -> Outcome:
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
         return _stay(task, start)
-    task.history.allow(PROBLEMS * task.settings.max_iterations)
+    task.history.allow(PROBLEMS_PER_STEP * task.settings.max_iterations)
     outcome = _solve(task, start)
     if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
         task.history.add("all methods together have taken as many linear solves as they may")
@@ -80,7 +73,7 @@ def _solve(task: Task, start: Start) -> Outcome:
     return outcome
 
 
-def _augmented(task: Task, start: Start, failed: Outcome, share: float = _AUGMENTED_SHARE) -> Outcome:
+def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENTED_SHARE) -> Outcome:
     """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
     for every gamma, and leaves no regularisation error.  The elastic slip of earlier load steps is none then.
     """
@@ -171,7 +164,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         case "path-following":
             # A later load step begins with the gamma that the one before has found.
             first = START_GAMMA * task.natural_gamma if start.step == 0 else data.gamma_n
-            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / _MOST_APART, _MOST_APART))
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
             status, last, error = path_following(
                 newton,
                 replace(data, gamma_n=first, gamma_t=ratio * first),
@@ -279,7 +272,7 @@ def _either_way(
     # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
     if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
         ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
-    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in _DAMPING]
+    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
     needed = ways[0][1] is monolithic
 

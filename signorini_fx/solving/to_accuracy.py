@@ -41,34 +41,28 @@ from signorini_fx.mesh.tagged import (
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Accuracy, MeshFile, MeshGenerator, Scene
-from signorini_fx.solving.strategy import LARGEST_GAMMA
 from signorini_fx.solving.task import Outcome, Task
+from signorini_fx.tuned import (
+    BULK,
+    COARSER_START,
+    CORNER_DIVISIONS,
+    CORNER_RATE,
+    FEWEST_MESHES,
+    LARGEST_GAMMA,
+    LARGEST_JUMP,
+    MOST_MESHES,
+    REGULARISATION_SHARE,
+    SAFETY,
+    SAFETY_OF_OTHERS,
+    SMALLEST_JUMP,
+)
 
-# Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
-_COARSER = {1: 4, 2: 8}
-# Estimates that compare meshes need three of them, the others two: one to begin with and one to confirm it.
-_FEWEST_MESHES = {"energy": 2, "pressure": 2, "force": 2}
-_MOST_MESHES = 40
-# What the estimates may be too small by (docs/accuracy.md), by quantity and degree; that of the displacement is the
-# better one, with elements of degree 2 most of all.
-_SAFETY = {("energy", 1): 1.7, ("energy", 2): 1.4}
-_UNSURE = 2.0
 # Nodes that are closer than this share of the body's size cannot be told apart reliably.
 _ROUND_OFF = 1e-11
 # Where the polygon's error of a quantity is found.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 # How a mesh ends whose cells are at the round-off of their coordinates.
 _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
-# What the regularisation may take of the error that is asked for.
-_REGULARISATION_SHARE = 0.2
-# A mesh is at most so many times finer than the one before (its contact state is a start, its rates are trusted), ...
-_LARGEST_JUMP = 4.0
-# ... and where meshes are compared at least so much: small changes tell little.
-_SMALLEST_JUMP = 1.5
-# The slowest that the pressure's error at a corner is taken to fall with h, and the divisions between two solves.
-_CORNER_RATE, _CORNER_DIVISIONS = 0.25, 4
-# Of the squared error at least half is refined, or there would be many meshes; and not much more than is worth it.
-_BULK = (0.5, 0.75)
 
 
 @dataclass(frozen=True)
@@ -144,9 +138,9 @@ def solve_to_accuracy(
             if rows
             else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
         )
-        safety = _SAFETY.get((goal.of, meshes.degree), _UNSURE)
+        safety = SAFETY.get((goal.of, meshes.degree), SAFETY_OF_OTHERS)
         error = inf if estimate is None else estimate * safety
-        enough = len(levels) >= _FEWEST_MESHES.get(goal.of, 3)
+        enough = len(levels) >= FEWEST_MESHES.get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
@@ -154,14 +148,14 @@ def solve_to_accuracy(
             say(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
         meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
-        allowed = goal.target * (1 - _REGULARISATION_SHARE)
+        allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
-            jump = meshes.jump(excess, rates.get(goal.of) or _seen_rate(levels), compared=goal.of not in _FEWEST_MESHES)
+            jump = meshes.jump(excess, rates.get(goal.of) or _seen_rate(levels), compared=goal.of not in FEWEST_MESHES)
             if enough:
-                while jump > _SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump):
-                    jump = max(jump / 2, _SMALLEST_JUMP)
-                if len(levels) >= _MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
+                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump):
+                    jump = max(jump / 2, SMALLEST_JUMP)
+                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
                     return replace(solution, status=Status.BUDGET)
             keep(solution)
             meshes.refine(solved, excess, jump)
@@ -251,7 +245,7 @@ class Meshes:
 
         Where a load jumps a mesh needs a node, and the scene's own mesh is the one that has it.
         """
-        factor = float(_COARSER[self.degree]) if self._generated else 1.0
+        factor = float(COARSER_START[self.degree]) if self._generated else 1.0
         while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
             factor /= 2
         return factor
@@ -297,8 +291,8 @@ class Meshes:
             return float(np.sqrt(2)) if self.adaptive else 2.0
         if excess == inf:
             return 2.0
-        smallest = _SMALLEST_JUMP if compared else 1.0
-        return float(np.clip(excess ** (1 / rate), smallest, _LARGEST_JUMP))
+        smallest = SMALLEST_JUMP if compared else 1.0
+        return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP))
 
     def refine(self, solved: Solved, excess: float, jump: float) -> None:
         """Make the next mesh."""
@@ -315,7 +309,7 @@ class Meshes:
             if self.adaptive:
                 assert solved.errors is not None
                 squares = solved.errors.squares[self._of]
-                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *_BULK)))
+                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
             tagged = refine(solved.solution.discretisation.tagged, cells)
             if self._of == "pressure" and self.adaptive:
                 tagged = self._divide_corners(tagged, solved, excess)
@@ -329,7 +323,7 @@ class Meshes:
         """
         assert solved.level is not None
         corners = corners_of_error(solved.level.table)
-        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / _CORNER_RATE - 1, 0, _CORNER_DIVISIONS))):
+        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
             if not len(corners):
                 break
             tagged = refine(tagged, cells_at(tagged, corners))
@@ -346,7 +340,7 @@ class Meshes:
             left: what its regularisation leaves, relative in the energy norm.
             excess: the same of what is asked for, relative to the target.
         """
-        factor = excess / _REGULARISATION_SHARE
+        factor = excess / REGULARISATION_SHARE
         if factor <= 1:
             return
         settings, data = self.scene.solver, outcome.data

@@ -21,7 +21,7 @@ _MARKERS = "os^Dv<>PX"
 
 
 def write_study(study: Study, folder: Path) -> None:
-    """Write work_precision.csv, reference.csv, advice.txt and one picture a quantity."""
+    """Write work_precision.csv, reference.csv, advice.txt and one picture per quantity."""
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "work_precision.csv", study.rows)
     rows = [{"quantity": name, "may_be_wrong_by": error, "is": study.reference} for name, error in study.floor.items()]
@@ -91,7 +91,7 @@ def _front(axes: Axes, study: Study, quantity: str) -> None:
 
 
 def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
-    """One line a method of the family."""
+    """One line per method of the family."""
     names = dict.fromkeys(row["method"] for row, _ in points if family in row["families"].split("; "))
     for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
         own = sorted(((r["seconds"], e, coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)

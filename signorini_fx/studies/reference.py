@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx import compat
 from signorini_fx.accuracy.estimators import StressRecovery
-from signorini_fx.accuracy.price_list import _RATE, _interpolate, zone_ends
+from signorini_fx.accuracy.price_list import interpolated, zone_ends
 from signorini_fx.body.material import stress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
@@ -26,12 +26,13 @@ from signorini_fx.mesh.tagged import load_mesh, triangle_parameters
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import MeshGenerator, Scene, SolverSettings
 from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
 EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
 _CELLS = {"P": "triangle", "Q": "quadrilateral"}
 # How errors fall with h on smooth parts of the boundary, and the slowest rate that the reference is credited with.
-_EXPECTED, _SLOWEST = {"energy": 1.0, **_RATE}, 0.5
+_EXPECTED, _SLOWEST = {"energy": 1.0, **EXPECTED_RATES}, 0.5
 # Meshes divided where the error is begin with these cells, relative to those of the scene: all its nodes that matter,
 # where loads jump or named sides end, should be nodes of them too.
 _FIRST = 2.0
@@ -104,7 +105,7 @@ class Reference:
         """
         table, fine = solution.table, self.solution.table
         weight, pressure = fine.columns["weight"], fine.columns["pressure"]
-        difference = _interpolate(table, fine, "pressure") - pressure
+        difference = interpolated(table, fine, "pressure") - pressure
         size = float(np.sqrt(np.dot(weight, pressure**2)))
         ends, true_ends = zone_ends(table), zone_ends(fine)
         length = float(sum(abs(b - a) for a, b in zip(true_ends[::2], true_ends[1::2], strict=True)))
@@ -163,7 +164,7 @@ def _stress(solution: Solution) -> Any:
     return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
 
 
-def overkill(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
+def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
     """A reference for a scene, and how far it may be wrong.
 
     Args:

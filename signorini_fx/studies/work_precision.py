@@ -22,7 +22,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Accuracy, Scene
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import Method, methods
-from signorini_fx.studies.reference import Reference, on_mesh, overkill
+from signorini_fx.studies.reference import Reference, on_mesh, reference_solution
 
 Row = dict[str, Any]
 QUANTITIES = {
@@ -82,7 +82,7 @@ def run_study(
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
     factors = _QUICK_FACTORS if quick else _FACTORS
-    reference, floor = overkill(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
+    reference, floor = reference_solution(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
     about = f"{reference.about}, {reference.solution.discretisation.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
     natural = scene.young / reference.solution.discretisation.tagged.size
@@ -97,13 +97,13 @@ def run_study(
         runs += [_Run(method, factor, scene, natural) for factor in (own if not quick else factors)]
     for repeat in range(1 if quick else repeats + 1):
         for run in runs:
-            run.go(reference if repeat == 0 else None, counted=repeat > 0 or quick)
+            run.solve_once(reference if repeat == 0 else None, counted=repeat > 0 or quick)
         report(f"round {repeat} of {0 if quick else repeats}: {time.perf_counter() - begin:.1f} s")
     return Study(scene, [run.row() for run in runs], floor, about, time.perf_counter() - begin)
 
 
 class _Run:
-    """A method on a mesh, or on those that an accuracy takes, as often as it is repeated."""
+    """A method on a mesh, or on the meshes that an accuracy takes, solved as often as the study repeats it."""
 
     def __init__(
         self, method: Method, factor: float, scene: Scene, natural: float, *, asked: float | None = None
@@ -119,7 +119,7 @@ class _Run:
         self._about: Row = {}
         self._enough = 1000
 
-    def go(self, reference: Reference | None, *, counted: bool) -> None:
+    def solve_once(self, reference: Reference | None, *, counted: bool) -> None:
         """Solve once; measure the errors where there is a reference."""
         if len(self._times) >= self._enough:
             return
