@@ -189,7 +189,7 @@ def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
 Observer = Callable[[IterationRecord | OuterRecord | str], None]
 
 
-@dataclass
+@dataclass(repr=False)
 class History:
     """What happened, in order.
 
@@ -208,6 +208,9 @@ class History:
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
     kept: bool = False
+
+    def __repr__(self) -> str:
+        return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
 
     @property
     def linear_solves(self) -> int:

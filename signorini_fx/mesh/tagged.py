@@ -23,8 +23,8 @@ from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import Selection
+from signorini_fx.scene.messages import plain_message
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
-from signorini_fx.scene.reading import plain_message
 
 # Boundaries and regions.
 _Names = tuple[formats.Tags, formats.Tags]

@@ -15,7 +15,8 @@ from signorini_fx.contact.state import ContactState, Functionals
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.display import html_table
+from signorini_fx.results.certificate import JUDGED, Certificate
 from signorini_fx.scene.model import Scene
 
 
@@ -90,6 +91,19 @@ class Solution:
         title = self.scene.title or "scene"
         return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.discretisation.dofs} unknowns>"
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how it ended, and what the certificate and the findings say."""
+        worst = max(vars(self.certificate).items(), key=_violation)
+        rows = [
+            ("status", self.status.value),
+            ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
+            ("unknowns", f"{self.discretisation.dofs:,}"),
+            ("linear solves", self.history.linear_solves),
+            ("certificate", f"{self.certificate.law}; largest figure {_violation(worst):.1e} ({worst[0]})"),
+            *((f"{found.level}: {found.path}", found.message) for found in self.findings),
+        ]
+        return html_table(("", ""), rows, self.scene.title)
+
     @property
     def converged(self) -> bool:
         """Whether this is a solution, certificate included."""
@@ -111,6 +125,11 @@ class Solution:
         """The ranks that share the solution."""
         comm: MPI.Comm = self.discretisation.tagged.mesh.comm
         return comm
+
+
+def _violation(figure: tuple[str, object]) -> float:
+    name, value = figure
+    return value if name in JUDGED and isinstance(value, float) else -1.0
 
 
 class ConvergenceError(SignoriniError):

@@ -24,26 +24,43 @@ from pydantic import (
     Field,
     InstanceOf,
     Tag,
+    ValidationError,
     field_validator,
     model_validator,
 )
 
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.messages import problems_of
 from signorini_fx.scene.values import (
     Automatic,
     Count,
     Finite,
     NonNegativeValue,
     Positive,
+    SampledValue,
     Selection,
     Value,
     bounded,
     count_or_auto,
+    kind_of,
     shown,
     value,
 )
 
 
-class Table(BaseModel):
+class _OwnErrors(type(BaseModel)):  # type: ignore[misc]
+    """Models that are built in Python end in the errors of this package as well."""
+
+    def __call__(cls, *given: Any, **data: Any) -> Any:
+        if given:
+            raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(cls.model_fields)}")
+        try:
+            return super().__call__(**data)
+        except ValidationError as error:
+            raise SceneError(problems_of(error, data, cls), cls.__name__) from None
+
+
+class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: its keys are known, its entries do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
@@ -148,9 +165,9 @@ class PrescribedDisplacement(_Load):
     """
 
     boundary: str
-    x: Value | None = None
-    y: Value | None = None
-    normal: Value | None = None
+    x: SampledValue | None = None
+    y: SampledValue | None = None
+    normal: SampledValue | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
@@ -202,7 +219,7 @@ class _Contact(Table):
     """
 
     boundary: str
-    gap: Value = 0.0
+    gap: SampledValue = 0.0
     direction: tuple[Finite, Finite] | None = None
     friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
 
@@ -376,7 +393,14 @@ class Scene(Table):
                 raise ValueError("give either file or generator")
             return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
         if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
-            raise ValueError("a table with file or generator is wanted")
+            message = "a table with file or generator is wanted"
+            if isinstance(given, str | Path):
+                message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
+            elif hasattr(given, "topology"):
+                message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
+            else:
+                message += f", not {kind_of(given)}"
+            raise ValueError(message)
         return given
 
     @model_validator(mode="after")

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.model import MeshFile, Scene, Table
-from signorini_fx.scene.values import shown
+from signorini_fx.scene.messages import problems_of
+from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.values import kind_of
 
 
 def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
@@ -30,7 +30,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     try:
         scene = Scene.model_validate(dict(data))
     except ValidationError as error:
-        raise SceneError(_problems(error, data), source) from None
+        raise SceneError(problems_of(error, data, Scene), source) from None
     if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
         scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
     return scene
@@ -90,82 +90,29 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
 
 
 def read_scene(path: str | Path) -> Scene:
-    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors)."""
+    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors).
+
+    Raises:
+        TypeError: what is given is no path.
+    """
+    if not isinstance(path, str | Path):
+        raise TypeError(f"the path of a scene file is wanted, not {kind_of(path)}")
     path = Path(path)
     return parse_scene_text(read_scene_text(path), path)
 
 
-_MESSAGES = {
-    "extra_forbidden": "unknown key",
-    "unexpected_keyword_argument": "unknown key",
-    "missing": "is missing",
-    "union_tag_not_found": "is missing",
-}
+def as_scene(given: object) -> Scene:
+    """A scene from whatever describes one: a ``Scene``, the path of its file, or nested mappings.
 
-
-def plain_message(detail: Any) -> str:
-    """What pydantic complains of, in the words of this package."""
-    match detail:
-        case {"type": str(kind)} if kind in _MESSAGES:
-            return _MESSAGES[kind]
-        case {"type": "model_type"}:
-            return "must be a table"
-        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
-            return f"must be one of {known}, got {tag!r}"
-    message = str(detail["msg"]).removeprefix("Value error, ")
-    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
-
-
-# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
-_MOST_GUESSES = 50
-
-
-def _problems(error: ValidationError, data: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """One entry a path: where pydantic tried several types, what each of them would have wanted."""
-    found: dict[str, list[str]] = {}
-    for number, detail in enumerate(error.errors()):
-        path, message = _problem(detail, data, guess=number < _MOST_GUESSES)
-        found.setdefault(path, []).append(message)
-    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
-
-
-def _problem(detail: Any, data: Mapping[str, Any], *, guess: bool) -> tuple[str, str]:
-    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
-    path = ""
-    node: Any = data
-    for part in detail["loc"]:
-        if isinstance(part, int):
-            path += f"[{part}]" if isinstance(node, Sequence) else ""
-            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
-        elif (isinstance(node, Mapping) and part in node) or (
-            detail["type"] == "missing" and part == detail["loc"][-1]
-        ):
-            name = part or '""'
-            path += f".{name}" if path else name
-            node = node[part] if isinstance(node, Mapping) and part in node else node
-    message = plain_message(detail)
-    given = detail.get("input")
-    if detail["type"] == "extra_forbidden" and guess:
-        message += _meant(str(detail["loc"][-1]))
-    if detail["type"].startswith("union_tag"):
-        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
-    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and shown(given) not in message:
-        message += f", got {shown(given)}"
-    return path or "scene", message
-
-
-def _meant(key: str) -> str:
-    """Where an unknown key belongs, or what it was perhaps to be."""
-    if key in Scene.model_fields:
-        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
-    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in Scene.model_fields.items()}
-    home = next((name for name, fields in tables.items() if key in fields), None)
-    if home is not None:
-        return f" here: it belongs to [{home}]"
-    similar = difflib.get_close_matches(key, _keys(Table), n=1, cutoff=0.75)
-    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
-
-
-def _keys(model: type[BaseModel]) -> set[str]:
-    """All keys of a table and of those that derive from it."""
-    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
+    Raises:
+        SceneError: it is wrong.
+        TypeError: it is none of these.
+    """
+    match given:
+        case Scene():
+            return given
+        case str() | Path():
+            return read_scene(given)
+        case Mapping():
+            return parse_scene(given)
+    raise TypeError(f"a Scene or the path of a scene file is wanted, not {kind_of(given)}")

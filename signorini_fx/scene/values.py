@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from signorini_fx.scene import magnitudes
@@ -20,6 +21,33 @@ def shown(given: Any) -> str:
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "a number with thousands of digits"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def kind_of(given: object) -> str:
+    """What somebody has given instead of what was wanted."""
+    kind = type(given)
+    module = kind.__module__.partition(".")[0]
+    return kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
+
+
+def plain_number(given: Any) -> Any:
+    """A number; NumPy's are taken for what they are."""
+    if isinstance(given, np.number | np.ndarray) and given.ndim == 0:
+        given = given.item()
+    if not isinstance(given, str | int | float | bool | None):
+        raise ValueError(f"must be a number, not {kind_of(given)}")
+    return given
+
+
+def sampled(given: Any) -> Any:
+    """A value that is evaluated at points: fields and expressions of FEniCSx cannot be."""
+    found = value(given)
+    if hasattr(found, "ufl_domain"):
+        raise ValueError(
+            f"{kind_of(given)} cannot be evaluated at points: give a number, an expression of x[0] and x[1], or a "
+            "callable f(x) of points of shape (3, n)"
+        )
+    return found
 
 
 def bounded(number: float) -> float:
@@ -38,6 +66,7 @@ def value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
         raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
+    given = plain_number(given) if isinstance(given, np.number | np.ndarray) else given
     if isinstance(given, int | float):
         try:
             number = float(given)
@@ -50,7 +79,7 @@ def value(given: Any) -> Any:
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
         return given
-    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {kind_of(given)}")
 
 
 def not_negative(given: Any) -> Any:
@@ -63,8 +92,9 @@ def not_negative(given: Any) -> Any:
 Value = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 
 
+SampledValue = Annotated[Any, BeforeValidator(sampled), WithJsonSchema({"type": ["number", "string"]})]
 NonNegativeValue = Annotated[
-    Any, BeforeValidator(lambda v: not_negative(value(v))), WithJsonSchema({"type": ["number", "string"]})
+    Any, BeforeValidator(lambda v: not_negative(sampled(v))), WithJsonSchema({"type": ["number", "string"]})
 ]
 
 
@@ -82,10 +112,14 @@ def count_or_auto(given: Any) -> Any:
     return given
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True), AfterValidator(bounded)]
+Finite = Annotated[
+    float, BeforeValidator(plain_number), Field(allow_inf_nan=False, strict=True), AfterValidator(bounded)
+]
 
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(bounded)]
+Positive = Annotated[
+    float, BeforeValidator(plain_number), Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(bounded)
+]
 
 
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
@@ -100,7 +134,7 @@ def selection(given: Any) -> Any:
         return given
     if isinstance(given, str):
         return Expression(given)
-    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {kind_of(given)}")
 
 
 Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema({"type": ["integer", "string"]})]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.reading import as_scene
+from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
@@ -29,7 +32,7 @@ from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
 
 
 def solve(
-    scene: Scene,
+    scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     check: bool = True,
@@ -39,19 +42,22 @@ def solve(
     """Solve a scene.
 
     Args:
-        scene: from ``read_scene`` or built in Python.
+        scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
         keep: called with the solution on each mesh but the last, when the next one is about to be solved; collective.
 
     Raises:
-        SceneError: the scene does not fit its mesh.
+        SceneError: the scene is wrong, or does not fit its mesh.
+        TypeError: an argument is of another kind.
         MeshError: the mesh cannot be had.
         OptionsError: PETSc does not take an option that the user has set.
         MachineError: a form cannot be compiled.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
+    scene = as_scene(scene)
+    _check_comm(comm)
     options.refuse_mistyped(comm)
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
@@ -70,6 +76,11 @@ def solve(
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
+
+
+def _check_comm(comm: object) -> None:
+    if not isinstance(comm, MPI.Comm):
+        raise TypeError(f"a communicator of mpi4py is wanted, such as MPI.COMM_WORLD, not {kind_of(comm)}")
 
 
 def _solve_nested(

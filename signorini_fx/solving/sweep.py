@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from dolfinx import fem
@@ -20,6 +21,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, Law, Tractions, certify
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, Scene
+from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.one_mesh import contact_task, from_rest
 from signorini_fx.solving.strategy import run
 
@@ -62,7 +64,7 @@ class SweepPoint:
 
 
 def sweep(
-    scene: Scene,
+    scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     coefficients: Sequence[float] | None = None,
@@ -73,7 +75,7 @@ def sweep(
     Every value is a problem of its own (the static law, no history); the one before only gives the start.
 
     Args:
-        scene: the scene, with one load step.
+        scene: the scene, or the path of its file, with one load step.
         comm: the ranks that share the work; the call is collective.
         coefficients: values that replace the coefficient of all Coulomb friction in the scene.
         loads: factors for all tractions, body forces and prescribed displacements.
@@ -81,6 +83,7 @@ def sweep(
     Raises:
         SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
     """
+    scene = as_scene(scene)
     if (coefficients is None) == (loads is None):
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.steps > 1 or not scene.contact:
