@@ -73,9 +73,12 @@ FAINT_DISPLACEMENT = 1e-3
 # Below so many unknowns a sparse factorisation costs no more than what condensing onto the contact nodes saves.
 # No record; docs/performance.md measures both ways on larger meshes.
 FEWEST_CONDENSED_UNKNOWNS = 4_000
-# A sparse factorisation in two dimensions takes about this times n^1.5 operations, a dense one n^3 / 3: the cheaper one
-# is taken.  Source: nested dissection for the power.  No record for the factor.
-SPARSE_OPERATIONS = 50.0
+# A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
+# cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
+# factors.
+SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
+# In three dimensions memory ends before that: three dense matrices of so many unknowns take 0.6 GB.
+MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
 # Source: docs/performance.md.  Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
 RANKS_WITH_MINIMUM_DEGREE = 4

@@ -10,7 +10,7 @@ from signorini_fx.body.discretisation import Body, Discretisation
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
-from signorini_fx.tuned import FEWEST_CONDENSED_UNKNOWNS, SPARSE_OPERATIONS
+from signorini_fx.tuned import FEWEST_CONDENSED_UNKNOWNS, MOST_CONDENSED_UNKNOWNS, SPARSE_OPERATIONS
 
 
 def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticSystem, str]:
@@ -22,7 +22,7 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
     """
     d = discretisation
     assert d.boundary is not None
-    kept = 2 * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+    kept = d.tagged.dimension * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
     everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
     if wanted != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
         return FullSystem.of(d), "full: the contact does not reach every piece of the body that supports do not hold"
@@ -51,6 +51,7 @@ def against_condensing(d: Body, kept: int) -> str | None:
         return "the options choose a linear solver"
     if d.dofs < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {d.dofs} unknowns"
-    if kept**3 / 3 > SPARSE_OPERATIONS * d.dofs**1.5:
+    factor, exponent = SPARSE_OPERATIONS[d.tagged.dimension]
+    if kept**3 / 3 > factor * d.dofs**exponent or kept > MOST_CONDENSED_UNKNOWNS[d.tagged.dimension]:
         return f"{kept} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
     return None

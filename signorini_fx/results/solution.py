@@ -13,9 +13,9 @@ from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.state import ContactState, Functionals
 from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.display import html_table
 from signorini_fx.results.certificate import JUDGED, Certificate
 from signorini_fx.scene.model import Scene
 

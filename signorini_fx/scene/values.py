@@ -44,7 +44,7 @@ def sampled(given: Any) -> Any:
     found = value(given)
     if hasattr(found, "ufl_domain"):
         raise ValueError(
-            f"{kind_of(given)} cannot be evaluated at points: give a number, an expression of x[0] and x[1], or a "
+            f"{kind_of(given)} cannot be evaluated at points: give a number, an expression of the position, or a "
             "callable f(x) of points of shape (3, n)"
         )
     return found
@@ -65,7 +65,7 @@ def bounded(number: float) -> float:
 def value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
-        raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
+        raise ValueError("a number or an expression of the position is wanted, not true or false")
     given = plain_number(given) if isinstance(given, np.number | np.ndarray) else given
     if isinstance(given, int | float):
         try:
@@ -79,7 +79,7 @@ def value(given: Any) -> Any:
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
         return given
-    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {kind_of(given)}")
+    raise ValueError(f"a number or an expression of the position is wanted, not {kind_of(given)}")
 
 
 def not_negative(given: Any) -> Any:
@@ -134,7 +134,7 @@ def selection(given: Any) -> Any:
         return given
     if isinstance(given, str):
         return Expression(given)
-    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {kind_of(given)}")
+    raise ValueError(f"a whole number or an expression of the position is wanted, not {kind_of(given)}")
 
 
 Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema({"type": ["integer", "string"]})]
