@@ -14,8 +14,8 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import Status
-from signorini_fx.scene.model import Accuracy
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import Reference, divided

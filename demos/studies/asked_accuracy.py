@@ -28,7 +28,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.results.files import write_csv
-from signorini_fx.scene.model import Accuracy
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import methods
 from signorini_fx.studies.reference import on_mesh

@@ -27,7 +27,7 @@ from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History
 from signorini_fx.results.files import write_csv
-from signorini_fx.scene.model import Accuracy
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve_level
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
 

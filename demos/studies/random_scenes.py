@@ -20,7 +20,8 @@ from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.model import MeshGenerator, Scene, SolverSettings
+from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.solver import solve, solve_level
 from signorini_fx.studies.reference import EXACT, Reference
 from signorini_fx.studies.work_precision import work_of

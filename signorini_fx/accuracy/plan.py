@@ -10,7 +10,8 @@ from signorini_fx import compat
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.refinement import check_divisible
 from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, triangle_parameters
-from signorini_fx.scene.model import Accuracy, MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.settings import Accuracy
 
 
 @dataclass(frozen=True)

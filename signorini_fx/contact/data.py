@@ -14,7 +14,8 @@ from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, Regularise
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.magnitudes import LARGEST
-from signorini_fx.scene.model import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.settings import Box
 from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 

@@ -26,7 +26,8 @@ from signorini_fx.linalg.full import FullSystem, can_factorise
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate import Before, Certificate, Tractions, certify
+from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.claim import Before, Tractions
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene

@@ -18,7 +18,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.problem.regularised import ContactProblem
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.certificate import Certificate, Law, Tractions, certify
+from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.claim import Law, Tractions
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, Scene
 from signorini_fx.scene.reading import as_scene

@@ -28,8 +28,8 @@ from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.problem.regularised import ContactProblem, RegularisedProblem
 from signorini_fx.records import History, Status
-from signorini_fx.results.certificate import UNREGULARISED, Law
-from signorini_fx.scene.model import SolverSettings
+from signorini_fx.results.claim import UNREGULARISED, Law
+from signorini_fx.scene.settings import SolverSettings
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,8 @@ from signorini_fx.mesh.tagged import (
 )
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Accuracy, MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.tuned import (
     BULK,

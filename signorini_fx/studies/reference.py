@@ -24,7 +24,8 @@ from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import load_mesh, triangle_parameters
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import MeshGenerator, Scene, SolverSettings
+from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES
 

@@ -19,7 +19,8 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Accuracy, Scene
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import Method, methods
 from signorini_fx.studies.reference import Reference, on_mesh, reference_solution
