@@ -24,7 +24,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
-from signorini_fx.scene import template
+from signorini_fx.scene import settings, template
 from signorini_fx.scene.model import LinearElastic
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
@@ -582,7 +582,7 @@ def keys_by_table():
 
 
 MODELS = {
-    ".accuracy": [scene.Accuracy],
+    ".accuracy": [settings.Accuracy],
     "element": [scene.Discretised],
     "material": [scene.LinearElastic],
     "displacement": [scene.PrescribedDisplacement],
@@ -590,7 +590,7 @@ MODELS = {
     "body_force": [scene.BodyForce],
     "contact": [scene.UnilateralContact],
     "contact.friction": [scene.TrescaFriction, scene.CoulombFriction],
-    "solver": [scene.SolverSettings],
+    "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
 }
 
@@ -603,7 +603,7 @@ def test_the_template_names_every_key():
     assert named[""] | {t for t in named if t and "." not in t} == set(scene.Scene.model_fields)
 
 
-@pytest.mark.parametrize(("table", "model"), [("element", scene.Discretised), ("solver", scene.SolverSettings)])
+@pytest.mark.parametrize(("table", "model"), [("element", scene.Discretised), ("solver", settings.SolverSettings)])
 def test_the_template_shows_the_defaults(table, model):
     """Where all keys have one."""
     assert model.model_validate(tomllib.loads(TEMPLATE)[table]) == model()
@@ -735,7 +735,8 @@ def test_the_schema_knows_the_generators():
 
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
-    models = {m.__name__ for m in vars(scene).values() if isinstance(m, type) and issubclass(m, BaseModel)}
+    classes = {**vars(scene), **vars(settings)}.values()
+    models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
     internal = {"BaseModel", "Scene", "Table", "_Load", "_Vector", "_Contact"}
     assert models - internal == set(template.scene_schema()["$defs"])
 

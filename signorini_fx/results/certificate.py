@@ -185,7 +185,9 @@ def certify(
     if before is not None:  # what is added to it has its round-off
         last = _ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
-        stress = max(stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.abs(last.shear))))
+        stress = max(
+            stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
+        )
         length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     still = _FAINT * stress / scene.young * tagged.size

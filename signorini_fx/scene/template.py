@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from signorini_fx import meshes
 from signorini_fx.scene import model as scene
+from signorini_fx.scene import settings
 
 _ONE_OR_MANY = ("material", "displacement", "traction", "contact")
 
@@ -26,7 +27,7 @@ def scene_schema() -> dict[str, Any]:
     schema: dict[str, Any] = scene.Scene.model_json_schema()
     _simplify(schema)
     for name, definition in schema["$defs"].items():
-        _describe(definition, getattr(scene, name))
+        _describe(definition, getattr(scene if hasattr(scene, name) else settings, name))
     for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]

@@ -113,15 +113,11 @@ def count_or_auto(given: Any) -> Any:
 
 
 Finite = Annotated[
-    float, BeforeValidator(plain_number), Field(allow_inf_nan=False, strict=True), AfterValidator(bounded)
+    float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
 ]
-
-
 Positive = Annotated[
-    float, BeforeValidator(plain_number), Field(gt=0, allow_inf_nan=False, strict=True), AfterValidator(bounded)
+    float, Field(gt=0, allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
 ]
-
-
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 
 
