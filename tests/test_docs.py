@@ -22,6 +22,7 @@ from typing import Literal, get_args, get_origin
 import pytest
 from pydantic import BaseModel
 from scenes import alone, example1
+from setuptools import find_packages
 
 import signorini_fx
 from signorini_fx import cli, meshes
@@ -233,11 +234,12 @@ def test_everything_is_shipped():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     package = ROOT / "signorini_fx"
     others = [file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
-    data = {file.name for file in others if file.suffix != ".py"}
+    data = {str(file.relative_to(package)) for file in others if file.suffix != ".py"}
     assert "py.typed" in data
     assert set(settings["package-data"]["signorini_fx"]) == data
     folders = {".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")}
-    assert set(settings["packages"]) == folders | {"signorini_fx.meshes"}
+    found = find_packages(str(ROOT), include=settings["packages"]["find"]["include"])
+    assert set(found) == folders | {"signorini_fx.meshes"}
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------
