@@ -1539,7 +1539,7 @@ MUTANTS = (
         tests=("parts_on_ranks::test_regions_of_a_refined_mesh",),
     ),
     Mutant(
-        "check/checks",
+        "check/cost",
         "FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5",
         "100 * (FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5)",
         "factorisation time times 100",

@@ -1,15 +1,13 @@
-"""What a scene is before it is solved: its effects, what each of them adds, and an estimate of its cost.
+"""What a scene is before it is solved: its effects, and what each of them adds.
 
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
 assembled as the solver does, so that every mistake that the solver would find in the scene or its mesh is found here.
 
-What may go wrong is said by ``findings``.  The estimate of the cost is a rule of thumb, and says so.
+What may go wrong is said by ``findings``, what it will cost by ``cost``.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -20,10 +18,10 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
 from signorini_fx.body import loads
 from signorini_fx.body.discretisation import LOCKING_POISSON, Body, prepare
+from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.contact import data as contact_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.linalg import choice
 from signorini_fx.linalg.options import refuse_mistyped
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.hierarchy import coarser_scenes
@@ -31,7 +29,6 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.model import (
     BodyForce,
-    Contact,
     CoulombFriction,
     Friction,
     PrescribedDisplacement,
@@ -39,23 +36,6 @@ from signorini_fx.scene.model import (
     SurfaceTraction,
     TrescaFriction,
     friction_acts,
-)
-from signorini_fx.tuned import (
-    BACK_SUBSTITUTION,
-    BASE_BYTES,
-    BYTES_PER_DOF,
-    CONDENSING,
-    DENSE_SPEED,
-    DENSE_STEP_SECONDS,
-    FACTOR_ENTRIES,
-    FACTOR_SECONDS,
-    KRYLOV_SECONDS,
-    MEMORY_SHARE,
-    MORE_SOLVES,
-    ROW_ENTRIES,
-    SOLVES_OF_FINER_MESH,
-    SOLVES_OF_LATER_STEP,
-    SOLVES_PER_DOUBLING,
 )
 
 # What ``estimators.StressRecovery`` compiles.
@@ -81,31 +61,6 @@ class Effect:
     forms: tuple[str, ...] = ()
     unknowns: int = 0
     solves: tuple[int, int] = (0, 0)
-
-
-@dataclass(frozen=True)
-class Cost:
-    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
-
-    Attributes:
-        unknowns: displacement components that are not prescribed.
-        contact_nodes: nodes of all contact boundaries.
-        linear_algebra: ``full`` or ``condensed``, and why.
-        linear_solves: from and to, of all load steps.
-        factorisation_seconds: of one sparse factorisation.
-        factorisation_bytes: its factor.
-        seconds: linear algebra of the whole solve, from and to.
-        memory_bytes: of the whole process.
-    """
-
-    unknowns: int
-    contact_nodes: int
-    linear_algebra: str
-    linear_solves: tuple[int, int]
-    factorisation_seconds: float
-    factorisation_bytes: float
-    seconds: tuple[float, float]
-    memory_bytes: float
 
 
 @dataclass(frozen=True)
@@ -148,8 +103,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     for coarse in coarser_scenes(scene, scene.solver.levels):
         _validated(coarse, comm)
     d, law, data = _validated(scene, comm)
-    cost = _cost(d)
-    findings = [*_memory(cost, comm), *scene_findings(d, law, data)]
+    cost = estimated_cost(d)
+    findings = [*memory_finding(cost, comm), *scene_findings(d, law, data)]
     return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings))
 
 
@@ -213,14 +168,14 @@ def _effects(d: Body) -> list[Effect]:
     if not scene.traction:
         found.append(Effect("traction", False, "no [[traction]]"))
     found += _contacts(d)
-    nodes = _contact_nodes(d)
-    kind = _friction_kind(scene, scene.contact)
-    one, every = (_linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.steps))
+    nodes = contact_nodes(d)
+    kind = friction_kind(scene, scene.contact)
+    one, every = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.steps))
     numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
     why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
     found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
     nested = scene.solver.levels > 1 and d.boundary is not None
-    solves = _minus(_linear_solves(scene, kind, nodes, steps=scene.steps, levels=scene.solver.levels), every)
+    solves = _minus(linear_solves(scene, kind, nodes, steps=scene.steps, levels=scene.solver.levels), every)
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
     found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
@@ -268,16 +223,16 @@ def _contacts(d: Body) -> list[Effect]:
     scene = d.scene
     if d.boundary is None:
         return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]
-    found, nodes = [], _contact_nodes(d)
+    found, nodes = [], contact_nodes(d)
     # One effect after the other: the first contact costs the iteration, the first friction of a kind the rest of it.
     previous = (1, 1)
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
-        name, total = f"contact {effect.boundary}", _linear_solves(scene, "none", nodes)
+        name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
         found.append(Effect(name, True, f"{effect.kind}, {count} nodes", (name,), solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
-        law, total = effect.friction, _linear_solves(scene, _friction_kind(scene, scene.contact[: index + 1]), nodes)
+        law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)
         name = f"friction {effect.boundary}"
         found.append(Effect(name, friction_acts(law), _friction(law), solves=_minus(total, previous)))
         previous = total
@@ -314,79 +269,3 @@ def _friction(law: Friction) -> str:
             text = f"coulomb, coefficient = {_text(coefficient)}" + ("" if cap is None else f", cap = {_text(cap)}")
             return text + ("" if friction_acts(law) else ": frictionless")
     return "no friction"
-
-
-# --- cost ------------------------------------------------------------------------------------------------------------
-
-
-def _contact_nodes(d: Body) -> int:
-    if d.boundary is None:
-        return 0
-    return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
-
-
-def _friction_kind(scene: Scene, contacts: Sequence[Contact]) -> str:
-    """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
-    acting = [contact.friction for contact in contacts if friction_acts(contact.friction)]
-    if any(isinstance(law, CoulombFriction) for law in acting):
-        return "newton" if scene.solver.coulomb == "newton" else "fp"
-    return "tresca" if acting else "none"
-
-
-def _linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
-    """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
-    if not scene.contact:
-        return steps * levels, steps * levels
-    more = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
-    size = math.log2(max(nodes / 2 ** (levels - 1), 4))
-    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], more, strict=True))
-    # A later load step starts from the sets of the one before, a finer mesh from those of the coarser one.
-    low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
-    least, most = SOLVES_OF_FINER_MESH
-    return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
-
-
-def _cost(d: Body) -> Cost:
-    """Nested dissection in two dimensions: n log n entries, n^1.5 operations."""
-    comm = d.comm
-    n = d.dofs
-    nodes = _contact_nodes(d)
-    least, slope, offset = FACTOR_ENTRIES
-    entries = n * max(least, slope * (math.log2(n) - offset))
-    factorisation = FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5
-    kind = _friction_kind(d.scene, d.scene.contact)
-    solves = _linear_solves(d.scene, kind, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
-    setting, dense = d.scene.solver.linear_algebra, 0
-    reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
-    if setting == "krylov":
-        reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
-    elif d.boundary is not None:
-        against = choice.against_condensing(d, 2 * nodes)
-        if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
-            dense = 2 * nodes
-            step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
-            reason, once, each = "condensed", CONDENSING * factorisation, step
-        else:
-            reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
-    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
-    matrix = 12.0 * ROW_ENTRIES * n
-    return Cost(
-        unknowns=free,
-        contact_nodes=nodes,
-        linear_algebra=reason,
-        linear_solves=solves,
-        factorisation_seconds=factorisation,
-        factorisation_bytes=9.0 * entries,
-        seconds=(once + solves[0] * each, once + solves[1] * each),
-        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + 12.0 * entries + 24.0 * dense**2,
-    )
-
-
-def _memory(cost: Cost, comm: MPI.Comm) -> list[Finding]:
-    there = parallel.machine_memory(comm)
-    if cost.memory_bytes < MEMORY_SHARE * there:
-        return []
-    message = (
-        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {there / 1e9:.0f}: use a coarser mesh"
-    )
-    return [Finding("warning", "mesh", message)]

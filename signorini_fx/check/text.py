@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import textwrap
 
-from signorini_fx.check.checks import Check, Cost
+from signorini_fx.check.checks import Check
+from signorini_fx.check.cost import Cost
 
 
 def render(check: Check) -> str:

@@ -6,6 +6,7 @@ can be trusted itself is estimated from coarser ones.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import statistics
@@ -17,6 +18,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from signorini_fx.accuracy.price_list import peak_memory
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Scene
@@ -124,7 +126,8 @@ class _Run:
         """Solve once; measure the errors where there is a reference."""
         if len(self._times) >= self._enough:
             return
-        before, begin = _resident(reset=True), time.perf_counter()
+        _forget_peak_memory()
+        before, begin = peak_memory(MPI.COMM_SELF), time.perf_counter()
         try:
             solution = solve(self._scene, MPI.COMM_SELF, check=False)
         except SignoriniError as error:
@@ -136,7 +139,7 @@ class _Run:
             own = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
             coarser = sum(level.seconds for level in solution.levels[:-1])
             rest = max(0.0, total - sum(own.values()) - coarser)
-            memory = max(0.0, _resident() - before)
+            memory = max(0.0, peak_memory(MPI.COMM_SELF) - before)
             self._times.append({"seconds": total, **own, "coarser": coarser, "rest": rest, "memory": memory})
         if reference is None:
             return
@@ -195,14 +198,9 @@ def work_of(solution: Solution) -> int:
     return sum(solves * dofs for solves, dofs in meshes)
 
 
-def _resident(*, reset: bool = False) -> float:
-    """Largest resident memory since the last reset, MB; 0 where the system does not tell."""
-    try:
-        if reset:  # what earlier runs have left would hide what this one takes
-            gc.collect()
-            ctypes.CDLL(None).malloc_trim(0)
-            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-        text = Path("/proc/self/status").read_text(encoding="ascii")
-    except (OSError, AttributeError):
-        return 0.0
-    return int(text.partition("VmHWM:")[2].split()[0]) / 1024
+def _forget_peak_memory() -> None:
+    """Let the peak begin anew: what earlier runs have left would hide what this one takes."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # no Linux
+        ctypes.CDLL(None).malloc_trim(0)
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
