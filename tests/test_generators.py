@@ -14,7 +14,7 @@ from signorini_fx import meshes
 from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.arrays import quality
+from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, triangle_parameters
 from signorini_fx.scene.model import Discretised

@@ -26,8 +26,8 @@ from signorini_fx.mesh.files.arrays import Selection
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.reading import plain_message
 
-# Boundaries and regions.
-_Names = tuple[formats.Tags, formats.Tags]
+# Dimension of the body, boundaries and regions.
+_Names = tuple[int, formats.Tags, formats.Tags]
 # Midside nodes farther off than this share of the body's size make a side curved.
 STRAIGHT = 1e-9
 
@@ -214,9 +214,9 @@ def read_mesh(
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
-                "or in the file (in gmsh: physical groups of dimension 1)"
+                f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
-        return formats.draw(formats.start_gmsh(), arrays, by_name=False)
+        return arrays.dim, *formats.draw(formats.start_gmsh(), arrays, by_name=False)
 
     return _from_gmsh(comm, build)
 
@@ -254,7 +254,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
     Args:
         comm: the ranks that share the mesh.
-        draw: called on the first rank only; leaves a meshed two-dimensional model with physical groups.
+        draw: called on the first rank only; leaves a meshed model with physical groups, of two or three dimensions.
         name: what to call the mesh in messages.
         unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
             nor small, and have the same numbers in all units.
@@ -272,22 +272,23 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         except Exception as error:  # gmsh has no exceptions of its own
             raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
         groups = gmsh.model.getPhysicalGroups()
-        if not any(dim == 2 for dim, _ in groups):
-            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 (the body)")
-        kinds = {kind for dim, tag in groups if dim == 2 for kind in _cell_kinds(gmsh, tag)}
+        top = max((dim for dim, _ in groups), default=0)
+        if top < 2:
+            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+        kinds = {kind for dim, tag in groups if dim == top for kind in _cell_kinds(gmsh, top, tag)}
         if not kinds:
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines: formats.Tags = {}
-        surfaces: formats.Tags = {}
+        boundaries: formats.Tags = {}
+        regions: formats.Tags = {}
         for dim, tag in groups:
-            names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
-            if dim in (1, 2):
+            names, kind = (regions, "region") if dim == top else (boundaries, "boundary")
+            if dim >= top - 1:
                 names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
-        if not lines:
-            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
-        return lines, surfaces
+        if not boundaries:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+        return top, boundaries, regions
 
     tagged = _from_gmsh(comm, build)
     tagged.mesh.geometry.x[:] *= unit
@@ -297,13 +298,13 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
     """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
-        boundaries, regions = parallel.on_root(comm, build)
+        dim, boundaries, regions = parallel.on_root(comm, build)
         model = None
         if parallel.is_root(comm):
             import gmsh
 
             model = gmsh.model
-        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, 2)
+        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
     finally:
         if parallel.is_root(comm):
             import gmsh
@@ -318,9 +319,9 @@ def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, .
     return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
 
 
-def _cell_kinds(gmsh: Any, group: int) -> set[int]:
-    entities = gmsh.model.getEntitiesForPhysicalGroup(2, group)
-    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(2, entity)}
+def _cell_kinds(gmsh: Any, dim: int, group: int) -> set[int]:
+    entities = gmsh.model.getEntitiesForPhysicalGroup(dim, group)
+    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(dim, entity)}
 
 
 def tag_boundaries(mesh: dmesh.Mesh, markers: Mapping[str, Callable[[npt.NDArray[np.float64]], Any]]) -> TaggedMesh:
