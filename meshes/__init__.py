@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator
 
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
@@ -125,6 +125,10 @@ class Drawing:
     gmsh: Any
     unit: float
     upright: bool = False
+
+    def length(self, length: float) -> float:
+        """A length in the model's unit, the same number in all units of the scene: tetrahedra follow each last bit."""
+        return float(f"{length / self.unit:.12g}")
 
     def point(self, x: float, y: float) -> int:
         """A point at a position in units of the scene."""
@@ -330,11 +334,12 @@ def mesh_solid(
         distance: of a position from the places where they are small, in units of the drawing.
         order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
     """
-    gmsh, unit = drawing.gmsh, drawing.unit
+    gmsh = drawing.gmsh
     gmsh.model.occ.synchronize()
+    drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))
 
     def size(_dim: int, _tag: int, x: float, y: float, z: float, wanted: float) -> float:
-        return min(wanted, float(sizes.at(unit * distance(x, y, z))) / unit)
+        return min(wanted, float(drawn.at(distance(x, y, z))))
 
     for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
         gmsh.option.setNumber(f"Mesh.{option}", 0)
@@ -343,7 +348,7 @@ def mesh_solid(
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.removeSizeCallback()
     if order > 1:
-        gmsh.model.mesh.setOrder(order)
+        _curve(gmsh, order)
     named: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
         inside = len(gmsh.model.getAdjacencies(2, tag)[0]) > 1
@@ -398,8 +403,22 @@ def mesh_extruded(
         named[name] = [tag for around, tag in swept.items() if around & own and tag not in sections]
     gmsh.model.mesh.generate(3)
     if order > 1:
-        gmsh.model.mesh.setOrder(order)
+        _curve(gmsh, order)
     _name_solids(gmsh, named)
+
+
+def _curve(gmsh: Any, order: int) -> None:
+    """Give solids nodes between their corners, on the surfaces, and no cell that is turned inside out.
+
+    Raises:
+        MeshError: the cells are too large for the arcs.
+    """
+    mesh = gmsh.model.mesh
+    mesh.setOrder(order)
+    # gmsh could move the nodes, but ends the whole process where it finds no place for them.
+    cells = [mesh.getElementsByType(kind)[0] for kind in mesh.getElementTypes(3)]
+    if not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells):
+        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
 
 
 def _curves(gmsh: Any, surface: int) -> list[int]:

@@ -91,9 +91,9 @@ def generate(
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
         long, wide, high, thick, bend, hole, seat = (
-            value / unit for value in (length, width, height, thickness, fillet, radius, seat_radius)
+            drawing.length(value) for value in (length, width, height, thickness, fillet, radius, seat_radius)
         )
-        centre = thick + bend + flat / unit / 2
+        centre = (thick + bend + long) / 2
         low = 0.0 if symmetric else -wide / 2
         foot = occ.addBox(0.0, low, 0.0, long, wide / 2 - low, thick)
         leg = occ.addBox(0.0, low, 0.0, thick, wide / 2 - low, high)

@@ -76,7 +76,7 @@ def generate(
 
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
-        r, up, edge = radius / unit, height / unit, rounding / unit
+        r, up, edge = (drawing.length(value) for value in (radius, height, rounding))
         body = occ.addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, up, r)
         occ.synchronize()
         rims = [tag for _, tag in gmsh.model.getEntities(1) if gmsh.model.getType(1, tag) == "Circle"]

@@ -23,6 +23,8 @@ from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, coarser_grid, mesh_extruded, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=1_000)]
+# A curved cell that turns by a right angle may be inside out.
+Around = Annotated[int, Field(gt=1, le=1_000)]
 
 
 @validate_call(config=ConfigDict(arbitrary_types_allowed=True))
@@ -34,7 +36,7 @@ def generate(
     inner_radius: Length = 1.0,
     height: Length = 0.5,
     nr: Count = 6,
-    nt: Count = 10,
+    nt: Around = 10,
     nz: Count = 4,
     cell: Literal["hexahedron", "tetrahedron"] = "hexahedron",
     order: Literal[1, 2] = 1,
@@ -47,7 +49,7 @@ def generate(
         inner_radius: of the hole, less than ``radius``.
         height: extent along x[2], from 0.
         nr: cells from the hole to the outer side.
-        nt: cells along each quarter of the ring.
+        nt: cells along each quarter of the ring, at least 2.
         nz: cells along x[2].
         cell: shape of the cells.
         order: degree of the geometry: 1: the facets of the round sides are plane, only their corners are on them.
@@ -85,4 +87,5 @@ def generate(
 
 def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor, ("nr", "nt", "nz"))
+    fewer = coarser_grid(generate, parameters, factor, ("nr", "nt", "nz"))
+    return fewer | {"nt": max(2, fewer["nt"])}

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+_READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -95,10 +96,12 @@ def _parser() -> argparse.ArgumentParser:
         "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)"
     )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
-    convert.add_argument("source", type=Path, metavar="IN", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    convert.add_argument("source", type=Path, metavar="IN", help=f"mesh: {_READ}")
     convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
     info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
-    info.add_argument("file", type=Path, metavar="FILE", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
+    for one in (convert, info):
+        one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
@@ -390,10 +393,10 @@ def _mesh_file(options: argparse.Namespace) -> str:
     from signorini_fx.mesh.info import mesh_info, render
 
     if options.command == "convert":
-        mesh = read_file(options.source)
+        mesh = read_file(options.source, size=options.size)
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))
-    info = mesh_info(read_file(options.file))
+    info = mesh_info(read_file(options.file, size=options.size))
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 

@@ -23,6 +23,7 @@ from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import Selection
+from signorini_fx.mesh.files.gmsh_files import CAD
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.reading import plain_message
 
@@ -110,7 +111,9 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         case TaggedMesh():
             tagged = scene.mesh
         case MeshFile():
-            tagged = load_file(scene.mesh, comm)
+            # A drawing of a CAD program gets curved cells where the elements can follow them.
+            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in CAD
+            tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
@@ -124,7 +127,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree)
+    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
 
 
 def curvature(tagged: TaggedMesh) -> float:
@@ -191,18 +194,20 @@ def read_mesh(
     data: str | None = None,
     halvings: int = 0,
     degree: int | None = None,
+    size: float | None = None,
 ) -> TaggedMesh:
-    """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
+    """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
     Args:
         file: the file.
         comm: the ranks that share the mesh.
         boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
-            positive where both ends of an exterior facet of the boundary are.
+            positive where all corners of an exterior facet of the boundary are.
         regions: the same for cells with all their corners.
         data: the cell data that numbers refer to; None: the only one.
-        halvings: how often all cells are divided into four, of a .geo on the true shape.
-        degree: of the geometry, as in ``mesh_formats.read_file``.
+        halvings: how often the sides of all cells are halved, of a drawing on the true shape.
+        degree: of the geometry, as in ``formats.read_file``.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
 
     Raises:
         MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
@@ -210,7 +215,7 @@ def read_mesh(
     """
 
     def build() -> _Names:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree)
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "

@@ -6,6 +6,7 @@ meshio is asked format by format, for its own ``meshio.read`` ends the process w
 from __future__ import annotations
 
 import importlib
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -71,6 +72,8 @@ def read_file(
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
+    if size is not None and not 0 < size < math.inf:
+        raise SceneError([("mesh.size", f"a positive length is wanted, got {size:g}")])
     if size is not None and file.suffix.lower() not in gmsh_files.CAD:
         known = ", ".join(gmsh_files.CAD)
         raise SceneError([("mesh.size", f"the cells of a {file.suffix} have their size: it is for {known}")])
