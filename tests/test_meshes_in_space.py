@@ -258,7 +258,7 @@ def test_refined(name, everything):
     for boundary in tagged.boundaries:
         assert integral(fine, boundary) == pytest.approx(integral(tagged, boundary), rel=1e-12)
     cells = [one.mesh.topology.index_map(3).size_global for one in (tagged, fine)]
-    assert (cells[1] == 8 * cells[0]) if everything else (cells[0] < cells[1] < 2 * cells[0])
+    assert (cells[1] == 8 * cells[0]) if everything else (cells[0] < cells[1] < 4 * cells[0])
     if name == "wedge_block":
         index_map = fine.mesh.topology.index_map(3)
         assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts
