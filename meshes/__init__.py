@@ -351,11 +351,10 @@ def mesh_solid(
         _curve(gmsh, order)
     named: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
-        inside = len(gmsh.model.getAdjacencies(2, tag)[0]) > 1
         _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
         points = np.asarray(x).reshape(-1, 3).T
         names = [name for name, holds in boundaries.items() if holds(points).all()]
-        if names and not inside:
+        if names:
             named.setdefault(names[0], []).append(tag)
     _name_solids(gmsh, named)
 
