@@ -17,9 +17,9 @@ from pydantic import BaseModel
 from scenes import alone, example1
 
 from signorini_fx import cli, parallel
-from signorini_fx.check import findings
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.findings import friction_indication
+from signorini_fx.contact.statics import left_over
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
@@ -415,11 +415,11 @@ def test_the_unbalanced_part_of_a_load(seed):
     rng = np.random.default_rng(seed)
     generators = rng.standard_normal((rng.integers(1, 40), 3)) + np.array([0.0, 1.5, 0.0])
     load = rng.standard_normal(3)
-    rest = findings._unbalanced(generators, load)
+    rest = left_over(generators, load)
     assert (generators @ rest <= 1e-7).all()
     assert (load - rest) @ rest == pytest.approx(0.0, abs=1e-7)
     inside = generators.T @ rng.random(len(generators))
-    assert np.abs(findings._unbalanced(generators, inside)).max() < 1e-6 * np.abs(inside).max()
+    assert np.abs(left_over(generators, inside)).max() < 1e-6 * np.abs(inside).max()
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------
@@ -706,7 +706,7 @@ MISTAKES = [
     {"contact": {"boundary": "bottom", "friction": {"coefficient": 0.3}}},
     {"contact": {"boundary": "bottom", "friction": {"law": "tresca", "coefficient": 0.3}}},
     {"contact": [{"boundary": "bottom", "kind": "sticky"}]},
-    {"contact": {"boundary": "bottom", "direction": [0.0, 1.0, 0.0]}},
+    {"contact": {"boundary": "bottom", "direction": [0.0, 1.0, 0.0, 0.0]}},
     {"solver": {"algorithm": "magic"}},
     {"solver": {"max_iterations": 0}},
     {"element": {"degree": 3}},
@@ -736,7 +736,7 @@ def test_the_schema_knows_the_generators():
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
     models = {m.__name__ for m in vars(scene).values() if isinstance(m, type) and issubclass(m, BaseModel)}
-    internal = {"BaseModel", "Scene", "_Model", "_Load", "_Contact"}
+    internal = {"BaseModel", "Scene", "Table", "_Load", "_Vector", "_Contact"}
     assert models - internal == set(template.scene_schema()["$defs"])
 
 

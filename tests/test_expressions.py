@@ -68,7 +68,7 @@ def test_numpy_and_compiled_ufl_agree():
         "1 +",
         "y",
         "x",
-        "x[2]",
+        "x[3]",
         "x[-1]",
         "x[1.0]",
         "x[True]",

@@ -152,7 +152,7 @@ def test_one_table_instead_of_a_list():
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
         ("contact.0.kind", "glued", "contact[0].kind", "must be one of 'unilateral', 'bilateral', got 'glued'"),
         ("contact", [{"boundary": "a"}, {"boundary": "a"}], "scene", "in contact twice"),
-        ("displacement", [{"boundary": "bottom", "x": 0, "y": 0}], "scene", "in contact as well"),
+        ("displacement", [{"boundary": "bottom", "normal": 0}], "scene", "in contact as well"),
         ("solver.gamma_n", 0, "solver.gamma_n", "positive"),
         ("solver.gamma_t", "large", "solver.gamma_t", "auto"),
         ("solver.sigma", -1, "solver.sigma", "positive"),
@@ -161,7 +161,7 @@ def test_one_table_instead_of_a_list():
         ("solver.initial_contact", "somewhere", "solver.initial_contact", "'somewhere'"),
         ("solver.initial_contact", {"x": [1]}, "solver.initial_contact.x[1]", "is missing"),
         ("solver.initial_contact", {"x": [math.nan, 2]}, "solver.initial_contact.x", "low, high"),
-        ("solver.initial_contact", {"z": [0, 1]}, "solver.initial_contact.z", "unknown key"),
+        ("solver.initial_contact", {"w": [0, 1]}, "solver.initial_contact.w", "unknown key"),
     ],
 )
 def test_one_mistake(path, value, expected, message):

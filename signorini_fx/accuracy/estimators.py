@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import is_zero, ufl_value
+from signorini_fx.body.loads import is_zero, stresses, ufl_value, vector_value
 from signorini_fx.body.material import stress
 from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 
@@ -45,13 +45,14 @@ class StressRecovery:
         d = discretisation
         self._comm, self._inventory = d.tagged.mesh.comm, d.inventory
         self._displacement = fem.Function(d.space)
-        space = fem.functionspace(d.tagged.mesh, ("Lagrange", 1, (3,)))
+        self._components = d.tagged.dimension * (d.tagged.dimension + 1) // 2
+        space = fem.functionspace(d.tagged.mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
         sigma = stress(self._displacement, *d.lame)
-        raw = ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+        raw = _voigt(sigma)
         density = _compliance(self._recovered - raw, *d.lame) * cellwise
-        # The three components share one matrix: dolfinx numbers the nodes of both spaces alike.
+        # The components share one matrix: dolfinx numbers the nodes of both spaces alike.
         scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
         product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
@@ -112,17 +113,17 @@ class StressRecovery:
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
         owned = values.getLocalSize()
-        for k in range(3):
-            moment.getArray()[:] = values.getArray(readonly=True)[k::3]
+        for k in range(self._components):
+            moment.getArray()[:] = values.getArray(readonly=True)[k :: self._components]
             ksp.solve(moment, component)
-            self._recovered.x.array[k:owned:3] = component.getArray(readonly=True)
+            self._recovered.x.array[k : owned : self._components] = component.getArray(readonly=True)
         self._recovered.x.scatter_forward()
         return np.asarray(assemble(self._squares).getArray())
 
 
 def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, ghosts included."""
-    index_map = d.tagged.mesh.topology.index_map(2)
+    index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
     if len(d.scene.material) == 1:
         return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]
     return [d.tagged.cells(str(material.region)) for material in d.scene.material]
@@ -149,10 +150,10 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     own = np.concatenate([np.unique(bits), np.full(1, -1)])[:, None]
     kinds = [int(kind) for kind in np.unique(parallel.gather_rows(mesh.comm, own)) if kind >= 0]
     size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    index_map = mesh.topology.index_map(2)
+    index_map = mesh.topology.index_map(d.tagged.dimension)
     count = index_map.size_local + index_map.num_ghosts
     stiffness = d.lame[0] + 2 * d.lame[1]
-    size.x.array[:] = mesh.h(2, np.arange(count, dtype=np.int32)) if count else 0.0
+    size.x.array[:] = mesh.h(d.tagged.dimension, np.arange(count, dtype=np.int32)) if count else 0.0
     factors = {
         k: (fem.Constant(mesh, default_scalar_type(1.0)), load.factors or (1.0,) * scene.steps)
         for k, load in enumerate(effects)
@@ -190,20 +191,21 @@ def _degree(d: Discretisation, kind: int) -> int:
 
 def _values(effect: _Effect) -> list[Any]:
     """What an effect prescribes."""
-    more = effect.pressure if isinstance(effect, SurfaceTraction) else effect.normal
-    return [value for value in (effect.x, effect.y, more) if value is not None]
+    values = stresses(effect) if isinstance(effect, SurfaceTraction) else [*effect.components, effect.normal]
+    return [value for value in values if value is not None]
 
 
 def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
     """The components of a residual that a prescribed displacement leaves free."""
     if effect.normal is not None:
         return residual - ufl.inner(residual, n) * n
-    return ufl.as_vector((residual[0] if effect.x is None else 0.0, residual[1] if effect.y is None else 0.0))
+    free = [component is None for component in effect.components]
+    return ufl.as_vector([residual[k] if free[k] else 0.0 for k in range(len(residual))])
 
 
 def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fem.FunctionSpace) -> list[Any]:
     """How far the displacement is from what an expression prescribes, component by component."""
-    pairs = [(effect.x, y[0]), (effect.y, y[1]), (effect.normal, ufl.inner(y, n))]
+    pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, n))]
     return [
         factor * ufl_value(value, space) - component
         for value, component in pairs
@@ -212,7 +214,7 @@ def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fe
 
 
 def _traction(load: SurfaceTraction, space: fem.FunctionSpace, n: Any) -> Any:
-    value = ufl.as_vector([ufl_value(v, space) for v in (load.x, load.y)])
+    value = vector_value(load, space)
     return value if is_zero(load.pressure) else value - ufl_value(load.pressure, space) * n
 
 
@@ -222,6 +224,17 @@ def _fill(function: fem.Function, x: PETSc.Vec) -> None:
 
 
 def _compliance(tau: Any, lame: Any, mu: Any) -> Any:
-    """C^-1 tau : tau for a stress tau = (xx, yy, xy)."""
-    trace = tau[0] + tau[1]
-    return (tau[0] ** 2 + tau[1] ** 2 + 2 * tau[2] ** 2 - lame / (2 * (lame + mu)) * trace**2) / (2 * mu)
+    """C^-1 tau : tau for a stress tau as ``_voigt`` has it."""
+    dim = 2 if len(tau) == 3 else 3
+    trace = sum((tau[k] for k in range(1, dim)), tau[0])
+    square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
+    shear = sum((2 * tau[k] ** 2 for k in range(dim + 1, len(tau))), 2 * tau[dim] ** 2)
+    return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
+
+
+def _voigt(sigma: Any) -> Any:
+    """The components of a symmetric tensor: xx, yy, xy in the plane, xx, yy, zz, xy, xz, yz in space."""
+    dim = sigma.ufl_shape[0]
+    return ufl.as_vector(
+        [*(sigma[k, k] for k in range(dim)), *(sigma[i, k] for i in range(dim) for k in range(i + 1, dim))]
+    )

@@ -55,8 +55,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
-    # B^T D B per gamma_1: D is proportional to it, apart from what the turning of a slip adds in space.
-    blocks = tangent(sets, data) / data.gamma_n
+    # B^T D B per gamma_1: D is proportional to it, apart from how directions of slip turn, which gamma does not change.
+    blocks = tangent(replace(sets, turning=np.zeros_like(sets.turning)), data) / data.gamma_n
     origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:

@@ -26,6 +26,8 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _RENEW, _KEEP = -2, -1
+# Where the sets stay while directions of slip turn, the law must come nearer by half in so many steps.
+_TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -41,6 +43,8 @@ class SemismoothNewton:
 
     A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
     is small.  Because an iterate depends on its sets alone, sets that were seen before mean a cycle.
+    Where the problem is not affine for given sets, in space, directions of slip still turn while the sets stay: there
+    the friction law must hold as well, and sets that were seen before mean a cycle if the law is no nearer than then.
     PETSc options with the prefix ``sfx_`` reach the SNES, KSP and PC; where the user sets none, the defaults hold.
 
     Args:
@@ -169,9 +173,8 @@ class SemismoothNewton:
         self.problem.set_data(data, first_sets)
         self._first_iteration = first_iteration
         self._before = self.history.linear_solves
-        self._seen: set[int] = set()
-        self._stalls = 0
-        self._last_residual = np.inf
+        self._seen: dict[int, float] = {}
+        self._stalls: list[float] = []
         self._status: Status | None = None
         left = self.history.limit - self._before
         if left <= 0:
@@ -242,13 +245,14 @@ class SemismoothNewton:
         problem = self.problem
         bounds = problem.friction_bounds(self.x)
         sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.next.sets), bounds, strict=True))
+        side = sets.side
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
                 [
                     np.count_nonzero(sets.contact),
-                    np.count_nonzero(sets.direction[:, 0] > 0),
-                    np.count_nonzero(sets.direction[:, 0] < 0),
+                    np.count_nonzero(side > 0),
+                    np.count_nonzero(side < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
@@ -257,6 +261,7 @@ class SemismoothNewton:
         )
         active, plus, minus, changed, fingerprint = (int(count) for count in counts)
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
+        law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
         if not np.isfinite(norms[2]):
@@ -265,23 +270,37 @@ class SemismoothNewton:
             if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
                 balanced = problem.accept(self.x, problem.next.wanted, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
-            if residual <= snes.getTolerances()[0]:
+            if self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            # The sets are right, the linear solve was not exact: the next step with the same sets refines it.
-            self._stalls += 1
-            if self._stalls > 2 and residual > 0.5 * self._last_residual:
-                return self._stop(Status.ROUND_OFF)
-            self._last_residual = residual
+            # The sets are right.  The linear solve was not exact, which the next step with the same sets mends, or
+            # directions of slip still turn.
+            self._stalls.append(max(residual, law))
+            turning = law > snes.getTolerances()[0]
+            patience = _TURNS if turning else 2
+            if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
+                return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
-            if sound and residual <= snes.getTolerances()[0]:
+            if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            return self._stop(Status.CYCLING)
-        self._seen.add(fingerprint)
+            if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
+                return self._stop(Status.CYCLING)
+        self._seen[fingerprint] = max(law, snes.getTolerances()[0])
         if problem.next.escapes is not None:
             return self._stop(problem.next.escapes)
         return int(_SNES.CONVERGED_ITERATING)
+
+    def _settled(self, residual: float, law: float) -> bool:
+        """Whether sets that stay are those of a solution.
+
+        The residual is that of the next sets.  Where directions turn these differ from those that the iterate was
+        computed with, by as much as the law is missed: then the residual of the latter counts.
+        """
+        tolerance = self.snes.getTolerances()[0]
+        if self.problem.affine or law > tolerance or residual <= tolerance:
+            return law <= tolerance and residual <= tolerance
+        return self.problem.accept(self.x, self.problem.sets, tolerance)
 
     def _reason(self) -> Status:
         """Why SNES ended, where it was not the test that ended it."""
@@ -317,5 +336,5 @@ class SemismoothNewton:
 
     def _fingerprint(self, sets: ActiveSets) -> int:
         """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
-        state = 3 * sets.contact.astype(np.int64) + np.sign(sets.direction[:, 0]).astype(np.int64) + 1
+        state = 3 * sets.contact.astype(np.int64) + sets.side + 1
         return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))

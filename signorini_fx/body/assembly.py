@@ -28,8 +28,8 @@ def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
     return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
 
 
-def facet_ends(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """The two end points of each facet, shape (facets, 2, 3)."""
+def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
         return np.empty((0, 2, 3))
     return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(np.float64)
@@ -63,3 +63,20 @@ def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.ND
     vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
     vector.scale(-1.0)
     return vector.copy()
+
+
+def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Adjugate (inverse times determinant) and determinant of many matrices, by hand, because there are many.
+
+    Args:
+        matrices: shape (d, d, ...), d = 2 or 3.
+
+    Returns:
+        Shapes (d, d, ...) and (...).
+    """
+    if len(matrices) == 2:
+        (a, b), (c, d) = matrices
+        return np.array([[d, -b], [-c, a]]), a * d - b * c
+    columns = matrices.swapaxes(0, 1)
+    rows = [np.cross(columns[k - 2], columns[k - 1], axis=0) for k in range(3)]
+    return np.array(rows), np.asarray((rows[0] * columns[0]).sum(axis=0))

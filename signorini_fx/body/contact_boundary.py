@@ -12,13 +12,14 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 
@@ -36,13 +37,13 @@ class ContactBoundary:
     Attributes:
         comm: the ranks that share the boundary.
         nodes: local number of the node (block of the function space), shape (n,).
-        x: position, length, shape (n, 2).
-        weight: w_i, the length (per unit thickness: area) that the node stands for, shape (n,).
-        normal: outward unit normal n_i, shape (n, 2).
+        x: position, length, shape (n, d).
+        weight: w_i, the area (in the plane: length) that the node stands for, shape (n,).
+        normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
-        free: which displacement components are not prescribed, shape (n, 2).
-        segments: facets of this rank: the part, then global node numbers in order along the facet, shape
-            (facets, degree + 2).
+        free: which displacement components are not prescribed, shape (n, d).
+        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + nodes of a facet); in the
+            plane in order along the facet, in space as basix has them.
         global_nodes: global number of the node, shape (n,).
     """
 
@@ -132,8 +133,10 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
-    """(lambda, tau_N z) for lambda = 1, with the nodal rule: the nodal weights times the normals."""
-    ds = measure(space.mesh, [facets], forms.nodal_rule(space.element.basix_element.degree))(1)
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals."""
+    mesh = space.mesh
+    rule = forms.nodal_rule(space.element.basix_element.degree, compat.geometry_degree(mesh), mesh.topology.dim)
+    ds = measure(mesh, [facets], rule)(1)
     one = fem.Constant(space.mesh, default_scalar_type(1.0))
     return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
 
@@ -144,41 +147,45 @@ def contact_part(
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
-    direction: tuple[float, float] | None,
+    direction: tuple[float, ...] | None,
 ) -> ContactBoundary:
     """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
-    moments = assemble(form).getArray().reshape(-1, 2)
+    dim = space.mesh.geometry.dim
+    moments = assemble(form).getArray().reshape(-1, dim)
     weight = np.linalg.norm(moments, axis=1)
     nodes = np.flatnonzero(weight > 0).astype(np.int32)
     normal = moments[nodes] / weight[nodes, None]
     if direction is not None:
-        normal = np.tile(np.asarray(direction) / np.hypot(*direction), (nodes.size, 1))
+        normal = np.tile(np.asarray(direction) / np.hypot.reduce(direction), (nodes.size, 1))
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
-        x=space.tabulate_dof_coordinates()[nodes, :2],
+        x=space.tabulate_dof_coordinates()[nodes, :dim],
         weight=weight[nodes],
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
-        free=~fixed.reshape(-1, 2)[nodes],
+        free=~fixed.reshape(-1, dim)[nodes],
         segments=_segments(space, facets, index),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
     )
 
 
 def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
-    """The part and the global node numbers of each facet, in order along it, shape (facets, degree + 2)."""
-    degree = space.element.basix_element.degree
-    layout = space.dofmap.dof_layout
-    rows = []
-    for cell, local in facet_entities(space.mesh, facets):
-        # Vertices come first, then what is inside the facet.
-        closure = layout.entity_closure_dofs(space.mesh.topology.dim - 1, int(local))
-        first, last, *middle = space.dofmap.cell_dofs(cell)[closure]
-        rows.append([first, *middle, last])
-    local_nodes = np.array(rows, dtype=np.int32).reshape(-1, degree + 1)
+    """The part and the global node numbers of each facet, see ``ContactBoundary.segments``."""
+    layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
+    # Vertices come first, then what is inside the facet: along a facet of the plane the second vertex is the last node.
+    closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
+    if side == 1:
+        closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
+    entities = facet_entities(space.mesh, facets)
+    local_nodes = space.dofmap.list[entities[:, 0][:, None], closures[entities[:, 1]]]
     nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
-    return np.column_stack((np.full(len(rows), part, dtype=np.int64), nodes))
+    return np.column_stack((np.full(len(entities), part, dtype=np.int64), nodes))
+
+
+def _sides(mesh: Any) -> int:
+    """How many facets a cell has."""
+    return len(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[mesh.topology.dim - 1])
 
 
 def chains(

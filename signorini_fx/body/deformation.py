@@ -17,6 +17,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import adjugates
 from signorini_fx.body.discretisation import Body
 
 
@@ -49,37 +50,36 @@ def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
-    moved = np.linalg.norm(displacement.x.array.reshape(-1, 2), axis=1)
+    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.tagged.dimension), axis=1)
     assembly = pieces.assembly[body.motions.piece]
     share = 0.0
     for number in range(int(pieces.assembly.max()) + 1):
-        corners = pieces.bounds[pieces.assembly == number].reshape(-1, 2)
-        size = min(body.tagged.size, float(np.hypot(*np.ptp(corners, axis=0))))
+        corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.tagged.dimension)
+        size = min(body.tagged.size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
         furthest = parallel.global_max(body.comm, parallel.local_max(moved[assembly == number]))
         share = max(share, furthest / size)
     return Deformation(gradient, share)
 
 
 def _squares(body: Body, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """|grad u|^2 at the middle of each owned cell, and the areas of these cells, shape (cells,)."""
+    """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
     mesh, space = body.tagged.mesh, body.space
     cell = mesh.topology.cell_name()
     middle = basix.geometry(getattr(basix.CellType, cell)).mean(axis=0, keepdims=True)
     owned = slice(mesh.topology.index_map(mesh.topology.dim).size_local)
 
     def slopes(degree: int) -> npt.NDArray[np.float64]:
-        """Derivatives of the scalar basis functions in the middle of the reference cell, shape (2, functions)."""
+        """Derivatives of the scalar basis functions in the middle of the reference cell, shape (d, functions)."""
         element = basix.ufl.element("Lagrange", cell, degree, lagrange_variant=basix.LagrangeVariant.equispaced)
         found: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
         return found
 
-    x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :2].astype(np.float64)
-    y = displacement.x.array.reshape(-1, 2)[space.dofmap.list[owned]]
-    # Derivatives along the reference cell, (cells, component, direction); inverted by hand: there are many.
+    dim = body.tagged.dimension
+    x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
+    y = displacement.x.array.reshape(-1, dim)[space.dofmap.list[owned]]
+    # Derivatives along the reference cell, (cells, component, direction).
     jacobian = x.transpose(0, 2, 1) @ slopes(compat.geometry_degree(mesh)).T
     reference = y.transpose(0, 2, 1) @ slopes(body.scene.element.degree).T
-    (a, b), (c, d) = jacobian[:, 0].T, jacobian[:, 1].T
-    determinant = a * d - b * c
-    along, across = reference[:, :, 0], reference[:, :, 1]
-    squares = (along * d[:, None] - across * c[:, None]) ** 2 + (across * a[:, None] - along * b[:, None]) ** 2
-    return squares.sum(axis=1) / determinant**2, np.abs(determinant)
+    adjugate, determinant = adjugates(jacobian.transpose(1, 2, 0))
+    squares = np.einsum("cik,kjc->cij", reference, adjugate) ** 2
+    return squares.sum(axis=(1, 2)) / determinant**2, np.abs(determinant)

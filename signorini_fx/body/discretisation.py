@@ -117,7 +117,8 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
     """
     facets = boundary_facets(scene, tagged)
     pieces = find_pieces(tagged.mesh)
-    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (2,)))
+    check_nodal_rule(scene, tagged)
+    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
     lame = lame_coefficients(scene, tagged)
     reduced = reduced_degree(scene, tagged.mesh)
     inventory = Inventory(list(_ELASTIC[: 1 if reduced is None else 2]))
@@ -140,7 +141,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
             for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
         ]
         boundary = join(parts) if parts else None
-        motions = rigid_motions(space, fixed.reshape(-1, 2), pieces)
+        motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces)
     if boundary is not None:
         check_overlap(scene, boundary, facets, tagged)
     return Body(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory)
@@ -175,6 +176,17 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
         )
     known = {field.name: getattr(body, field.name) for field in fields(body)}
     return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases)
+
+
+def check_nodal_rule(scene: Scene, tagged: TaggedMesh) -> None:
+    """Whether the contact integrals have a rule at the nodes with positive weights.
+
+    Raises:
+        SceneError: quadratic tetrahedra, whose vertices have no weight.
+    """
+    if scene.contact and scene.element.degree == 2 and tagged.mesh.topology.cell_name() == "tetrahedron":
+        message = "quadratic tetrahedra have no weight at their vertices: use degree = 1, or hexahedra with degree = 2"
+        raise SceneError([("element.degree", message)])
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
@@ -239,14 +251,16 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
 
 
 def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
-    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0 and Q2 with 2 x 2 points."""
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points an axis."""
     degree, kind = scene.element.degree, mesh.topology.cell_name()
-    has_form = not (degree == 1 and kind == "triangle")
+    has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
     wanted = scene.element.volumetric
     if wanted == "reduced" and not has_form:
-        message = "linear triangles have no reduced form: use degree = 2, or quadrilaterals"
+        plane = kind == "triangle"
+        cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
+        message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(m.poisson >= LOCKING_POISSON and m.hypothesis == "plane strain" for m in scene.material)
     if wanted == "full" or not has_form or (wanted == "auto" and not nearly):
         return None
-    return 3 if degree == 2 and kind == "quadrilateral" else 1
+    return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

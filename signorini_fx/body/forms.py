@@ -17,11 +17,13 @@ from signorini_fx.body.material import strain, stress
 def elastic_degree(cell: str, degree: int, geometry: int) -> int:
     """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
 
-    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals, where the
-    integrand is rational, that of the products of all polynomials in it.  UFL estimates the same; it stands here
-    because the certificate integrates without UFL.
+    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
+    hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
+    in the plane; it stands here because the certificate integrates without UFL.
     """
-    return 2 * (degree - 1) + 2 * (geometry - 1) if cell == "triangle" else 2 * (degree + geometry)
+    if cell in ("triangle", "tetrahedron"):
+        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
+    return 2 * (degree + geometry)
 
 
 def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None) -> tuple[Any, ...]:
@@ -60,14 +62,24 @@ def traction_form(traction: Any, z: Any, ds: Any) -> Any:
     return ufl.inner(traction, z) * ds
 
 
-def nodal_rule(degree: int) -> dict[str, Any]:
-    """Quadrature metadata of the facet rule whose points are the nodes of a Lagrange element of ``degree``.
+def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
+    """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
 
-    Degree 1: the vertex (trapezoidal) rule; degree 2: Gauss-Lobatto-Legendre (Simpson's rule).  All weights positive.
+    In the plane the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
+    Gauss-Lobatto-Legendre (Simpson's rule).  All weights are positive, and those of the integrals of the basis
+    functions.  On a surface the integrals of the basis functions stand for themselves, exactly: the vertex rule has
+    them on triangles, but not on quadrilaterals that are no parallelograms.
     """
+    if dimension == 3:
+        return {"quadrature_degree": lumped_degree(degree, geometry)}
     if degree == 1:
         return {"quadrature_rule": "vertex", "quadrature_degree": 1}
     return {"quadrature_rule": "GLL", "quadrature_degree": 2 * degree - 1}
+
+
+def lumped_degree(degree: int, geometry: int) -> int:
+    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a surface exactly."""
+    return 2 * (degree + geometry)
 
 
 def contact_form(pressure: Any, z: Any, n: Any, ds: Any) -> Any:

@@ -61,7 +61,7 @@ class LoadCase:
         factors: one number a load step.
         load: L minus what its prescribed displacements contribute; E times their value in their rows.
         start: zero, with its prescribed displacements put in.
-        resultant: what ``load`` does on the three rigid motions of each piece of the body, forces, shape (3 pieces,).
+        resultant: what ``load`` does on the rigid motions of each piece of the body, forces, shape (m pieces,).
     """
 
     factors: tuple[float, ...]
@@ -89,6 +89,11 @@ def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
     return function
 
 
+def vector_value(load: BodyForce | SurfaceTraction, space: fem.FunctionSpace) -> Any:
+    """The components of a load as a UFL vector, shape (d,)."""
+    return ufl.as_vector([ufl_value(value, space) for value in load.components[: space.mesh.geometry.dim]])
+
+
 def is_zero(*values: Any) -> bool:
     """Whether all values are the number zero."""
     return all(isinstance(value, float) and value == 0.0 for value in values)
@@ -101,10 +106,7 @@ def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
     """The loads of the scene by their load factors; zero loads are no loads."""
     groups: dict[tuple[float, ...], list[Load]] = {}
     for load in scene.loads:
-        values = [load.x, load.y]
-        if isinstance(load, SurfaceTraction):
-            values.append(load.pressure)
-        if isinstance(load, PrescribedDisplacement) or not is_zero(*values):
+        if isinstance(load, PrescribedDisplacement) or not is_zero(*stresses(load)):
             groups.setdefault(load.factors or (1.0,) * scene.steps, []).append(load)
     return groups
 
@@ -121,8 +123,12 @@ def traction_degree(load: SurfaceTraction, degree: int) -> int:
 
 def varies(load: BodyForce | SurfaceTraction) -> bool:
     """Whether a load is more than constants."""
-    values = [load.x, load.y, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
-    return not all(isinstance(value, float) for value in values)
+    return not all(isinstance(value, float) for value in stresses(load))
+
+
+def stresses(load: BodyForce | SurfaceTraction) -> list[Any]:
+    """All values of a load: its components and its pressure."""
+    return [*load.components, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
 
 
 def applied_load(
@@ -165,11 +171,11 @@ def compile_loads(
         return "", None
     terms = []
     for body in bodies:
-        force = ufl.as_vector([ufl_value(v, space) for v in (body.x, body.y)])
+        force = vector_value(body, space)
         terms.append(forms.body_force_form(force, z, degree))
     ds = measure(mesh, [facets[load.boundary] for load in tractions], {})
     for number, load in enumerate(tractions, start=1):
-        traction = ufl.as_vector([ufl_value(v, space) for v in (load.x, load.y)])
+        traction = vector_value(load, space)
         if not is_zero(load.pressure):
             traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
         rule = {"quadrature_degree": traction_degree(load, element)}
@@ -203,7 +209,7 @@ def load_case(
     load.getArray()[:], start.getArray()[:] = applied.forces, applied.start
     if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
         touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
-        load.axpy(-1.0, action(elastic, applied.prescribed, np.unique(touched // 2).astype(np.int32)))
+        load.axpy(-1.0, action(elastic, applied.prescribed, np.unique(touched // load.getBlockSize()).astype(np.int32)))
     load.getArray()[fixed] = young * applied.start[fixed]
     return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
 
@@ -212,7 +218,7 @@ def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.boo
     """What a load does on the rigid motions; only needed, and only taken, where one of them is free."""
     if motions.free.shape[1] == 0:
         return np.zeros(motions.free.shape[0])
-    forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, 2)
+    forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, motions.x.shape[1])
     return motions.resultant(forces, load.comm.tompi4py())
 
 

@@ -1,4 +1,4 @@
-"""The constitutive law: isotropic linear elasticity in two dimensions."""
+"""The constitutive law: isotropic linear elasticity in two and three dimensions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from signorini_fx.scene.model import LinearElastic
 
 
 def lame_parameters(material: LinearElastic) -> tuple[float, float]:
-    """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress."""
+    """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress.
+
+    Plane strain has those of space.
+    """
     young, poisson = material.young, material.poisson
     mu = young / (2 * (1 + poisson))
     if material.hypothesis == "plane stress":
@@ -24,18 +27,22 @@ def plane_modulus(material: LinearElastic) -> float:
 
 
 def strain(y: Any) -> Any:
-    """Linearised strain, epsilon(y) of section 2.1, shape (2, 2)."""
+    """Linearised strain, epsilon(y) of section 2.1, shape (d, d)."""
     return ufl.sym(ufl.grad(y))
 
 
 def stress(y: Any, lame: Any, mu: Any) -> Any:
-    """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (2, 2)."""
+    """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
     epsilon = strain(y)
-    return lame * ufl.tr(epsilon) * ufl.Identity(2) + 2 * mu * epsilon
+    return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
 
 
 def out_of_plane_stress(y: Any, lame: Any, hypothesis: str) -> Any:
-    """The stress component sigma_33: lambda tr(epsilon) in plane strain, zero in plane stress."""
+    """The stress component sigma_33 that the strain has not: lambda tr(epsilon) in plane strain, zero in plane stress;
+    zero in space, where there is none.
+    """
+    if len(y) == 3:
+        return 0 * ufl.tr(strain(y))
     return lame * ufl.tr(strain(y)) if hypothesis == "plane strain" else 0 * ufl.tr(strain(y))
 
 
@@ -44,5 +51,6 @@ def shear_energy_density(y: Any, lame: Any, mu: Any, hypothesis: str) -> Any:
     sigma = stress(y, lame, mu)
     sigma_33 = out_of_plane_stress(y, lame, hypothesis)
     mean = (ufl.tr(sigma) + sigma_33) / 3
-    deviator = sigma - mean * ufl.Identity(2)
-    return (ufl.inner(deviator, deviator) + (sigma_33 - mean) ** 2) / (4 * mu)
+    deviator = sigma - mean * ufl.Identity(len(y))
+    outside = 0 * mean if len(y) == 3 else (sigma_33 - mean) ** 2
+    return (ufl.inner(deviator, deviator) + outside) / (4 * mu)

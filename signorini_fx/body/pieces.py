@@ -1,7 +1,8 @@
 """The connected pieces of a body: cells that hang together by their sides, and the points at which pieces are pinned.
 
 Forces pass from cell to cell through the sides that they share.  A body whose mesh falls into several pieces is
-therefore several bodies; where two pieces share a single vertex only, they are joined by a hinge.
+therefore several bodies; where two pieces share a single vertex only, they are joined by a hinge.  In space the sides
+are faces, and vertices that two pieces share hold them together like ball joints.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ class Pieces:
     Attributes:
         of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
         cells: number of cells of each piece, shape (pieces,).
-        bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, 2).
+        bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
         pins: the pairs of pieces that share a vertex but no side through which they hang together, shape (pins, 2); a
             pin may be listed more than once.
-        pin_points: where they are, shape (pins, 2).
+        pin_points: where they are, shape (pins, d).
         assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
     """
 
@@ -52,9 +53,8 @@ class Pieces:
 
     def describe(self, piece: int) -> str:
         """Which piece it is and where."""
-        (left, low), (right, high) = self.bounds[piece]
         cells = int(self.cells[piece])
-        where = f"x[0] {left:g} to {right:g}, x[1] {low:g} to {high:g}"
+        where = extent(self.bounds[piece])
         return f"piece {piece + 1} of {self.count} ({cells} cell{'s' * (cells > 1)}, {where})"
 
     def as_rows(self) -> list[dict[str, Any]]:
@@ -71,6 +71,11 @@ class Pieces:
                 }
             )
         return rows
+
+
+def extent(bounds: npt.ArrayLike) -> str:
+    """In words from where to where something reaches, from its smallest and largest coordinates, shape (2, d)."""
+    return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
 
 
 def find_pieces(mesh: dmesh.Mesh) -> Pieces:
@@ -102,18 +107,19 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
             "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
         )
     of_cell = names[local]
-    x, corners = mesh.geometry.x[:, :2].astype(np.float64), compat.geometry_cells(mesh)
-    bounds, numbers = np.empty((count, 2, 2)), np.empty(count, dtype=np.int64)
+    x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
+    numbers = np.empty(count, dtype=np.int64)
+    bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
     for piece in range(count):
         here = of_cell == piece
         bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x[corners[here].ravel()])
         numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(here[:owned])))
     if count == 1:
-        none = np.empty((0, 2))
-        return Pieces(of_cell, numbers, bounds, none.astype(np.int64), none, np.zeros(1, dtype=np.int64))
+        none = np.empty((0, dim))
+        return Pieces(of_cell, numbers, bounds, none[:, :2].astype(np.int64), none, np.zeros(1, dtype=np.int64))
     # Rounded, or round-off would choose among pieces that are meant to begin at the same place.
-    size = float(np.ptp(bounds.reshape(-1, 2), axis=0).max())
-    order = np.lexsort(np.round(bounds.reshape(count, 4) / size, 9).T[::-1])
+    size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
+    order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
     place = np.argsort(order)
     pins, points = _pins(mesh, place[of_cell])
     _, assembly = _components(count, pins)
@@ -172,6 +178,6 @@ def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.f
     if rows.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)
         nodes = dmesh.entities_to_geometry(mesh, 0, rows[:, 0].astype(np.int32))
-    x = mesh.geometry.x[nodes.ravel(), :2].astype(np.float64)
+    x = mesh.geometry.x[nodes.ravel(), : topology.dim].astype(np.float64)
     table = parallel.gather_rows(mesh.comm, np.column_stack((rows[:, 1:], x)))
     return table[:, :2].astype(np.int64), table[:, 2:]

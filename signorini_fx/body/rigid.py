@@ -1,7 +1,8 @@
 """Motions of the body without strain, and whether supports and contact resist them.
 
-A body of one piece has three: two translations and a rotation.  A body of several pieces has three for each of them,
-less what the pins between pieces take away, where both must move alike.
+A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
+rotations.  A body of several pieces has as many for each of them, less what the pins between pieces take away, where
+both must move alike.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from signorini_fx.body.pieces import Pieces
 _HELD = 1e-8
 
 _Floats = npt.NDArray[np.float64]
+# The axes between which each rotation turns, from the first to the second; in space the rotation about x[0] is first.
+ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
 
 
 @dataclass(frozen=True)
@@ -31,12 +34,12 @@ class RigidMotions:
 
     Attributes:
         pieces: the connected pieces of the body, p of them.
-        x: positions of the nodes of this rank, ghosts included, shape (nodes, 2).
+        x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
         piece: number of the piece that each of these nodes is in, shape (nodes,); where pieces are pinned any of them.
-        centre: the point of each piece about which its rotation is taken, shape (p, 2).
-        length: size of each piece, by which its rotation is made comparable with translations, shape (p,).
-        free: combinations of (translation x, translation y, rotation) of each piece, one a column, shape (3 p, k); a
-            column moves the pieces of one assembly only.
+        centre: the point of each piece about which its rotations are taken, shape (p, d).
+        length: size of each piece, by which its rotations are made comparable with translations, shape (p,).
+        free: combinations of the motions of each piece (see ``rigid_modes``), one a column, shape (m p, k); a column
+            moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
     """
 
@@ -48,20 +51,26 @@ class RigidMotions:
     free: _Floats
     assembly: npt.NDArray[np.int64]
 
+    @property
+    def each(self) -> int:
+        """M, the number of motions of a piece: 3 in the plane, 6 in space."""
+        dim = self.x.shape[1]
+        return dim * (dim + 1) // 2
+
     def at(self, nodes: npt.NDArray[np.int32]) -> _Floats:
-        """The free motions at nodes of this rank, shape (n, 2, k)."""
-        own = self.free.reshape(self.pieces.count, 3, -1)[self.piece[nodes]]
+        """The free motions at nodes of this rank, shape (n, d, k)."""
+        own = self.free.reshape(self.pieces.count, self.each, -1)[self.piece[nodes]]
         moved: _Floats = self._modes(nodes) @ own
         return moved
 
     def displacement(self, motion: _Floats) -> _Floats:
-        """What a motion, coefficients of shape (3 p,), is at all nodes of this rank, shape (nodes, 2)."""
-        own = motion.reshape(-1, 3)[self.piece]
+        """What a motion, coefficients of shape (m p,), is at all nodes of this rank, shape (nodes, d)."""
+        own = motion.reshape(-1, self.each)[self.piece]
         moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
         return moved
 
     def resultant(self, forces: _Floats, comm: MPI.Comm) -> _Floats:
-        """What forces at the owned nodes, shape (owned nodes, 2), do on the motions of each piece, shape (3 p,);
+        """What forces at the owned nodes, shape (owned nodes, d), do on the motions of each piece, shape (m p,);
         collective.
         """
         owned = slice(forces.shape[0])
@@ -71,7 +80,7 @@ class RigidMotions:
     def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
         """The assemblies that can move: number, their columns of ``free`` and their rows."""
         for number in np.unique(self.assembly):
-            yield int(number), self.assembly == number, np.repeat(self.pieces.assembly == number, 3)
+            yield int(number), self.assembly == number, np.repeat(self.pieces.assembly == number, self.each)
 
     def assembly_of(self, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
         """Number of the assembly that nodes of this rank are in, shape (n,)."""
@@ -90,7 +99,7 @@ class RigidMotions:
         rows = np.concatenate(
             [
                 np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]),
-                np.einsum("ij,ijk->ik", boundary.tangents[stick, :, 0], modes[stick]),
+                np.einsum("ijt,ijk->itk", boundary.tangents[stick], modes[stick]).reshape(-1, modes.shape[2]),
             ]
         )
         gram = parallel.global_sum(boundary.comm, rows.T @ rows)
@@ -104,23 +113,26 @@ class RigidMotions:
         return not self.unheld(boundary, normal, stick).any()
 
     def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
-        """The three motions of their pieces at nodes of this rank, shape (n, 2, 3)."""
+        """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
 
 
 def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
-    """Translations and rotation at points of shape (n, 2), shape (n, 2, 3).
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
 
     Args:
         x: the points.
-        centre: the point about which each of them turns, shape (n, 2) or (2,).
-        length: the length at which the rotation moves by one, shape (n,) or ().
+        centre: the point about which each of them turns, shape (n, d) or (d,).
+        length: the length at which a rotation moves by one, shape (n,) or ().
     """
-    modes = np.zeros((x.shape[0], 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
+    dim = x.shape[1]
+    turns = ROTATIONS[dim]
+    modes = np.zeros((x.shape[0], dim, dim + len(turns)))
+    modes[:, np.arange(dim), np.arange(dim)] = 1.0
     arm = (x - centre) / np.asarray(length)[..., None]
-    modes[:, 0, 2], modes[:, 1, 2] = -arm[:, 1], arm[:, 0]
+    for k, (first, second) in enumerate(turns, start=dim):
+        modes[:, first, k], modes[:, second, k] = -arm[:, second], arm[:, first]
     return modes
 
 
@@ -129,12 +141,12 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
 
     Args:
         space: the displacements.
-        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, 2).
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         pieces: of the body.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
-    x = np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2], dtype=np.float64)
+    x = np.ascontiguousarray(space.tabulate_dof_coordinates()[:, : fixed.shape[1]], dtype=np.float64)
     cells = space.dofmap.list
     piece = np.zeros(x.shape[0], dtype=np.int64)
     if pieces.count > 1:
@@ -142,12 +154,12 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
     sums = np.column_stack((np.ones(x[owned].shape[0]), x[owned]))
     total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
     centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
-    length = np.hypot(*(pieces.bounds[:, 1] - pieces.bounds[:, 0]).T)
-    none = np.zeros((3 * pieces.count, 0))
+    length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
+    none = np.zeros((0, 0))
     motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
     node, component = np.nonzero(fixed)
     rows = motions._modes(node)[np.arange(node.size), component]
-    supported: _Floats = np.zeros((pieces.count, 3, 3))
+    supported: _Floats = np.zeros((pieces.count, motions.each, motions.each))
     for number in range(pieces.count):
         mine = rows[piece[node] == number]
         supported[number] = mine.T @ mine
@@ -158,30 +170,30 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
 
 def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
     """Combinations of the motions of the pieces that the supports and the pins let happen, and their assemblies."""
-    pieces = motions.pieces
+    pieces, m = motions.pieces, motions.each
     columns: list[_Floats] = []
     numbers: list[int] = []
     for number in range(int(pieces.assembly.max()) + 1):
         members = np.flatnonzero(pieces.assembly == number)
         place = {int(piece): k for k, piece in enumerate(members)}
-        gram = np.zeros((3 * members.size, 3 * members.size))
+        gram = np.zeros((m * members.size, m * members.size))
         for piece, k in place.items():
-            here = slice(3 * k, 3 * k + 3)
+            here = slice(m * k, m * k + m)
             # However many nodes of a piece are prescribed, they weigh as much as one pin.
             gram[here, here] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
         for pin in range(len(pieces.pins)):
             one, other = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
             if one in place:
-                apart = np.zeros((2, members.size, 3))
+                apart = np.zeros((motions.x.shape[1], members.size, m))
                 for piece, sign in ((one, 1.0), (other, -1.0)):
                     mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
                     apart[:, place[piece]] = sign * mode[0]
-                rows = apart.reshape(2, -1)
+                rows = apart.reshape(len(apart), -1)
                 gram += rows.T @ rows
         values, vectors = np.linalg.eigh(gram)
         kept = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
-        whole = np.zeros((3 * pieces.count, kept.shape[1]))
-        whole[(3 * members[:, None] + np.arange(3)).ravel()] = kept
+        whole = np.zeros((m * pieces.count, kept.shape[1]))
+        whole[(m * members[:, None] + np.arange(m)).ravel()] = kept
         columns.append(whole)
         numbers += [number] * kept.shape[1]
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

@@ -10,7 +10,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_ends, facet_entities
+from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -43,18 +43,18 @@ def dirichlet_conditions(
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
     """(component, value) of what a displacement effect prescribes."""
     if effect.normal is None:
-        return [(k, value) for k, value in enumerate((effect.x, effect.y)) if value is not None]
+        return [(k, value) for k, value in enumerate(effect.components) if value is not None]
     axis, sign = _axis(effect, index, tagged)
     value = effect.normal
     return [(axis, sign * value if isinstance(value, float) else lambda x: sign * sample(value, x))]
 
 
 def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tuple[int, float]:
-    """Axis and sign of the outward normal of a boundary that is straight along an axis."""
+    """Axis and sign of the outward normal of a boundary that is flat across an axis."""
     mesh = tagged.mesh
     facets = tagged.facets(effect.boundary)
     dim = mesh.topology.dim
-    low, high = parallel.global_bounds(mesh.comm, facet_ends(mesh, facets)[:, :, :2].reshape(-1, 2))
+    low, high = parallel.global_bounds(mesh.comm, facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim))
     inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
     outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
     flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
@@ -79,7 +79,7 @@ def check_overlap(
     """A prescribed normal displacement on contact facets leaves nothing for contact to decide."""
     problems = []
     for index, support in enumerate(scene.displacement):
-        prescribed = np.zeros(2, dtype=bool)
+        prescribed = np.zeros(tagged.dimension, dtype=bool)
         prescribed[[component for component, _ in components(support, index, tagged)]] = True
         for part, effect in enumerate(scene.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size

@@ -183,10 +183,11 @@ def _effects(d: Body) -> list[Effect]:
         return (names[load.factors or (1.0,) * scene.steps],)
 
     body = scene.body_force
-    if body is None or loads.is_zero(body.x, body.y):
+    if body is None or loads.is_zero(*body.components):
         found.append(Effect("body force", False, "it is 0" if body is not None else "no [body_force]"))
     else:
-        found.append(Effect("body force", True, f"({_text(body.x)}, {_text(body.y)})", form_of(body)))
+        components = ", ".join(map(_text, body.components[: d.tagged.dimension]))
+        found.append(Effect("body force", True, f"({components})", form_of(body)))
     for traction in scene.traction:
         name, why = f"traction {traction.boundary}", _traction(traction)
         found.append(Effect(name, bool(why), why or "it is 0", form_of(traction) if why else ()))
@@ -207,7 +208,7 @@ def _effects(d: Body) -> list[Effect]:
 
 
 def _elasticity(d: Body) -> Effect:
-    hypothesis = d.scene.material[0].hypothesis
+    hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
     return Effect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
 
 
@@ -284,13 +285,13 @@ def _text(value: Any) -> str:
 
 
 def _prescribed(effect: PrescribedDisplacement) -> str:
-    parts = (("x", effect.x), ("y", effect.y), ("normal", effect.normal))
+    parts = (*zip("xyz", effect.components, strict=True), ("normal", effect.normal))
     return ", ".join(f"{name} = {_text(value)}" for name, value in parts if value is not None)
 
 
 def _traction(effect: SurfaceTraction) -> str:
     """What acts, empty if nothing does."""
-    parts = (("x", effect.x), ("y", effect.y), ("pressure", effect.pressure))
+    parts = (*zip("xyz", effect.components, strict=True), ("pressure", effect.pressure))
     return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not loads.is_zero(value))
 
 

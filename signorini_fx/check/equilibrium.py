@@ -83,7 +83,7 @@ def _equilibrium_of(
         pushed = pushed or float(np.linalg.norm(load)) > ZERO * size
         away = left_over(generators, load)
         left = float(np.linalg.norm(away))
-        if left > ZERO * size and left**2 > np.abs(given @ away).sum():
+        if left > ZERO * size and left**2 > np.linalg.norm(given @ away, axis=1).sum():
             away_in.append((step + 1, _motions(free @ away[:, None], motions, members)))
     of_it = f" of {it}" if several else ""
     if away_in:
@@ -102,7 +102,8 @@ def _equilibrium_of(
     text = f"the supports do not hold {_motions(free, motions, members)}: {alone} must"
     if several:
         text = f"{it}: {text}"
-    if not pushed and np.linalg.matrix_rank(given) < free.shape[1] and not contact.bilateral.any():
+    stuck = np.linalg.matrix_rank(given.reshape(-1, free.shape[1])) == free.shape[1]
+    if not pushed and not stuck and not contact.bilateral.any():
         message = f"{text}, but no load presses {it} on its foundation: its position is not determined"
         return Finding("warning", "traction, body_force", message)
     return Finding("note", "displacement", f"{text}, and the loads press the body on")
@@ -123,7 +124,7 @@ def load_on(body: Body, step: int) -> tuple[_Rows, _Rows]:
     """L of the free motions, shape (k,), and the sum of the sizes of the nodal forces on each assembly; collective."""
     motions = body.motions
     forces = sum((load.factors[step] * load.forces for load in body.applied), np.zeros(body.fixed.size))
-    nodal = np.asarray(forces).reshape(-1, 2)
+    nodal = np.asarray(forces).reshape(-1, motions.x.shape[1])
     work = motions.free.T @ motions.resultant(nodal, body.comm)
     assembly = motions.pieces.assembly[motions.piece[: len(nodal)]]
     sizes = np.linalg.norm(nodal, axis=1, keepdims=True)
@@ -134,7 +135,7 @@ def _motions(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
     """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one a column."""
     found = []
     for piece in members:
-        own = moved[3 * piece : 3 * piece + 3]
+        own = moved[motions.each * piece : motions.each * (piece + 1)]
         vectors, values, _ = np.linalg.svd(own, full_matrices=False)
         own = own if members.size == 1 else vectors[:, values > _SLIGHT * np.abs(moved).max()]
         if own.shape[1]:
@@ -149,24 +150,36 @@ _SLIGHT = 1e-6
 
 
 def _names(motions: _Rows, centre: _Rows, length: float) -> str:
-    """Names of motions of one piece (translation x, translation y, rotation), one a column."""
-    _, values, rows = np.linalg.svd(motions[2:3], full_matrices=True)
-    turning = values.size > 0 and values[0] > 1e-6
-    shifts = motions @ (rows[1:].T if turning else np.eye(motions.shape[1]))
+    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one a column."""
+    dim = centre.size
+    _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
+    turning = int(np.count_nonzero(values > 1e-6))
+    shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
     names = []
-    if shifts.shape[1] == 2:
+    if shifts.shape[1] == dim:
         names.append("translations")
-    if shifts.shape[1] == 1:
-        along = shifts[:2, 0] / np.linalg.norm(shifts[:2, 0])
+    elif shifts.shape[1] == 1:
+        along = shifts[:, 0] / np.linalg.norm(shifts[:, 0])
         along = along * np.sign(along[np.argmax(np.abs(along))]) if motions.shape[1] > 1 else along
-        names.append(f"the translation along ({rounded(along[0])}, {rounded(along[1])})")
+        names.append(f"the translation along ({_point(along)})")
+    elif shifts.shape[1] == 2:
+        across = np.linalg.svd(shifts.T)[2][-1]
+        names.append(f"the translations across ({_point(across * np.sign(across[np.argmax(np.abs(across))]))})")
     if turning and motions.shape[1] > 1:
         names.append("rotations")
-    elif turning:
+    elif turning and dim == 2:
         shift_x, shift_y, angle = motions[:, 0]
-        x, y = centre + length / angle * np.array([-shift_y, shift_x])
-        names.append(f"the rotation about ({rounded(x)}, {rounded(y)})")
+        names.append(f"the rotation about ({_point(centre + length / angle * np.array([-shift_y, shift_x]))})")
+    elif turning:
+        shift, turn = motions[:dim, 0], motions[dim:, 0] / length
+        through = centre + np.cross(turn, shift) / np.dot(turn, turn)
+        axis = turn / np.linalg.norm(turn)
+        names.append(f"the rotation about the axis through ({_point(through)}) along ({_point(axis)})")
     return " and ".join(names)
+
+
+def _point(x: _Rows) -> str:
+    return ", ".join(map(rounded, x))
 
 
 def rounded(value: float) -> str:

@@ -22,7 +22,7 @@ from signorini_fx.check.equilibrium import MOST_LISTED, equilibrium, load_on, ro
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
 from signorini_fx.solving.strategy import LARGEST_GAMMA, START_GAMMA
 
@@ -63,12 +63,10 @@ def _locking(body: Body) -> list[Finding]:
     scene = body.scene
     if body.reduced is not None or scene.element.degree > 1:
         return []
-    triangles = body.tagged.mesh.topology.cell_name() == "triangle"
-    cure = (
-        "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'"
-        if triangles
-        else "set element.volumetric = 'auto', or element.degree = 2"
-    )
+    cure = {
+        "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",
+        "tetrahedron": "use hexahedra with element.volumetric = 'reduced'",
+    }.get(body.tagged.mesh.topology.cell_name(), "set element.volumetric = 'auto', or element.degree = 2")
     return [
         Finding(
             "warning",
@@ -202,13 +200,12 @@ _STEP = 1e-4
 
 
 def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
-    """Gradient of a gap by differences, shape (n, 2); infinite where it cannot be had."""
+    """Gradient of a gap by differences, shape (n, d); infinite where it cannot be had."""
     slope = np.full(x.shape, np.inf)
-    for axis in range(2):
+    for axis in range(x.shape[1]):
         values = []
         for sign in (1.0, -1.0):
-            points = np.zeros((3, len(x)))
-            points[:2] = x.T
+            points = in_space(x)
             points[axis] += sign * step
             values.append(sample(gap, points))
         with np.errstate(invalid="ignore"):
@@ -218,11 +215,12 @@ def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
 
 def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     """Directions along which a gap of this gradient may be a height: the axes, and the line of steepest descent."""
-    lines = [np.array(axis) for axis in ((0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0))]
+    dim = slope.shape[1]
+    lines = [sign * axis for axis in np.eye(dim)[::-1] for sign in (-1.0, 1.0)]
     known = slope[np.isfinite(slope).all(axis=1)]
     *total, count = parallel.global_sum(comm, np.append(known.sum(axis=0), float(len(known))))
     mean = np.array(total) / max(count, 1.0)
-    if abs(float(np.hypot(*mean)) - 1.0) <= _SAME_SLOPE:
+    if abs(float(np.hypot.reduce(mean)) - 1.0) <= _SAME_SLOPE:
         lines.append(-mean)
     return lines
 
@@ -250,7 +248,7 @@ def _displacement_scale(body: Body, step: int) -> float:
     owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
     force = float(load_on(body, step)[1].sum())
-    x = body.tagged.mesh.geometry.x[:, :2].astype(np.float64)
+    x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
     softest = min(material.young for material in body.scene.material)
     return prescribed + 4 * force / softest * float(body.tagged.size / (high - low).min()) ** 3

@@ -12,7 +12,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.discretisation import Body
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import BilateralContact, Box, CoulombFriction, Scene, TrescaFriction, friction_acts
 
@@ -68,15 +68,14 @@ def bilateral_nodes(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.b
 
 def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
     """Values at the nodes ``here``, checked on all ranks together."""
-    points = np.zeros((3, int(np.count_nonzero(here))))
-    points[:2] = boundary.x[here].T
+    points = in_space(boundary.x[here])
     values = sample(value, points)
     bad = np.flatnonzero(~(np.abs(values) <= LARGEST) | (values < minimum))
     error = None
     if bad.size:
-        x, y = points[:2, bad[0]]
+        place = ", ".join(f"{x:g}" for x in boundary.x[here][bad[0]])
         wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
-        error = SceneError([(path, f"is {values[bad[0]]:g} at ({x:g}, {y:g}); it must be {wanted}")])
+        error = SceneError([(path, f"is {values[bad[0]]:g} at ({place}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)
     return values
 
@@ -90,12 +89,10 @@ def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int
     if isinstance(region, Box):
         near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
         inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
-        for axis, (low, high) in enumerate((region.x, region.y)):
+        for axis, (low, high) in enumerate((region.x, region.y, region.z)[: boundary.x.shape[1]]):
             inside &= (boundary.x[:, axis] >= low - near) & (boundary.x[:, axis] <= high + near)
     else:
-        points = np.zeros((3, boundary.size))
-        points[:2] = boundary.x.T
-        inside = sample(region, points) > 0
+        inside = sample(region, in_space(boundary.x)) > 0
     if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
         raise SceneError([("solver.initial_contact", "holds no contact node")])
     return ActiveSets.of(inside, every.direction), 1

@@ -41,7 +41,7 @@ def hold(
         data: the problem.
         boundary: the contact nodes.
         motions: rigid motions of the body.
-        resultant: what the load does on the rigid motions of the pieces, shape (3 pieces,).
+        resultant: what the load does on the rigid motions of the pieces, shape (m pieces,).
 
     Returns:
         The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
@@ -60,7 +60,7 @@ def hold(
         here = leaving[assembly]
         pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
         # Without a load a pressure is round-off.
-        pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], 3)].any()
+        pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
     here = loose[assembly]  # what the sets hold is left to them
     slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)

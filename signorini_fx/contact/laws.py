@@ -76,6 +76,15 @@ class ActiveSets:
         """Contact and stick everywhere: the unconstrained dual problem with which section 7 starts."""
         return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
 
+    @property
+    def side(self) -> npt.NDArray[np.int8]:
+        """+1 and -1 on A_f,+ and A_f,- of the plane, in space +1 on all of A_f; 0 on I_f, shape (n,).
+
+        In space no more can be said without the tangents that somebody chose.
+        """
+        signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
+        return signs.astype(np.int8)
+
     def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
         """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
         turned = inner(self.direction, other.direction) < 0

@@ -27,7 +27,7 @@ class Rest:
     """A rigid motion, and what it is at the contact nodes.
 
     Attributes:
-        motion: coefficients of translation and rotation of each piece of the body, lengths, shape (3 pieces,).
+        motion: coefficients of the rigid motions of each piece of the body, lengths, shape (m pieces,).
         u_n: its tau_N y.
         u_t: its tau_T y.
     """

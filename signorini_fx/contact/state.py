@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import Nodal, RegularisedData, inner, project, trial_pressure
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner, project, trial_pressure
 from signorini_fx.contact.laws import length as length_of
 
 
@@ -22,17 +22,18 @@ class ContactState:
         boundary: nodes, weights and normals.
         gap: d, length.
         u_n: tau_N y, length; u_n - gap > 0 is penetration.
-        u_t: tau_T y, length.
+        u_t: tau_T y, length, shape (n, d - 1).
         pressure: lambda = -sigma_N, stress.
-        shear: mu = -sigma_T, stress.
+        shear: mu = -sigma_T, stress, shape (n, d - 1).
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
         direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
             -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
-        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step.
-        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes.
+        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step, shape
+            (n, d - 1).
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
     """
 
     boundary: ContactBoundary
@@ -51,7 +52,7 @@ class ContactState:
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Resultants that the foundation exerts on the body: contact force, friction force, shape (2,); collective."""
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
         contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
         friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
         comm = self.boundary.comm
@@ -68,16 +69,39 @@ class ContactState:
         return float(parallel.global_sum(self.boundary.comm, work))
 
     @cached_property
-    def mean_tangential_displacement(self) -> float:
-        """Mean of tau_T y over the contact boundary, length; collective."""
+    def mean_tangential_displacement(self) -> float | Nodal:
+        """Mean of tau_T y over the contact boundary, length: along the tangent; in space a vector, shape (3,);
+        collective.
+        """
         weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.array([np.dot(weight, self.u_t[:, 0]), weight.sum()]))
-        return float(sums[0] / sums[1])
+        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.tangential(self.u_t), weight.sum()))
+        mean: Nodal = sums[:-1] / sums[-1]
+        return float(mean[0]) if mean.size == 1 else mean
 
-    def sliding_sign(self) -> npt.NDArray[np.int8]:
-        """+1, -1 for slip along or against the tangent, 0 for stick; a node that transmits nothing moves freely."""
-        sign = np.where(self.bound > 0, self.direction[:, 0], np.where(self.slip_length[:, 0] < 0, -1.0, 1.0))
-        return np.sign(sign).astype(np.int8)
+    def tangential(self, vectors: Nodal) -> Nodal:
+        """Tangential vectors, shape (n, d - 1), as tables have them: in the plane along the tangent, shape (n, 1), in
+        space as vectors of space, shape (n, 3), which depend on no choice of tangents.
+        """
+        if vectors.shape[1] == 1:
+            return vectors
+        return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
+
+    def sliding_side(self) -> npt.NDArray[np.int8]:
+        """``ActiveSets.side``; a node that transmits nothing moves freely."""
+        side = ActiveSets.of(self.in_contact, self.direction).side
+        moving = np.where(self.slip_length[:, 0] < 0, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
+        return np.where(self.bound > 0, side, moving).astype(np.int8)
+
+    @cached_property
+    def areas(self) -> dict[str, float]:
+        """What is in contact, and what of the nodes with a friction bound sticks and slips, areas (in the plane
+        lengths); collective.
+        """
+        weight, slip = self.boundary.weight, self.sliding_side() != 0
+        acting = self.bound > 0
+        sums = [np.dot(weight, where) for where in (self.in_contact, acting & ~slip, acting & slip)]
+        total = parallel.global_sum(self.boundary.comm, np.array(sums))
+        return dict(zip(("contact", "stick", "slip"), map(float, total), strict=True))
 
 
 @dataclass(frozen=True)

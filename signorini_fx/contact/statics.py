@@ -2,6 +2,11 @@
 
 lambda >= 0, of any sign where the contact is bilateral, and |mu| <= g or <= F lambda, against the rigid motions that
 the supports leave free.  Whether there is a balance does not depend on the stiffness of the body.
+
+In space |mu| <= g is a disc, and the balance a second-order cone programme.  Here the disc is bracketed by two regular
+polygons, which leave linear programmes: what not even the outer one allows for is no equilibrium, and what the inner
+one allows for is one.  Between them, half a per cent of the friction, the iteration decides.  In the plane both are the
+interval.
 """
 
 from __future__ import annotations
@@ -20,6 +25,8 @@ from signorini_fx.contact.laws import Nodal, RegularisedData
 
 # Forces and motions below this share of their scale are round-off.
 ZERO = 1e-8
+# Sides of the polygons: the outer radius is 1 / cos(pi / 32) of the inner one, 1.005.
+_SIDES = 32
 # Friction above this is taken for as much as is wanted.
 _ROUGH = 1e6
 
@@ -30,7 +37,10 @@ def balance_exists(
     motions: RigidMotions,
     resultant: npt.NDArray[np.float64],
 ) -> bool:
-    """Whether admissible contact tractions can balance the load on the free rigid motions; collective."""
+    """Whether admissible contact tractions can balance the load on the free rigid motions; collective.
+
+    In space: whether it is not proved that they cannot.
+    """
     return not unbalanced(data, boundary, motions, resultant).any()
 
 
@@ -43,9 +53,10 @@ def unbalanced(
     """The assemblies whose load no admissible contact tractions can balance, shape (assemblies,); collective.
 
     lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load on
-    the free rigid motions: a linear programme for each assembly, with one to three equations where it is one piece.
+    the free rigid motions: a linear programme for each assembly, with as many equations as it has free motions.
     Where it has no solution there is no static equilibrium, whatever the body's shape and stiffness.  Its unknowns are
     nodal forces over the size of the resultant, because the tolerances of the programme are absolute.
+    In space the outer polygon stands for the disc of |mu|.
     """
     zero = np.zeros(boundary.size)
     bound, coupling = (zero if values is None else values for values in (data.bound, data.coupling))
@@ -65,7 +76,7 @@ class Reactions:
 
     Attributes:
         normal: each motion along the normal of each node, shape (n, k).
-        tangential: along its tangent, shape (n, k).
+        tangential: along its tangents, shape (n, d - 1, k).
         given: given part of the friction bound, a force, shape (n,).
         coefficient: F where the bound follows the pressure, shape (n,).
         bilateral: whether the contact cannot open, shape (n,).
@@ -84,7 +95,7 @@ class Reactions:
         here = self.assembly == number
         return Reactions(
             normal=self.normal[here][:, columns],
-            tangential=self.tangential[here][:, columns],
+            tangential=self.tangential[here][:, :, columns],
             given=self.given[here],
             coefficient=self.coefficient[here],
             bilateral=self.bilateral[here],
@@ -102,59 +113,88 @@ def reactions(
     """The reactions that friction bounds (stresses, and shares of the pressure) allow for; collective."""
     modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ij,ijk->ik", boundary.tangents[:, :, 0], modes)
+    tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
     two_sided = np.zeros(boundary.size) if bilateral is None else bilateral
     laws = np.column_stack((boundary.weight * bound, coefficient, two_sided, motions.assembly_of(boundary.nodes)))
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, tangential, laws)))
-    k = motions.free.shape[1]
-    given, shares, sides, assembly = table[:, 2 * k :].T
-    return Reactions(table[:, :k], table[:, k : 2 * k], given, shares, sides > 0, assembly.astype(np.int64))
+    _, tangents, k = tangential.shape
+    flat = tangential.reshape(boundary.size, tangents * k)
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, flat, laws)))
+    given, shares, sides, assembly = table[:, (1 + tangents) * k :].T
+    sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
+    return Reactions(table[:, :k], sideways, given, shares, sides > 0, assembly.astype(np.int64))
 
 
-def _balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> bool:
-    """The linear programme of one assembly.
+def corners(tangents: int, *, outer: bool) -> Nodal:
+    """Corners of the polygon that stands for the unit disc of R^(d - 1), shape (m, d - 1); in R^1 the interval's ends.
+
+    Args:
+        tangents: d - 1.
+        outer: whether it is around the disc, or within it.
+    """
+    if tangents == 1:
+        return np.array([[1.0], [-1.0]])
+    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    radius = 1 / np.cos(np.pi / _SIDES) if outer else 1.0
+    return radius * np.column_stack((np.cos(angle), np.sin(angle)))
+
+
+def _balances(
+    here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64], *, outer: bool = True
+) -> bool:
+    """The linear programme of one assembly: mu is a combination of the corners of the polygon, with shares that are
+    not negative and sum up to no more than the bound.
 
     Args:
         here: its contact nodes.
         work: what the load does on its free motions, shape (k,).
         load: what it does on the motions of its pieces, free or not: its size is the unit of force.
+        outer: which polygon.
     """
     n, given, coupling = here.given.size, here.given, here.coefficient
-    # mu <= given + coupling lambda and -mu <= given + coupling lambda; an infinite bound is no row.
+    ends = corners(here.tangential.shape[1], outer=outer)
+    pulls = np.einsum("ct,itk->cik", ends, here.tangential).reshape(-1, work.size)
+    # The shares of a node sum up to given + coupling lambda at most; an infinite bound is no row.
     finite = np.isfinite(given)
-    cone, unit = -sparse.diags(coupling).tocsr()[finite], sparse.identity(n, format="csr")[finite]
-    rows, limits = sparse.bmat([[cone, unit], [cone, -unit]]), np.tile(given[finite], 2)
+    own = sparse.identity(n, format="csr")[finite]
+    rows = sparse.hstack([-sparse.diags(coupling).tocsr()[finite], *[own] * len(ends)])
     scale = max(float(np.abs(load).max()), 1e-300)
     result = linprog(
-        np.zeros(2 * n),
+        np.zeros(n + len(pulls)),
         A_ub=rows,
-        b_ub=limits / scale,
-        A_eq=np.hstack((here.normal.T, here.tangential.T)),
+        b_ub=given[finite] / scale,
+        A_eq=np.hstack((here.normal.T, pulls.T)),
         b_eq=work / scale,
-        bounds=[(None if sign else 0.0, None) for sign in here.bilateral] + [(None, None)] * n,
+        bounds=[(None if sign else 0.0, None) for sign in here.bilateral] + [(0.0, None)] * len(pulls),
     )
     return bool(result.status == 0)
+
+
+def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> bool:
+    """Whether one assembly is in equilibrium for certain: with the inner polygon; see ``_balances``."""
+    return _balances(here, work, load, outer=False)
 
 
 def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
     """Contact reactions against so many motions, one a row.
 
     Returns:
-        Generators, of length 1, of the cone that pressure and Coulomb friction can balance (a cap is not counted); what
-        given friction balances at most, in either direction; the directions in which there is any reaction.
+        Generators, of length 1, of a cone that holds all that pressure and Coulomb friction can balance (a cap is not
+        counted); what given friction balances at most, in any direction of the tangents, shape (n, d - 1, count); the
+        directions in which there is any reaction.
     """
     if contact is None:
         none = np.empty((0, count))
-        return none, none, none
+        return none, none[:, None], none
     c, share = contact, contact.coefficient[:, None]
-    edges = [c.normal + share * c.tangential, c.normal - share * c.tangential, c.normal]
+    pulls = [np.einsum("t,itk->ik", end, c.tangential) for end in corners(c.tangential.shape[1], outer=True)]
+    edges = [*(c.normal + share * pull for pull in pulls), c.normal]
     rough = c.coefficient > _ROUGH
-    edges += [c.tangential[rough], -c.tangential[rough]]
-    edges += [-edge[c.bilateral] for edge in edges[:3]]
+    edges += [*(pull[rough] for pull in pulls), *(-edge[c.bilateral] for edge in edges)]
     cone = np.concatenate(edges)
     sizes = np.linalg.norm(cone, axis=1)
-    directions = np.concatenate([c.normal, c.tangential[(c.coefficient > 0) | (c.given > 0)]])
-    return cone[sizes > ZERO] / sizes[sizes > ZERO, None], c.given[:, None] * c.tangential, directions
+    acting = c.tangential[(c.coefficient > 0) | (c.given > 0)]
+    directions = np.concatenate([c.normal, acting.reshape(-1, count)])
+    return cone[sizes > ZERO] / sizes[sizes > ZERO, None], c.given[:, None, None] * c.tangential, directions
 
 
 def null_space(rows: Nodal) -> Nodal:

@@ -33,8 +33,8 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """What the load of the current load step does on the three rigid motions of each piece of the body, the same on
-        all ranks, shape (3 pieces,).
+        """What the load of the current load step does on the rigid motions of each piece of the body, the same on all
+        ranks, shape (m pieces,).
         """
 
     @property

@@ -13,8 +13,11 @@ from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 
 # Below this many unknowns a sparse factorisation costs no more than what condensation saves.
 _SMALL = 4_000
-# A dense solve costs n_c^3 / 3, a sparse one in two dimensions about 50 n^1.5 operations.
-_SPARSE_OPERATIONS = 50.0
+# A dense solve costs n_c^3 / 3 operations, a sparse one in two dimensions about 50 n^1.5, in three about 8 n^2: factor
+# and exponent, by dimension.
+_SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
+# In three dimensions memory ends before that: three dense matrices of so many unknowns take 0.6 GB.
+_MOST_KEPT = {2: 1e9, 3: 5_000}
 
 
 def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticSystem, str]:
@@ -26,7 +29,7 @@ def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticS
     """
     d = discretisation
     assert d.boundary is not None
-    kept = 2 * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+    kept = d.tagged.dimension * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
     everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
     if wanted != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
         return FullSystem.of(d), "full: the contact does not reach every piece of the body that supports do not hold"
@@ -55,6 +58,7 @@ def against_condensing(d: Body, kept: int) -> str | None:
         return "the options choose a linear solver"
     if d.dofs < _SMALL:
         return f"only {d.dofs} unknowns"
-    if kept**3 / 3 > _SPARSE_OPERATIONS * d.dofs**1.5:
+    factor, exponent = _SPARSE_OPERATIONS[d.tagged.dimension]
+    if kept**3 / 3 > factor * d.dofs**exponent or kept > _MOST_KEPT[d.tagged.dimension]:
         return f"{kept} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
     return None

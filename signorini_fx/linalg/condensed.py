@@ -22,7 +22,7 @@ from signorini_fx.linalg.schur import SchurComplement
 
 @dataclass
 class CondensedSystem:
-    """See ``ElasticSystem``: x holds the displacement of the contact nodes, two components a node."""
+    """See ``ElasticSystem``: x holds the displacement of the contact nodes, d components a node."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat
@@ -48,7 +48,8 @@ class CondensedSystem:
         d = discretisation
         assert d.boundary is not None
         nodes, position = np.unique(d.boundary.nodes, return_inverse=True)
-        kept = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
+        dim = d.tagged.dimension
+        kept = (dim * nodes[:, None] + np.arange(dim)).ravel().astype(np.int32)
         schur = SchurComplement(d.stiffness, kept)
         matrix = PETSc.Mat().createDense((kept.size, kept.size), array=schur.dense.T, comm=d.boundary.comm)
         matrix.assemble()

@@ -99,7 +99,7 @@ class FullSystem:
         resultant = np.zeros(d.motions.free.shape[0])
         system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
-            d.stiffness.setBlockSize(2)
+            d.stiffness.setBlockSize(d.tagged.dimension)
             d.stiffness.setNearNullSpace(_rigid_modes(d))
         system.set_step(0)
         return system
@@ -161,14 +161,14 @@ class FullSystem:
 
 
 def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels.
+    """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
 
     Multigrid coarsens locally, where the motions of a piece are those of the whole body.
     """
     d = discretisation
     owned = d.space.dofmap.index_map.size_local
     modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
-    vectors = [d.stiffness.createVecRight() for _ in range(3)]
+    vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
     for k, vector in enumerate(vectors):
         vector.getArray()[:] = modes[:, :, k].ravel()
         for other in vectors[:k]:

@@ -11,19 +11,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import cdist
 
 from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import Selection
 from signorini_fx.mesh.files.gmsh_files import CAD
+from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.reading import plain_message
 
@@ -50,6 +52,11 @@ class TaggedMesh(TaggedMeshBase):
     boundaries: Mapping[str, int | tuple[int, ...]]
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+
+    @property
+    def dimension(self) -> int:
+        """D, 2 or 3: of the points and of the cells alike."""
+        return int(self.mesh.topology.dim)
 
     def cells(self, region: str) -> npt.NDArray[np.int32]:
         """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
@@ -84,14 +91,15 @@ class TaggedMesh(TaggedMeshBase):
         facets = dmesh.exterior_facet_indices(self.mesh.topology)
         # dolfinx divides by the number of facets, and a rank may have none.
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
-        x = parallel.gather_rows(self.mesh.comm, self.mesh.geometry.x[nodes, :2].astype(np.float64))
+        own = self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64)
+        x = parallel.gather_rows(self.mesh.comm, own)
         low, high = x.min(axis=0), x.max(axis=0)
         try:
             corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
         except QhullError:
             extents = " by ".join(f"{extent:g}" for extent in high - low)
             raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-        return float(pdist(corners).max())
+        return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
@@ -104,8 +112,9 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells.
-        MeshError: the file is no mesh.
+        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells; keys of a scene
+            in the plane where the mesh is one of space, and the other way round.
+        MeshError: the file is no mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     match scene.mesh:
         case TaggedMesh():
@@ -118,11 +127,36 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
             tagged = generate_mesh(name, parameters, comm)
         case _:
             raise TypeError(f"no mesh: {scene.mesh!r}")
+    check_dimension(tagged)
+    problems = dimension_problems(scene, tagged.dimension)
+    if problems:
+        raise SceneError(problems)
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even turn without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         raise SceneError([("element.degree", message)])
     return tagged
+
+
+def check_dimension(tagged: TaggedMesh) -> None:
+    """Whether cells and points have the same dimension, 2 or 3; collective.
+
+    Raises:
+        MeshError: they have not; the message says what the mesh is.
+    """
+    cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
+    if cells == points and cells in (2, 3):
+        return
+    if (cells, points) != (2, 3):
+        raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
+    extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
+    flat = np.flatnonzero(extent <= STRAIGHT * extent.max())
+    if flat.size and flat[-1] == 2:
+        raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
+    if flat.size:
+        axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
+        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
+    raise MeshError("the mesh is a shell, a surface in space: a body in space has tetrahedra or hexahedra")
 
 
 def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
@@ -135,10 +169,9 @@ def curvature(tagged: TaggedMesh) -> float:
     mesh = tagged.mesh
     if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
         return 0.0
-    triangles = mesh.topology.cell_name() == "triangle"
-    ends = [(1, 2), (0, 2), (0, 1)] if triangles else [(0, 1), (0, 2), (1, 3), (2, 3)]
-    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :2]
-    corners = 3 if triangles else 4
+    cell = getattr(basix.CellType, mesh.topology.cell_name())
+    ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, : tagged.dimension]
     away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
     return parallel.global_max(mesh.comm, parallel.local_max(np.linalg.norm(away, axis=2)))
 

@@ -3,6 +3,9 @@
 On A_c the normal displacement is set to the gap, on I_f the tangential one to zero, and lambda and mu are the nodal
 reactions: no penalty, hence no round-off of one.  The sets follow from (2.3b), (2.3c) and (2.8), which no longer depend
 on gamma.  It needs normals along the axes; ``linalg.rotated`` turns the contact nodes for other ones.
+
+In space a slipping node has the shear of ``laws``, F g e + k (I - e e^T) tau_T y with k = F g / (e . tau_T y), and a
+node that begins to slip a k so large that it hardly moves across e.
 """
 
 from __future__ import annotations
@@ -16,9 +19,22 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.contact.laws import ActiveSets, Nodal, at_bound, inner, keep_closed, length, slip_of, unit
+from signorini_fx.contact.laws import (
+    ActiveSets,
+    Nodal,
+    at_bound,
+    inner,
+    keep_closed,
+    length,
+    onto_disc,
+    slip_of,
+    unit,
+)
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.problem.regularised import ProblemState
+
+# The largest k, over the stiffness that a contact node meets.
+_HARDLY = 1e4
 
 
 class ExactProblem(ProblemState):
@@ -42,6 +58,7 @@ class ExactProblem(ProblemState):
         self._sign = np.sign(blocks[rows, np.arange(blocks.shape[1]), place])
         self._free = ~system.fixed[self._unknown]
         self._work = system.load.duplicate()
+        self._stress = self._stiffness / boundary.weight  # of a slip by one
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
@@ -75,11 +92,18 @@ class ExactProblem(ProblemState):
         bound, motion = self.data.friction_bound(pressure), slip_of(u_t, self.data)
         # A point passes through stick: from slip it sticks where it would move against mu, from stick it slips.
         slip = np.where(self.sets.slip, ~(inner(self.sets.direction, motion) < 0), length(shear) > bound)
-        direction = np.where(slip[:, None], np.where(self.sets.slip[:, None], self.sets.direction, unit(shear)), 0.0)
+        turned = at_bound(self.sets, bound) + self.sets.turning[:, None] * self.sets.across(motion)
+        turned = np.where((length(turned) > 0)[:, None], unit(turned), self.sets.direction)
+        direction = np.where(slip[:, None], np.where(self.sets.slip[:, None], turned, unit(shear)), 0.0)
         # Where a support decides on the slip there is nothing to iterate; where the bound is zero, it moves freely.
         moves = np.where((length(motion) > 0)[:, None], unit(motion), 0.0)
         direction = np.where(self._free[:, 1:].any(axis=1)[:, None], direction, moves)
-        return ActiveSets.of(contact, np.where((bound > 0)[:, None], direction, unit(motion)))
+        direction = np.where((bound > 0)[:, None], direction, unit(motion))
+        bound = np.where(np.isfinite(bound), bound, 0.0)
+        least = bound / (_HARDLY * self._stress)
+        reach = np.maximum(inner(direction, motion), least)
+        turning = np.divide(bound, reach, out=np.zeros_like(bound), where=reach > 0)
+        return ActiveSets.of(contact, direction, turning)
 
     def _constraints(self, sets: ActiveSets) -> tuple[Any, Nodal]:
         """Constrained local unknowns and the values that they are set to."""
@@ -100,11 +124,12 @@ class ExactProblem(ProblemState):
         return bound, bound
 
     def away(self, x: PETSc.Vec) -> Nodal:
-        """See ``ProblemState``: how far mu is from F g in the direction of the slip."""
+        """See ``ProblemState``: how far mu is from the projection of mu + c tau_T y, c the stiffness of a node."""
         pressure, shear = self.multipliers(x, self.sets)
-        motion = slip_of(self.traces(x)[1], self.data)
-        wanted = self.data.friction_bound(pressure)[:, None] * unit(motion)
-        return np.where(self.sets.slip & (length(motion) > 0), length(shear - wanted), 0.0)
+        if not self.data.has_friction:
+            return np.zeros_like(pressure)
+        trial = shear + self._stress[:, None] * slip_of(self.traces(x)[1], self.data)
+        return length(shear - onto_disc(trial, self.data.friction_bound(pressure)))
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """See ``ContactProblem``."""
@@ -141,8 +166,8 @@ class ExactProblem(ProblemState):
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
         comm = self.system.comm
-        slopes = self._slopes(self.sets)
-        state = np.concatenate([dofs, slopes.ravel()])
+        slopes, turning = self._slopes(self.sets), self._turning(self.sets)
+        state = np.concatenate([dofs, slopes.ravel(), turning.ravel()])
         factorised = self._factorised.get(jacobian.handle)
         differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, state))
         self.moved = None if differs else 0  # rows come and go: either the matrix is the same or it is another one
@@ -164,8 +189,23 @@ class ExactProblem(ProblemState):
                     addv=PETSc.InsertMode.ADD_VALUES,
                 )
             jacobian.assemble()
+        if parallel.any_rank(comm, bool(turning.any())):
+            for point in np.flatnonzero(turning.any(axis=(1, 2))):
+                tangential = (first + self._unknown[point, 1:]).astype(PETSc.IntType)
+                jacobian.setValues(tangential, tangential, turning[point], addv=PETSc.InsertMode.ADD_VALUES)
+            jacobian.assemble()
         jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._stiffness)
         self._declare(jacobian)
+
+    def _turning(self, sets: ActiveSets) -> Nodal:
+        """W k (I - e e^T) at slip points in the unknowns of the system, shape (n, d - 1, d - 1); zero in the plane."""
+        direction = sets.direction
+        across = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
+        share = np.where(sets.slip, self.boundary.weight * sets.turning, 0.0) if self.data.has_friction else 0.0
+        signs = self._sign[:, 1:] * self._free[:, 1:]
+        if direction.shape[1] == 1:
+            return np.zeros_like(across)
+        return np.asarray(np.reshape(share, (-1, 1, 1)) * across * signs[:, :, None] * signs[:, None, :])
 
     def _slopes(self, sets: ActiveSets) -> Nodal:
         """Share of the row along the normal in those along the tangents: d mu / d lambda where mu = F lambda e."""

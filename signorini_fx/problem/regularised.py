@@ -70,11 +70,14 @@ class ContactProblem(Protocol):
     system: ElasticSystem
     boundary: ContactBoundary
     data: RegularisedData
-    affine: bool
     sets: ActiveSets
     next: NextSets
     force_scale: float
     moved: int | None
+
+    @property
+    def affine(self) -> bool:
+        """Whether the residual is affine for fixed sets, see above."""
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
@@ -133,9 +136,7 @@ class ProblemState(ABC):
         self.system = system
         self.boundary = boundary
         self.data: RegularisedData
-        tangents = boundary.tangents.shape[2]
-        self.affine = tangents == 1  # in space the direction of slip turns
-        self.sets = ActiveSets.all_in_contact(boundary.size, tangents)
+        self.sets = ActiveSets.all_in_contact(boundary.size, boundary.tangents.shape[2])
         self.next = NextSets(self.sets, self.sets)
         self.force_scale = 0.0
         self.moved: int | None = None
@@ -145,6 +146,11 @@ class ProblemState(ABC):
         self._stiffness = parallel.global_max(
             system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
         )
+
+    @property
+    def affine(self) -> bool:
+        """See ``ContactProblem``: in space the direction of slip turns."""
+        return self.boundary.tangents.shape[2] == 1 or not self.data.has_friction
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``."""

@@ -19,6 +19,7 @@ quadrature degrees, and loads given as UFL expressions.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from signorini_fx.contact.state import ContactState
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.nodal_forces import NodalForces, hooke
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
 
 Nodal = npt.NDArray[np.float64]
@@ -95,7 +96,7 @@ class Tractions:
         part: position of the effect in ``scene.contact``, shape (n,).
         nodes: local number of the node (block of the function space), shape (n,).
         pressure: lambda, stress, shape (n,).
-        shear: mu, stress, shape (n,).
+        shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.
     """
 
     part: npt.NDArray[Any]
@@ -106,7 +107,9 @@ class Tractions:
     @classmethod
     def of(cls, state: ContactState) -> Tractions:
         """What a contact state says of them."""
-        return cls(state.boundary.part, state.boundary.nodes, state.pressure, state.shear[:, 0])
+        boundary = state.boundary
+        shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
+        return cls(boundary.part, boundary.nodes, state.pressure, shear)
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,8 @@ class Certificate:
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g.
-        wrong_way_slip: slip against mu, which (2.3e') excludes: the smaller of slip and shear.
+        wrong_way_slip: slip against mu, in space also across it, which (2.3e') excludes: the smaller of the slip and of
+            the part of the shear that does not point along it.
         entered: largest tau_N y - d beyond what the law allows for.
         pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and of what the shear lacks to its bound.
@@ -203,8 +207,9 @@ def certify(
     """
     comm, space = tagged.mesh.comm, displacement.function_space
     forces = NodalForces(scene, tagged, space)
-    every = displacement.x.array.reshape(-1, 2)
-    y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :2]
+    dim = tagged.dimension
+    every = displacement.x.array.reshape(-1, dim)
+    y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :dim]
     internal, external = forces.internal(every), forces.external(step, scale)
     fixed, prescribed = _supports(forces, step, scale)
     energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
@@ -233,7 +238,8 @@ def certify(
     inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
     # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
-    tractions_at = np.maximum(np.abs(pressure), np.abs(shear))
+    sheared = np.linalg.norm(shear, axis=1)
+    tractions_at = np.maximum(np.abs(pressure), sheared)
     free = ~nodes.supported(fixed)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
@@ -248,7 +254,7 @@ def certify(
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
     if before is not None:
         last = _ContactNodes.of(scene, forces, x, before.tractions)
-        slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, 2))[1], last.shear
+        slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, dim))[1], last.shear
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
@@ -256,17 +262,20 @@ def certify(
         entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
     bilateral = nodes.bilateral
     distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
-    lacking = nodes.bound - shear * np.sign(xi)
+    slipped = np.linalg.norm(xi, axis=1)
+    way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
+    along = np.sum(shear * way, axis=1)
+    astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress),
-        "friction_cone": (np.abs(shear) - nodes.bound, stress),
-        "wrong_way_slip": (_smaller(xi, length, -shear * np.sign(xi), stress), 1.0),
+        "friction_cone": (sheared - nodes.bound, stress),
+        "wrong_way_slip": (_smaller(slipped, length, astray, stress), 1.0),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
         "pressure_at_distance": (_smaller(distance, length, pressure, stress), 1.0),
-        "slip_below_bound": (_smaller(xi, length, lacking, stress), 1.0),
+        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), 1.0),
         "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
-        "stick_slip": (np.abs(slip)[np.abs(shear) < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
+        "stick_slip": (np.linalg.norm(slip, axis=1)[sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
     }
     found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
     return Certificate(equilibrium=equilibrium, **found, **rest)
@@ -278,13 +287,13 @@ class _ContactNodes:
 
     Attributes:
         nodes: local number of the node.
-        weight: length that the node stands for.
+        weight: area (in the plane: length) that the node stands for.
         normal: outward unit normal, or the direction that the scene gives.
         gap: d, length.
         bound: F g of the friction law at the pressure at hand, stress.
         bilateral: whether contact cannot open.
         pressure: lambda.
-        shear: mu.
+        shear: mu, shape (n, d).
     """
 
     nodes: npt.NDArray[np.int64]
@@ -306,16 +315,15 @@ class _ContactNodes:
             nodes = np.flatnonzero(weight > 0)
             normal = moment[nodes] / weight[nodes, None]
             if effect.direction is not None:
-                normal = np.tile(np.asarray(effect.direction) / np.hypot(*effect.direction), (nodes.size, 1))
+                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
             here = np.flatnonzero(np.asarray(tractions.part) == part)
             here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
             unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
             pressure, shear = (
-                (values[here] if not unmatched else np.zeros(nodes.size))
+                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
-            points = np.zeros((3, nodes.size))
-            points[:2] = x[nodes].T
+            points = in_space(x[nodes])
             columns.append(
                 (
                     nodes,
@@ -332,20 +340,15 @@ class _ContactNodes:
             raise ValueError("the tractions are not those of the contact nodes of the scene")
         return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
-    @property
-    def tangent(self) -> Nodal:
-        """T = (-n_2, n_1)."""
-        return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
-
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y)."""
+        """(tau_N y, tau_T y), the latter as a vector, shape (n, d)."""
         here = y[self.nodes]
-        return np.sum(here * self.normal, axis=1), np.sum(here * self.tangent, axis=1)
+        normal = np.sum(here * self.normal, axis=1)
+        return normal, here - normal[:, None] * self.normal
 
     def forces(self) -> Nodal:
-        """W (lambda n + mu t), shape (n, 2)."""
-        traction = self.pressure[:, None] * self.normal + self.shear[:, None] * self.tangent
-        return self.weight[:, None] * traction
+        """W (lambda n + mu), shape (n, d)."""
+        return self.weight[:, None] * (self.pressure[:, None] * self.normal + self.shear)
 
     def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Nodes where a support takes a part of the normal force."""
@@ -359,7 +362,7 @@ class _ContactNodes:
 def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
     """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
     if not friction_acts(friction):
-        return np.zeros_like(pressure)
+        return np.zeros(pressure.size)
     match friction:
         case TrescaFriction(bound=bound):
             return sample(bound, points)
@@ -370,16 +373,17 @@ def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
 
 
 def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
-    """Which components are prescribed, and to what, shape (owned nodes, 2) both; a later effect wins; collective."""
+    """Which components are prescribed, and to what, shape (owned nodes, d) both; a later effect wins; collective."""
     scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
-    fixed, value = np.zeros((owned, 2), dtype=bool), np.zeros((owned, 2))
+    shape = (owned, forces.dimension)
+    fixed, value = np.zeros(shape, dtype=bool), np.zeros(shape)
     x = space.tabulate_dof_coordinates()
     dim = tagged.mesh.topology.dim - 1
     for effect in scene.displacement:
         nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
         nodes = nodes[nodes < owned]
         factor = scale * (1.0 if effect.factors is None else effect.factors[step])
-        prescribed = list(zip((0, 1), (effect.x, effect.y), (1.0, 1.0), strict=True))
+        prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
         if effect.normal is not None:
             outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
             axis = int(np.argmax(np.abs(outward)))
@@ -393,12 +397,17 @@ def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray
 
 def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
     """The largest displacement that is left when the rigid motion nearest to it is taken away; collective."""
+    dim = x.shape[1]
     count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
-    centre, mean = np.array(sums[:2]) / count, np.array(sums[2:]) / count
+    centre, mean = np.array(sums[:dim]) / count, np.array(sums[dim:]) / count
     arm, motion = x - centre, y - mean
-    turned = np.column_stack((-arm[:, 1], arm[:, 0]))
-    moment, inertia = parallel.global_sum(comm, np.array([np.sum(turned * motion), np.sum(arm**2)]))
-    return _largest(comm, np.linalg.norm(motion - moment / inertia * turned, axis=1))
+    turned = np.zeros((*x.shape, dim * (dim - 1) // 2))
+    for k, (i, j) in enumerate(combinations(range(dim), 2)):
+        turned[:, i, k], turned[:, j, k] = -arm[:, j], arm[:, i]
+    flat = turned.reshape(motion.size, -1)
+    gram = parallel.global_sum(comm, np.column_stack((flat.T @ flat, flat.T @ motion.ravel())))
+    angles = np.linalg.solve(gram[:, :-1], gram[:, -1])
+    return _largest(comm, np.linalg.norm(motion - turned @ angles, axis=1))
 
 
 def _smaller(a: Nodal, unit_a: float, b: Nodal, unit_b: float) -> Nodal:

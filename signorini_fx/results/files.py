@@ -21,6 +21,7 @@ from signorini_fx.body.material import shear_energy_density, stress
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.machine.terminal import say
 from signorini_fx.records import as_rows
 from signorini_fx.results.folder import SUMMARY, ResultFolder, cannot_be_written
 from signorini_fx.results.solution import Solution
@@ -39,8 +40,9 @@ _FILES = (
     *("field_displacement.png", "field_density.png", "report.html"),
     LAST_LEVEL,
 )
-# What changes along the contact boundary from load step to load step.
-_STEP_COLUMNS = ("x", "y", "s", "boundary", "u_n", "u_t", "pressure", "shear", "bound", "state", "friction")
+# The columns that come first in the table of all load steps, and those that it leaves out.
+_CONSTANT_COLUMNS = ("gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
+_LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
 def write_results(
@@ -77,7 +79,8 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
         folder.reserve(_size_of_fields(solution))
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
-    gathered = gather_cells(solution) if pictures else None
+    plane = solution.discretisation.tagged.dimension == 2
+    gathered = gather_cells(solution) if pictures and plane else None
 
     def write() -> None:
         try:
@@ -91,6 +94,8 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
                 write_csv(part / "contact.csv", _rows(table.columns))
             if along_steps:
                 write_csv(part / "contact_steps.csv", along_steps)
+            if pictures and not plane:
+                say("bodies in space are not drawn yet: open the fields in ParaView")
             if gathered is not None:
                 _draw(solution, gathered, table, part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
@@ -143,7 +148,10 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     for result in solution.steps:
         if result.contact is not None:
             columns = contact_table(result.contact, names).columns
-            found += [{"step": result.step, **row} for row in _rows({name: columns[name] for name in _STEP_COLUMNS})]
+            first = [name for name in _LEADING_COLUMNS if name in columns]
+            rest = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
+            rows = _rows({name: columns[name] for name in (*first, *rest)})
+            found += [{"step": result.step, **row} for row in rows]
     return found
 
 
@@ -186,17 +194,20 @@ def _hypothesis(solution: Solution) -> str:
 
 
 def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
-    """Stress (xx, yy, xy) and shear energy density, discontinuous, of the degree that they have."""
+    """Stress, (xx, yy, xy) in the plane and a tensor in space, and shear energy density, discontinuous, of the degree
+    that they have.
+    """
     d = solution.discretisation
     mesh = d.tagged.mesh
     y = solution.displacement
     sigma = stress(y, *d.lame)
     density = shear_energy_density(y, *d.lame, _hypothesis(solution))
     degree = max(solution.scene.element.degree, 1)
-    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,))), name="stress")
+    plane = d.tagged.dimension == 2
+    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,) if plane else (3, 3))), name="stress")
     scalar = fem.Function(fem.functionspace(mesh, ("DG", degree)), name="shear_energy_density")
     for function, expression in (
-        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))),
+        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])) if plane else sigma),
         (scalar, density),
     ):
         points = compat.interpolation_points(function.function_space.element)
@@ -212,8 +223,8 @@ def _size_of_fields(solution: Solution) -> float:
     topology = d.tagged.mesh.topology
     cells = topology.index_map(topology.dim).size_global
     corners = int(d.space.dofmap.list.shape[1])
-    point, cell = 3 * 8 + 3 * 8 + 9, 8 * (corners + 1)
-    continuous, broken = d.dofs // 2 * point + cells * cell, cells * (corners * point + cell)
+    point, cell = 3 * 8 + 3 * (8 if d.tagged.dimension == 2 else 24) + 9, 8 * (corners + 1)
+    continuous, broken = d.dofs // d.tagged.dimension * point + cells * cell, cells * (corners * point + cell)
     return continuous + 2 * broken + _BYTES_PER_RANK * solution.comm.size
 
 
@@ -235,7 +246,8 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
                 file.write(0.0)
         return ["displacement.bp", "stress.bp", "density.bp"]
     mesh = solution.discretisation.tagged.mesh
-    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))), name="displacement")
+    dim = solution.discretisation.tagged.dimension
+    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), name="displacement")
     nodal.interpolate(solution.displacement)
     with io.XDMFFile(comm, folder / "fields.xdmf", "w") as file:
         file.write_mesh(mesh)

@@ -21,17 +21,19 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
-from signorini_fx.body.assembly import assemble, facet_entities
+from signorini_fx.body.assembly import adjugates, assemble, facet_entities
 from signorini_fx.body.discretisation import reduced_degree
-from signorini_fx.body.loads import compile_loads, load_degree, traction_degree
+from signorini_fx.body.loads import compile_loads, load_degree, stresses, traction_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
-from signorini_fx.scene.expressions import Expression, sample
+from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
+# A basis function is zero where it is below this: else nodes beside a facet would stand for some of it.
+_ROUND_OFF = 1e-12
 # Cells taken at a time: few enough for the caches, so many that the loop takes no time.
 _CHUNK = 4096
 
@@ -46,7 +48,7 @@ def hooke(material: LinearElastic) -> tuple[float, float]:
 @dataclass(frozen=True)
 class _Table:
     """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), and their
-    derivatives along the two reference directions, (2, q, n) and (2, q, g).
+    derivatives along the d reference directions, (d, q, n) and (d, q, g).
     """
 
     shape: Array
@@ -62,7 +64,7 @@ class _Facets:
     Attributes:
         cells: cells of the facets, shape (f,).
         table: shape functions at the points.
-        moment: outward normal times the length that the point stands for, shape (f, q, 2).
+        moment: outward normal times the area (in the plane: length) that the point stands for, shape (f, q, d).
     """
 
     cells: Indices
@@ -86,15 +88,17 @@ class NodalForces:
         self.space = space
         self.owned = int(space.dofmap.index_map.size_local)
         self._cell = getattr(basix.CellType, mesh.topology.cell_name())
+        self._facet = basix.cell.subentity_types(self._cell)[tagged.dimension - 1][0]
         self._shapes = space.element.basix_element
         self._geometry = compat.geometry_element(mesh)
         self._own_cells = int(mesh.topology.index_map(mesh.topology.dim).size_local)
         self._corners = compat.geometry_cells(mesh)
         self._nodes = space.dofmap.list
-        self._x = mesh.geometry.x[:, :2]
+        self.dimension = tagged.dimension
+        self._x = mesh.geometry.x[:, : self.dimension]
 
     def internal(self, displacement: Array) -> Array:
-        """a(y, .) from nodal displacements with ghosts, shape (nodes, 2); forces, shape (owned nodes, 2)."""
+        """a(y, .) from nodal displacements with ghosts, shape (nodes, d); forces, shape (owned nodes, d)."""
         degree = forms.elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
         reduced = reduced_degree(self.scene, self.tagged.mesh)
         a, b = self._moduli()
@@ -107,28 +111,29 @@ class NodalForces:
 
     def strain_energy(self, displacement: fem.Function) -> float:
         """a(y, y) / 2, an energy per thickness."""
-        y = displacement.x.array.reshape(-1, 2)
+        y = displacement.x.array.reshape(-1, self.dimension)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
 
     def external(self, step: int, scale: float = 1.0) -> Array:
-        """L of a load step times ``scale``, shape (owned nodes, 2)."""
+        """L of a load step times ``scale``, shape (owned nodes, d)."""
         scene, degree = self.scene, load_degree(self.scene.element.degree)
         total = self._zero()
-        compiled = np.zeros((self.owned, 2))
+        compiled = np.zeros((self.owned, self.dimension))
         for load in scene.loads:
             factor = scale * (1.0 if load.factors is None else load.factors[step])
             if isinstance(load, PrescribedDisplacement):
                 continue
-            values = [load.x, load.y, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
-            if any(hasattr(value, "ufl_shape") for value in values):
+            values = load.components[: self.dimension]
+            if any(hasattr(value, "ufl_shape") for value in stresses(load)):
                 compiled += factor * self._compiled(load)
             elif isinstance(load, SurfaceTraction):
-                rule = _interval_rule(traction_degree(load, scene.element.degree))
+                rule = basix.make_quadrature(self._facet, traction_degree(load, scene.element.degree))
                 for facets in self._facets(load.boundary, *rule):
                     at = self._positions(facets)
-                    x, y, pressure = (self._values(value, facets, at) for value in values)
-                    length = np.linalg.norm(facets.moment, axis=2, keepdims=True)
-                    force = length * np.stack([x, y], axis=2) - pressure[:, :, None] * facets.moment
+                    pressure = self._values(load.pressure, facets, at)
+                    area = np.linalg.norm(facets.moment, axis=2, keepdims=True)
+                    traction = np.stack([self._values(value, facets, at) for value in values], axis=2)
+                    force = area * traction - pressure[:, :, None] * facets.moment
                     np.add.at(total, self._nodes[facets.cells], factor * (facets.table.shape.T @ force))
             else:
                 points, weight = basix.make_quadrature(self._cell, degree)
@@ -138,35 +143,39 @@ class NodalForces:
                     part = _Facets(cells, table, np.empty(0))
                     at = self._positions(part)
                     force = np.stack([self._values(value, part, at) for value in values], axis=2)
-                    force *= (weight * np.abs(_determinant(jacobian)))[:, :, None]
+                    force *= (weight * np.abs(adjugates(jacobian)[1]))[:, :, None]
                     np.add.at(total, self._nodes[cells], factor * (table.shape.T @ force))
         return self._over_ranks(total) + compiled
 
     def moments(self, boundary: str) -> Array:
-        """Outward normal times the length that each node of a boundary stands for by the nodal rule, shape
-        (owned nodes, 2).
+        """Outward normal times the area (in the plane: length) that each node of a boundary stands for, the integral
+        of its basis function, shape (owned nodes, d).
         """
-        places, weight = {
-            1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
-            2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
-        }[self.scene.element.degree]
-        total = self._zero()
-        for facets in self._facets(boundary, np.array(places), np.array(weight)):
-            np.add.at(total, self._nodes[facets.cells], facets.table.shape.round().T @ facets.moment)
+        total, degree = self._zero(), self.scene.element.degree
+        rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
+        if self.dimension == 2:  # the nodal rule, which has the same integrals
+            places, weights = {
+                1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
+                2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
+            }[degree]
+            rule = np.array(places)[:, None], np.array(weights)
+        for facets in self._facets(boundary, *rule):
+            shape = np.where(np.abs(facets.table.shape) < _ROUND_OFF, 0.0, facets.table.shape)
+            np.add.at(total, self._nodes[facets.cells], shape.T @ facets.moment)
         return self._over_ranks(total)
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
     def _zero(self) -> Array:
         index_map = self.space.dofmap.index_map
-        return np.zeros((index_map.size_local + index_map.num_ghosts, 2))
+        return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
 
     def _over_ranks(self, forces: Array) -> Array:
         """What all ranks contribute to the nodes of this one."""
         function = fem.Function(self.space)
         function.x.array[:] = forces.ravel()
         function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        return np.array(function.x.array[: 2 * self.owned].reshape(-1, 2))
+        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
 
     def _chunks(self) -> Iterator[Indices]:
         for first in range(0, self._own_cells, _CHUNK):
@@ -189,51 +198,51 @@ class NodalForces:
         return _Table(shape[0], shape[1:], geometry[0], geometry[1:])
 
     def _jacobian(self, cells: Indices, table: _Table) -> Array:
-        """dx_i / dX_k at the points, shape (2 (i), 2 (k), cells, q)."""
+        """dx_i / dX_k at the points, shape (d (i), d (k), cells, q)."""
         x = self._x[self._corners[cells]]
-        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(2)])
+        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.dimension)])
 
     def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
         """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, without what other ranks add."""
         points, weight = basix.make_quadrature(self._cell, degree)
-        table, total = self._table(points), self._zero()
+        table, total, axes = self._table(points), self._zero(), range(self.dimension)
         for cells in self._chunks():
             first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
-            jacobian = self._jacobian(cells, table)
-            determinant = _determinant(jacobian)
-            (j00, j01), (j10, j11) = jacobian / determinant
-            inverse = np.array([[j11, -j01], [-j10, j00]])  # dX_k / dx_j
+            inverse, determinant = adjugates(self._jacobian(cells, table))
+            inverse /= determinant  # dX_k / dx_j
             nodal = u[self._nodes[cells]]
-            reference = [[nodal[:, :, i] @ slope.T for slope in table.slope] for i in range(2)]
-            gradient = [
-                [reference[i][0] * inverse[0, j] + reference[i][1] * inverse[1, j] for j in range(2)] for i in range(2)
-            ]
-            mean = second * (gradient[0][0] + gradient[1][1])
-            shear = first * (gradient[0][1] + gradient[1][0]) / 2
-            stress = [[first * gradient[0][0] + mean, shear], [shear, first * gradient[1][1] + mean]]
-            scale = weight * np.abs(determinant)
+            reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
+            gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
+            stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
+            mean = second * np.einsum("iicq->cq", gradient)
+            for i in axes:
+                stress[i, i] += mean
+            flux = weight * np.abs(determinant) * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
             forces = np.zeros_like(nodal)
-            for i in range(2):
-                for k in range(2):
-                    flux = scale * (stress[i][0] * inverse[k, 0] + stress[i][1] * inverse[k, 1])
-                    forces[:, :, i] += flux @ table.slope[k]
-            for i in range(2):
+            for i in axes:
+                for k in axes:
+                    forces[:, :, i] += flux[i, k] @ table.slope[k]
+            for i in axes:
                 total[:, i] += np.bincount(self._nodes[cells].ravel(), forces[:, :, i].ravel(), minlength=len(total))
         return total
 
     def _facets(self, boundary: str, places: Array, weight: Array) -> Iterator[_Facets]:
-        """The facets of a boundary with points at ``places`` along each, in [0, 1]."""
+        """The facets of a boundary with points at ``places`` of the reference facet, shape (q, d - 1)."""
         entities = facet_entities(self.tagged.mesh, self.tagged.facets(boundary))
         vertices = basix.geometry(self._cell)
         middle = self._table(vertices.mean(axis=0, keepdims=True))
-        for side, (start, end) in enumerate(basix.topology(self._cell)[1]):
+        for side, corner in enumerate(basix.topology(self._cell)[self.dimension - 1]):
             cells = entities[entities[:, 1] == side, 0]
             if cells.size == 0:
                 continue
-            along = vertices[end] - vertices[start]
-            table = self._table(vertices[start] + places[:, None] * along)
-            tangent = np.einsum("ikcq,k->cqi", self._jacobian(cells, table), along)
-            normal = np.stack([tangent[:, :, 1], -tangent[:, :, 0]], axis=2)
+            start, *ends = vertices[corner[: self.dimension]]
+            along = np.array(ends) - start
+            table = self._table(start + places @ along)
+            tangents = np.einsum("ikcq,tk->tcqi", self._jacobian(cells, table), along)
+            if self.dimension == 2:
+                normal = np.stack([tangents[0, :, :, 1], -tangents[0, :, :, 0]], axis=2)
+            else:
+                normal = np.cross(tangents[0], tangents[1])
             corners = self._x[self._corners[cells]]
             outward = table.place @ corners - middle.place @ corners
             normal *= np.sign(np.sum(normal * outward, axis=2, keepdims=True))
@@ -245,10 +254,10 @@ class NodalForces:
     def _values(self, value: Any, part: _Facets, at: Array) -> Array:
         """A load at points: a number, an expression, or a callable, which the discretisation interpolates at nodes."""
         if isinstance(value, float | Expression):
-            return _sampled(value, at.reshape(-1, 2)).reshape(at.shape[:2])
+            return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
         nodes = self._nodes[part.cells]
-        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), :2]
-        return _sampled(value, x).reshape(nodes.shape) @ part.table.shape.T
+        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
+        return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
 
     def _compiled(self, load: Any) -> Array:
         """A load with UFL expressions, by its own form."""
@@ -257,20 +266,4 @@ class NodalForces:
         facets = {} if not isinstance(load, SurfaceTraction) else {load.boundary: self.tagged.facets(load.boundary)}
         _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
         assert form is not None
-        return np.array(assemble(form).getArray().reshape(-1, 2))
-
-
-def _interval_rule(degree: int) -> tuple[Array, Array]:
-    points, weight = basix.make_quadrature(basix.CellType.interval, degree)
-    return points[:, 0], weight
-
-
-def _determinant(jacobian: Array) -> Array:
-    (a, b), (c, d) = jacobian
-    return np.asarray(a * d - b * c)
-
-
-def _sampled(value: Any, x: Array) -> Array:
-    points = np.zeros((3, len(x)))
-    points[:2] = x.T
-    return sample(value, points)
+        return np.array(assemble(form).getArray().reshape(-1, self.dimension))

@@ -15,6 +15,7 @@ from mpi4py import MPI
 import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.accuracy import price_list
+from signorini_fx.body.pieces import extent
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationRecord, OuterRecord
 from signorini_fx.results.certificate import JUDGED
@@ -79,15 +80,20 @@ def _step_summary(result: StepResult) -> dict[str, Any]:
     if contact is not None:
         contact_force, friction_force = contact.forces
         row |= {
-            "contact_force_x": float(contact_force[0]),
-            "contact_force_y": float(contact_force[1]),
-            "friction_force_x": float(friction_force[0]),
-            "friction_force_y": float(friction_force[1]),
+            **_by_axis("contact_force", contact_force),
+            **_by_axis("friction_force", friction_force),
             "max_pressure": parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure)),
-            "mean_tangential_displacement": contact.mean_tangential_displacement,
+            **_by_axis("mean_tangential_displacement", contact.mean_tangential_displacement),
             "friction_work": contact.friction_work,
         }
     return row | {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
+
+
+def _by_axis(name: str, value: Any) -> dict[str, float]:
+    """A number under its name, a vector with one entry for each axis."""
+    if np.ndim(value) == 0:
+        return {name: float(value)}
+    return {f"{name}_{axis}": float(component) for axis, component in zip("xyz", value, strict=False)}
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
@@ -97,6 +103,11 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     acting = columns["bound"] > 0
     touching = columns["state"] != "open"
     contact_force, friction_force = contact.forces
+    zones = {
+        "contact": table.zones(touching),
+        "stick": table.zones(acting & (columns["friction"] == "stick")),
+        "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-"])),
+    }
     return {
         "contact_nodes": int(columns["x"].size),
         "touching_nodes": int(np.count_nonzero(touching)),
@@ -105,11 +116,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
-        "zones": {
-            "contact": table.zones(touching),
-            "stick": table.zones(acting & (columns["friction"] == "stick")),
-            "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-"])),
-        },
+        **({"zones": zones} if table.chains else {"areas": contact.areas}),
     }
 
 
@@ -188,7 +195,8 @@ def render(summary: dict[str, Any]) -> str:
             f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
             f"  friction force   ({', '.join(f'{f:.6g}' for f in summary['friction_force'])})",
             f"  largest pressure {summary['max_pressure']:.6g}",
-            *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary["zones"].items() if runs),
+            *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
+            *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
         ]
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
@@ -227,8 +235,7 @@ def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
     """Where the first few pieces are."""
 
     def one(row: dict[str, Any]) -> str:
-        (left, low), (right, high) = row["bounds"]
-        return f"{row['cells']} cells, x[0] {left:g} to {right:g}, x[1] {low:g} to {high:g}"
+        return f"{row['cells']} cells, {extent(row['bounds'])}"
 
     return "; ".join([one(row) for row in pieces[:most]] + ["..."] * (len(pieces) > most))
 

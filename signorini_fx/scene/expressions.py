@@ -1,9 +1,9 @@
 """Expressions of the position in scenes: parsed by simpleeval, evaluated with NumPy or turned into UFL.
 
 A scene says ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Nothing of it is ever executed by Python: the syntax tree is
-checked first (numbers, ``x[0]``, ``x[1]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not`` (also ``&`` and
-``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are told apart),
-then simpleeval walks it.
+checked first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
+(also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
+told apart), then simpleeval walks it.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ _COMPARISONS: dict[type, Callable[..., Any]] = {
     ast.GtE: operator.ge,
 }
 _ALLOWED = (
-    "Allowed are numbers, pi, x[0], x[1], + - * / ** (to a number), < <= > >=, and, or, not, A if C else B, "
-    f"where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number"
+    "Allowed are numbers, pi, x[0], x[1], in space x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
+    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number"
 )
 _MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
@@ -111,8 +111,8 @@ def _check(node: ast.expr) -> Kind:
         case ast.Name(id="pi"):
             return "number"
         case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
-            if index not in (0, 1):
-                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1]")
+            if index not in (0, 1, 2):
+                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in space also x[2]")
             return "number"
         case ast.UnaryOp(op=op, operand=operand):
             kind: Kind = "condition" if isinstance(op, ast.Not) else "number"
@@ -143,7 +143,7 @@ def _check(node: ast.expr) -> Kind:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             return _check_call(name, arguments)
         case ast.Name(id=name):
-            meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]"}.get(name, "")
+            meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
             raise ValueError(f"{name!r} is not known{meant}")
     raise ValueError(f"{type(node).__name__} is not available")
 
@@ -248,6 +248,12 @@ class Expression:
     def _tree(self) -> ast.expr:
         return ast.parse(self.text.strip(), mode="eval").body
 
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 where there is none."""
+        nodes = [node.slice for node in ast.walk(self._tree()) if isinstance(node, ast.Subscript)]
+        return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
+
     def _evaluate(self, backend: _Backend, position: Any) -> Any:
         return _Evaluator(backend, position).eval(self.text, previously_parsed=self._tree())
 
@@ -271,3 +277,10 @@ def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.full(x.shape[1], float(value))
     result = np.asarray(value(x), dtype=float)
     return np.broadcast_to(result, (x.shape[1],)).copy()
+
+
+def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n)."""
+    points = np.zeros((3, len(x)))
+    points[: x.shape[1]] = x.T
+    return points

@@ -3,8 +3,9 @@
 A scene is a TOML file (``read_scene``) or built in Python (``Scene(...)``), validated the same way: unknown keys are
 refused, and all mistakes are reported at once, each with its path.
 
-A *value* is a number, an expression of ``x[0]`` and ``x[1]`` (``expressions.Expression``), or in Python also a callable
-``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces) a UFL expression.
+A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in space, ``x[2]`` (``expressions.Expression``), or in
+Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
+a UFL expression.
 Units are the user's own as long as they agree: forces, lengths and stresses of one system.
 """
 
@@ -96,7 +97,7 @@ class LinearElastic(Table):
     Attributes:
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
-        hypothesis: what becomes of the third dimension.
+        hypothesis: what becomes of the third dimension, where the mesh has two.
         region: name of the part of the body that is made of it; None: all of it.
     """
 
@@ -116,50 +117,61 @@ class _Load(Table):
     factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
 
 
-class BodyForce(_Load):
-    """Force per volume, f of (1.1a)."""
+class _Vector(_Load):
+    """What has components along x[0], x[1] and, in space, x[2]."""
 
     x: Value = 0.0
     y: Value = 0.0
+    z: Value = 0.0
+
+    @property
+    def components(self) -> tuple[Any, Any, Any]:
+        """Along x[0], x[1] and x[2], which says nothing in the plane; None where a displacement is free."""
+        return self.x, self.y, self.z
 
 
-class SurfaceTraction(_Load):
+class BodyForce(_Vector):
+    """Force per volume, f of (1.1a)."""
+
+
+class SurfaceTraction(_Vector):
     """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
 
     Attributes:
         boundary: its name.
         x: component along x[0], stress.
         y: component along x[1], stress.
+        z: component along x[2], stress; only in space.
         pressure: pushes against the boundary along the inward normal, stress.
     """
 
     boundary: str
-    x: Value = 0.0
-    y: Value = 0.0
     pressure: Value = 0.0
 
 
-class PrescribedDisplacement(_Load):
+class PrescribedDisplacement(_Vector):
     """Displacement prescribed on a boundary; a component that is not named stays free.
 
     Attributes:
         boundary: its name.
         x: component along x[0], length.
         y: component along x[1], length.
-        normal: component along the outward normal, length, on a boundary along an axis (0: symmetry).
+        z: component along x[2], length; only in space.
+        normal: component along the outward normal, length, on a boundary across an axis (0: symmetry).
     """
 
     boundary: str
     x: Value | None = None
     y: Value | None = None
+    z: Value | None = None
     normal: Value | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.x is None and self.y is None and self.normal is None:
-            raise ValueError("names no component: give x, y, both, or normal")
-        if self.normal is not None and (self.x is not None or self.y is not None):
-            raise ValueError("give either normal or x and y")
+        named = any(component is not None for component in self.components)
+        if named == (self.normal is not None):
+            none = "names no component: give x, y, both, or normal"
+            raise ValueError("give either normal or x and y" if named else none)
         return self
 
 
@@ -205,13 +217,13 @@ class _Contact(Table):
 
     boundary: str
     gap: Value = 0.0
-    direction: tuple[Finite, Finite] | None = None
+    direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
     friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
 
     @field_validator("direction")
     @classmethod
-    def _not_zero(cls, given: tuple[float, float] | None) -> tuple[float, float] | None:
-        if given == (0.0, 0.0):
+    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if given is not None and not any(given):
             raise ValueError("must not be zero")
         return given
 
@@ -242,8 +254,9 @@ class Box(Table):
 
     x: tuple[float, float] = (-math.inf, math.inf)
     y: tuple[float, float] = (-math.inf, math.inf)
+    z: tuple[float, float] = (-math.inf, math.inf)
 
-    @field_validator("x", "y")
+    @field_validator("x", "y", "z")
     @classmethod
     def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
         if not given[0] <= given[1]:
@@ -387,12 +400,8 @@ class Scene(Table):
         for name in sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
         for effect in self.displacement:
-            in_full = effect.x is not None and effect.y is not None
-            if effect.boundary in names and (in_full or effect.normal is not None):
-                raise ValueError(
-                    f"boundary {effect.boundary!r} has its displacement prescribed and is in contact as well: "
-                    "choose one"
-                )
+            if effect.boundary in names and (effect.normal is not None or None not in effect.components):
+                raise ValueError(f"boundary {effect.boundary!r} is prescribed, and in contact as well: choose one")
         regions = [material.region for material in self.material]
         if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
             raise ValueError("give one material, or several, each with the name of its own region")

@@ -37,7 +37,7 @@ def bounded(number: float) -> float:
 def value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
-        raise ValueError("a number or an expression of x[0] and x[1] is wanted, not true or false")
+        raise ValueError("a number or an expression of the position is wanted, not true or false")
     if isinstance(given, int | float):
         try:
             number = float(given)
@@ -50,7 +50,7 @@ def value(given: Any) -> Any:
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
         return given
-    raise ValueError(f"a number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+    raise ValueError(f"a number or an expression of the position is wanted, not {type(given).__name__}")
 
 
 def not_negative(given: Any) -> Any:
@@ -100,7 +100,7 @@ def selection(given: Any) -> Any:
         return given
     if isinstance(given, str):
         return Expression(given)
-    raise ValueError(f"a whole number or an expression of x[0] and x[1] is wanted, not {type(given).__name__}")
+    raise ValueError(f"a whole number or an expression of the position is wanted, not {type(given).__name__}")
 
 
 Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema({"type": ["integer", "string"]})]

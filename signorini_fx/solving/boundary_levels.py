@@ -51,6 +51,7 @@ def worthwhile(task: Task) -> bool:
     """Whether a task has a dense system large enough, no start yet, and an algorithm that would use one."""
     return (
         isinstance(task.system, CondensedSystem)
+        and task.boundary.x.shape[1] == 2  # a surface has no every second node
         and task.boundary.size > _FEWEST_NODES
         and task.settings.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS

@@ -101,13 +101,14 @@ def _solve_nested(
     for number, scene in enumerate(scenes):
         solved = solve_level(scene, comm, history, state, number)
         solution, state = solved.solution, None
-        if solved.level is not None:
+        if solution.converged:
             state = solution.contact
+            if number + 1 < len(scenes):
+                keep(solution)
+        if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # a generator may not get it any coarser
                 levels.pop()
             levels.append(solved.level)
-            if number + 1 < len(scenes):
-                keep(solution)
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
@@ -120,6 +121,8 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     found: list[Errors] = []
 
     def estimate(d: Discretisation, task: Task, step: StepResult) -> None:
+        if d.tagged.dimension == 3:  # the estimates of the contact pressure follow a boundary curve
+            return
         assert step.contact is not None
         table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
         data = task.problem.data
@@ -127,7 +130,7 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
         found.append(estimate_errors(d, task.displacement(), step.strain_energy, table, step.step, compliance))
 
     solution, task = _solve_mesh(scene, comm, history, state, estimate)
-    if not solution.converged or task is None:
+    if not solution.converged or task is None or not found:
         return Solved(solution, task, None, None)
     errors = worst_of(found)
     return Solved(solution, task, _level_result(number, solution, task, history.iterations[before:], errors), errors)
