@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
+from test_meshes_in_space import SMALL as IN_SPACE
 
 from signorini_fx import meshes
 from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.arrays import quality
+from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, triangle_parameters
 from signorini_fx.scene.model import Discretised
@@ -117,8 +118,8 @@ def length(tagged, name):
 
 
 def test_all_are_here():
-    """No generator is without these tests."""
-    assert sorted(SMALL) == sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    """No generator is without these tests, or those in space."""
+    assert sorted([*SMALL, *IN_SPACE]) == sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
 
 
 def check(tagged, whole, lengths, rel):

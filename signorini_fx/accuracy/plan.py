@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from signorini_fx import compat
 from signorini_fx.errors import SceneError
+from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.refinement import check_divisible
 from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, triangle_parameters
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
@@ -80,7 +81,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, since dolfinx bisects straight ones only."""
-    drawn = file.file.suffix.lower() == ".geo"
+    drawn = file.file.suffix.lower() in DRAWN
     tagged = load_file(file, comm, degree=2 if drawn else None)
     curved = curvature(tagged) > STRAIGHT * tagged.size
     degree = compat.geometry_degree(tagged.mesh)

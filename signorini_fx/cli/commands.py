@@ -188,10 +188,10 @@ def mesh_file(options: argparse.Namespace) -> str:
     from signorini_fx.mesh.info import mesh_info, render
 
     if options.command == "convert":
-        mesh = read_file(options.source)
+        mesh = read_file(options.source, size=options.size)
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))
-    info = mesh_info(read_file(options.file))
+    info = mesh_info(read_file(options.file, size=options.size))
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 

@@ -14,6 +14,9 @@ from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
 
+# Mesh files that are read.
+_READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
+
 
 class _Parser(argparse.ArgumentParser):
     """Prints on one rank, and ends with the exit code of bad input."""
@@ -83,10 +86,12 @@ def parser() -> argparse.ArgumentParser:
         "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)"
     )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
-    convert.add_argument("source", type=Path, metavar="IN", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    convert.add_argument("source", type=Path, metavar="IN", help=f"mesh: {_READ}")
     convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
     info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
-    info.add_argument("file", type=Path, metavar="FILE", help="mesh: .msh, .geo, .inp, .med, .vtu or .xdmf")
+    info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
+    for one in (convert, info):
+        one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")

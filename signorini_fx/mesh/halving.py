@@ -1,6 +1,7 @@
-"""A mesh in plain arrays, with its sides straightened or all its cells divided into four; names are kept.
+"""A mesh in plain arrays, with its sides straightened or the sides of all its cells halved; names are kept.
 
-Cells with curved sides are divided on their own geometry: their children lie on the same parabolas.
+A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells with curved sides are
+divided on their own geometry: their children lie on the same curves.
 """
 
 from __future__ import annotations
@@ -10,10 +11,14 @@ from itertools import product
 
 import numpy as np
 
-from signorini_fx.mesh.files.arrays import CORNERS, Floats, Ints, MeshArrays, plain
+from signorini_fx.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_of
+from signorini_fx.mesh.files.cells import Cell, straight
+from signorini_fx.mesh.files.shape import Ints
 
-# Lattice of the nodes of four children on the reference cell, in quarters (curved) or halves (straight) of a side.
-_Place = tuple[int, int]
+# A place on the reference cell in parts of a side: halves are 2 of 4, so that nodes between children's corners are
+# whole numbers too.
+_Place = tuple[int, ...]
+_SIDE = 4
 
 
 def straightened(mesh: MeshArrays) -> MeshArrays:
@@ -23,60 +28,74 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
     used, corners = np.unique(mesh.corners, return_inverse=True)
     number = np.full(len(mesh.points), -1)
     number[used] = np.arange(used.size)
-    kind = "triangle" if CORNERS[mesh.kind] == 3 else "quad"
     return replace(
         mesh,
         points=mesh.points[used],
-        kind=kind,
+        kind=straight(mesh.cell).kind,
         cells=corners.reshape(mesh.corners.shape),
-        facets=number[mesh.facets[:, :2]],
+        facets=number[mesh.facet_corners],
     )
 
 
 def halved(mesh: MeshArrays) -> MeshArrays:
-    """The mesh with every cell divided into four, every facet into two."""
-    corners, unit = CORNERS[mesh.kind], 2 * mesh.degree
-    old = _places(corners, mesh.degree, unit)
-    children = _children(corners, mesh.degree, unit)
+    """The mesh with every side of every cell halved."""
+    cell = mesh.cell
+    children = [[_middle([child[c] for c in own]) for own in cell.nodes] for child in _children(cell)]
     lattice = sorted({place for child in children for place in child})
-    weights = _shape(corners, mesh.degree, np.array(lattice) / unit)
-    points = np.einsum("ln,cnd->cld", weights, mesh.points[mesh.cells])
-    # A node is known by the old nodes that it lies between: on a side two cells have it.
-    count = len(mesh.points)
-    keys = np.empty((len(mesh.cells), len(lattice), 2), dtype=np.int64)
-    for column, place in enumerate(lattice):
-        if place in old:
-            keys[:, column] = mesh.cells[:, [old.index(place)]]
-            continue
-        ends = _side_of(place, old, corners, mesh.degree)
-        if ends is None:  # inside the cell
-            keys[:, column, 0] = count + column
-            keys[:, column, 1] = np.arange(len(mesh.cells))
-        else:
-            keys[:, column] = np.sort(mesh.cells[:, list(ends)], axis=1)
-    _, first, number = np.unique(keys.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
-    number = number.reshape(len(mesh.cells), len(lattice))
-    cells = np.concatenate([number[:, [lattice.index(place) for place in child]] for child in children], axis=1)
-    cells = cells.reshape(-1, len(children[0]))
-    points = points.reshape(-1, 2)[first]
-    found: list[list[int]] = plain(keys.reshape(-1, 2)[first])
-    find = {(a, b): k for k, (a, b) in enumerate(found)}
-    halves = []
-    facets: list[list[int]] = plain(mesh.facets)
-    for facet in facets:
-        corners_of, middle = facet[:2], facet[2] if mesh.degree == 2 else None
-        centre = find[(min(corners_of), max(corners_of)) if middle is None else (middle, middle)]
-        for end in corners_of:
-            between = [] if middle is None else [find[(min(end, middle), max(end, middle))]]
-            halves.append([find[(end, end)], centre, *between])
+    x = np.array(lattice) / _SIDE
+    points = np.einsum("ln,cnd->cld", cell.shape(x), mesh.points[mesh.cells])
+    number, first = _numbered(mesh.corners, np.rint(cell.weights(x) * _SIDE**cell.dim).astype(np.int64))
+    places = np.array([[lattice.index(place) for place in child] for child in children])
+    # The children of each facet, by the facets of children that are on it.
+    sides = [
+        [
+            places[child, nodes]
+            for child, own in enumerate(children)
+            for nodes, corners in zip(cell.facet_nodes, cell.facets, strict=True)
+            if all(_on(cell, facet, own[c]) for c in corners)
+        ]
+        for facet in cell.facets
+    ]
+    at = rows_of(mesh.facet_corners, sides_of(mesh.cells, cell)[:, : len(mesh.facet.corners)])
+    owner, which = np.divmod(at, len(cell.facets))
+    halves = number[owner[:, None, None], np.array(sides)[which]]
     return MeshArrays(
-        points=points,
+        points=points.reshape(-1, mesh.dim)[first],
         kind=mesh.kind,
-        cells=cells,
-        facets=np.array(halves, dtype=np.int64),
-        boundaries={name: _repeated(rows, 2) for name, rows in mesh.boundaries.items()},
-        regions={name: _repeated(rows, 4) for name, rows in mesh.regions.items()},
+        cells=number[:, places].reshape(-1, len(cell.nodes)),
+        facets=halves.reshape(-1, halves.shape[2]),
+        boundaries={name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()},
+        regions={name: _repeated(rows, len(children)) for name, rows in mesh.regions.items()},
     )
+
+
+def _numbered(corners: Ints, weights: Ints) -> tuple[Ints, Ints]:
+    """A number for each place of the lattice in each cell, the same in all cells that have it.
+
+    Args:
+        corners: of each cell, shape (m, c).
+        weights: of the corners at each place, whole numbers: with the corners' numbers they say where a place is.
+
+    Returns:
+        The numbers, shape (m, places), and for each number the first place in the flattened table that has it.
+    """
+    count, most = int(corners.max()) + 1, int(weights.max()) + 1
+    number = np.empty((len(corners), len(weights)), dtype=np.int64)
+    first: list[Ints] = []
+    total = 0
+    on = (weights > 0).sum(axis=1)
+    for width in np.unique(on):  # places at corners, on sides, on faces, inside
+        columns = np.flatnonzero(on == width)
+        own = np.array([np.flatnonzero(weights[column]) for column in columns])
+        keys = corners[:, own] * most + weights[columns[:, None], own]
+        if width == weights.shape[1]:
+            keys = np.arange(len(corners) * len(columns)).reshape(len(corners), len(columns), 1) + count * most
+        _, index, inverse = np.unique(row_keys(keys.reshape(-1, keys.shape[2])), return_index=True, return_inverse=True)
+        number[:, columns] = total + inverse.reshape(len(corners), len(columns))
+        cell, column = np.divmod(index, len(columns))
+        first.append(cell * len(weights) + columns[column])
+        total += len(index)
+    return number, np.concatenate(first)
 
 
 def _repeated(rows: Ints, times: int) -> Ints:
@@ -84,50 +103,41 @@ def _repeated(rows: Ints, times: int) -> Ints:
     return (times * rows[:, None] + np.arange(times)).ravel()
 
 
-def _places(corners: int, degree: int, unit: int) -> list[_Place]:
-    """Where the nodes of a cell are on the lattice, in the order of ``MeshArrays.cells``."""
-    ends = [(0, 0), (unit, 0), (0, unit)] if corners == 3 else [(0, 0), (unit, 0), (unit, unit), (0, unit)]
-    if degree == 1:
-        return ends
-    sides = [_middle(ends[k], ends[(k + 1) % corners]) for k in range(corners)]
-    return [*ends, *sides, *([(unit // 2, unit // 2)] if corners == 4 else [])]
+def _middle(places: list[_Place]) -> _Place:
+    return tuple(sum(values) // len(places) for values in zip(*places, strict=True))
 
 
-def _middle(a: _Place, b: _Place) -> _Place:
-    return (a[0] + b[0]) // 2, (a[1] + b[1]) // 2
+def _on(cell: Cell, facet: tuple[int, ...], place: _Place) -> bool:
+    """Whether a place is on a facet: no other corner has a weight there."""
+    weights = cell.weights(np.array([place]) / _SIDE)[0]
+    return float(weights[list(facet)].sum()) > 1 - 1e-9
 
 
-def _children(corners: int, degree: int, unit: int) -> list[list[_Place]]:
-    """The nodes of each child, in the order of ``MeshArrays.cells``."""
-    half, own = unit // 2, _places(corners, degree, unit // 2)
-    if corners == 4:
-        return [[(x + a, y + b) for x, y in own] for a, b in product((0, half), repeat=2)]
-    moved = [[(x + a, y + b) for x, y in own] for a, b in ((0, 0), (half, 0), (0, half))]
-    return [*moved, [(half - x, half - y) for x, y in own]]
-
-
-def _side_of(place: _Place, old: list[_Place], corners: int, degree: int) -> tuple[int, int] | None:
-    """The two old nodes of a side that the place is in the middle of; None inside the cell."""
-    for k in range(corners):
-        a, b = k, (k + 1) % corners
-        pairs = [(a, b)] if degree == 1 else [(a, corners + k), (corners + k, b)]
-        for pair in pairs:
-            if tuple(np.add(old[pair[0]], old[pair[1]])) == (2 * place[0], 2 * place[1]):
-                return pair
-    return None
-
-
-def _shape(corners: int, degree: int, x: Floats) -> Floats:
-    """Shape functions of a cell at reference points, shape (points, nodes)."""
-    s, t = x.T
-    if corners == 3:
-        a, b, c = 1 - s - t, s, t
-        if degree == 1:
-            return np.stack((a, b, c), axis=1)
-        ends, sides = (a, b, c), ((a, b), (b, c), (c, a))
-        return np.stack([*(v * (2 * v - 1) for v in ends), *(4 * v * w for v, w in sides)], axis=1)
-    if degree == 1:
-        return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=1)
-    along = [[(2 * v - 1) * (v - 1), 4 * v * (1 - v), v * (2 * v - 1)] for v in (s, t)]
-    order = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
-    return np.stack([along[0][i] * along[1][j] for i, j in order], axis=1)
+def _children(cell: Cell) -> list[list[_Place]]:
+    """The corners of each child, in the order of a cell of the kind."""
+    ends = [tuple(_SIDE * value for value in corner) for corner in cell.corners]
+    half = _SIDE // 2
+    if not cell.simplex:
+        at = product((0, half), repeat=cell.dim)
+        return [[tuple(a + b // 2 for a, b in zip(low, end, strict=True)) for end in ends] for low in at]
+    mid = {(a, b): _middle([ends[a], ends[b]]) for b in range(len(ends)) for a in range(b)}
+    if cell.dim == 2:
+        return [
+            [ends[0], mid[0, 1], mid[0, 2]],
+            [mid[0, 1], ends[1], mid[1, 2]],
+            [mid[0, 2], mid[1, 2], ends[2]],
+            [mid[1, 2], mid[0, 2], mid[0, 1]],
+        ]
+    # The order of Bey (Computing 55, 1995): however often they are divided, tetrahedra have three shapes at most.
+    x0, x1, x2, x3 = ends
+    x01, x02, x03, x12, x13, x23 = (mid[pair] for pair in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)))
+    return [
+        [x0, x01, x02, x03],
+        [x01, x1, x12, x13],
+        [x02, x12, x2, x23],
+        [x03, x13, x23, x3],
+        [x01, x02, x03, x13],
+        [x01, x02, x12, x13],
+        [x02, x03, x13, x23],
+        [x02, x12, x13, x23],
+    ]

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.files.arrays import Floats, Ints, MeshArrays, areas, plain, quality
+from signorini_fx.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
+from signorini_fx.mesh.files.shape import Floats, Ints, measures, quality
 
 # Points closer than this share of the body's size are where one node was meant.
 _COINCIDENT = 1e-10
+# What the size of the body, of its surface and of a boundary are called, by dimension.
+_MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
 
 
 def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
@@ -18,32 +21,33 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
-        each), ``area``, ``perimeter`` (with straight sides);
+        each), ``area`` and ``perimeter``, in space ``volume`` and ``surface``, with curved sides where they are;
         ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
-        ``pieces`` (parts of the body that share no side), ``coincident`` (points at the place of another one);
-        ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``length`` and ``bounds``;
-        ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``.
+        ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
+        ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
+        ``length``, in space ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
+        space ``volume``.
     """
-    shape, size = quality(mesh.points, mesh.corners), areas(mesh)
-    ends = mesh.points[mesh.facets[:, :2]]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-    diagonal = float(np.hypot(*np.ptp(mesh.points, axis=0)))
+    shape = quality(mesh.points, mesh.corners)
+    size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
+    whole, around, of_facets = _MEASURES[mesh.dim]
+    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
     def facets(rows: Ints) -> dict[str, Any]:
-        found: dict[str, Any] = {"facets": len(rows), "length": float(length[rows].sum())}
-        return found | ({"bounds": _bounds(ends[rows].reshape(-1, 2))} if len(rows) else {})
+        found: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
+        return found | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
     def cells(rows: Ints) -> dict[str, Any]:
-        return {"cells": len(rows), "area": float(size[rows].sum())}
+        return {"cells": len(rows), whole: float(size[rows].sum())}
 
     return {
         "cells": len(mesh.cells),
-        "kind": mesh.cell_word,
+        "kind": mesh.cell.word,
         "degree": mesh.degree,
         "points": len(mesh.points),
         "bounds": _bounds(mesh.points),
-        "area": float(size.sum()),
-        "perimeter": float(length.sum()),
+        whole: float(size.sum()),
+        around: float(outside.sum()),
         "quality": {
             "min": float(shape.min()),
             "mean": float(shape.mean()),
@@ -68,13 +72,12 @@ def _without(named: Mapping[str, Ints], count: int) -> Ints:
 
 
 def _pieces(mesh: MeshArrays) -> int:
-    """Number of parts that share no side, through which forces pass."""
+    """Number of parts that share no facet, through which forces pass."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    ends = np.sort(np.stack((mesh.corners, np.roll(mesh.corners, -1, axis=1)), axis=2), axis=2).reshape(-1, 2)
-    sides = np.unique(ends[:, 0] * len(mesh.points) + ends[:, 1], return_inverse=True)[1].ravel()
-    cells = np.repeat(np.arange(len(mesh.cells)), mesh.corners.shape[1])
+    sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
+    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facets))
     count = len(mesh.cells) + int(sides.max()) + 1
     links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
     return int(connected_components(links, directed=False)[0])
@@ -90,7 +93,6 @@ def _coincident(points: Floats, near: float) -> int:
 
 def render(info: Mapping[str, Any], name: str) -> str:
     """The summary for a terminal."""
-    (left, low), (right, high) = info["bounds"]
     shape, lines = info["quality"], []
 
     def row(title: str, text: str) -> None:
@@ -98,10 +100,12 @@ def render(info: Mapping[str, Any], name: str) -> str:
 
     degree = f", geometry of degree {info['degree']}" if info["degree"] > 1 else ""
     lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
-    row("extent", f"x[0] {left:g} to {right:g}, x[1] {low:g} to {high:g}; area {info['area']:g}")
+    whole = "volume" if "volume" in info else "area"
+    row("extent", f"{_extent(info['bounds'])}; {whole} {info[whole]:g}")
     row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
     if info["pieces"] > 1:
-        row("pieces", f"{info['pieces']} parts of the body share no side: each must be held by itself")
+        shared = "face" if "volume" in info else "side"
+        row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
     if info["coincident"]:
         row("warning", f"{info['coincident']} points are where another one is: the cells there do not hang together")
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
@@ -122,10 +126,13 @@ def _point(x: list[float]) -> str:
 
 
 def _amount(entry: Mapping[str, Any]) -> str:
+    size = next(f"{word} {entry[word]:g}" for word in ("volume", "area", "length") if word in entry)
     if "cells" in entry:
-        return f"{entry['cells']} cells, area {entry['area']:g}"
+        return f"{entry['cells']} cells, {size}"
     if not entry["facets"]:
         return "no exterior facets"
-    (left, low), (right, high) = entry["bounds"]
-    span = f"x[0] {left:g} to {right:g}, x[1] {low:g} to {high:g}"
-    return f"{entry['facets']} facets, length {entry['length']:g}, {span}"
+    return f"{entry['facets']} facets, {size}, {_extent(entry['bounds'])}"
+
+
+def _extent(bounds: list[list[float]]) -> str:
+    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*bounds, strict=True)))

@@ -1,4 +1,7 @@
-"""Refinement of triangles with the names of boundaries and regions carried over: all of them, or where the error is."""
+"""Refinement of triangles and tetrahedra: all of them, or where the error is.
+
+The names of boundaries and regions are carried over.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +38,10 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -
 
 
 def cells_at(tagged: TaggedMesh, points: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
-    """Cells of this rank with a corner at one of the points, shape (n, 2)."""
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)][:, :, :2]
-    owned = x[: tagged.mesh.topology.index_map(2).size_local]
+    """Cells of this rank with a corner at one of the points, shape (n, d)."""
+    dim = tagged.mesh.topology.dim
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)][:, :, :dim]
+    owned = x[: tagged.mesh.topology.index_map(dim).size_local]
     near = 1e-6 * np.ptp(owned, axis=1).max(axis=1)
     found = np.zeros(len(owned), dtype=bool)
     for point in points:
@@ -49,52 +53,56 @@ def check_divisible(tagged: TaggedMesh) -> None:
     """Refuse a mesh that ``refine`` cannot divide.
 
     Raises:
-        MeshError: the cells are no triangles, or not straight.
+        MeshError: the cells are neither triangles nor tetrahedra, or not straight.
     """
-    if tagged.mesh.topology.cell_name() != "triangle":
-        raise MeshError("only triangles can be refined: use cell = 'triangle', or a generator and uniform refinement")
+    simplex = {2: "triangle", 3: "tetrahedron"}[tagged.mesh.topology.dim]
+    if tagged.mesh.topology.cell_name() != simplex:
+        plural = {"triangle": "triangles", "tetrahedron": "tetrahedra"}[simplex]
+        raise MeshError(f"only {plural} can be refined: use cell = '{simplex}', or a generator and uniform refinement")
     if compat.geometry_degree(tagged.mesh) > 1:
         raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
 
 
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
-    """Bisect triangles; the mesh stays conforming, and cells stay on their rank.
+    """Bisect triangles or tetrahedra; the mesh stays conforming, and cells stay on their rank.
 
     Args:
         tagged: the mesh.
         cells: those that must be divided, on this rank; None: all.
 
     Raises:
-        MeshError: the cells are no triangles, or not straight.
+        MeshError: the cells are neither triangles nor tetrahedra, or not straight.
     """
     check_divisible(tagged)
     mesh = tagged.mesh
-    for pair in ((1, 0), (1, 2), (2, 1)):
+    dim = mesh.topology.dim
+    pairs = ((1, 0), (1, dim), (dim, 1), (dim - 1, dim), (dim, dim - 1))
+    for pair in pairs:
         mesh.topology.create_connectivity(*pair)
-    edges = None if cells is None else dmesh.compute_incident_entities(mesh.topology, cells, 2, 1)
+    edges = None if cells is None else dmesh.compute_incident_entities(mesh.topology, cells, dim, 1)
     fine, parent_cell, parent_facet = dmesh.refine(
         mesh, edges, partitioner=None, option=dmesh.RefinementOption.parent_cell_and_facet
     )
-    for pair in ((1, 0), (1, 2), (2, 1)):
+    for pair in pairs:
         fine.topology.create_connectivity(*pair)
     # dolfinx's own transfer refuses meshes with ghost cells.  A child knows its parent by its place before reordering.
     place = fine.topology.original_cell_index
     first = mesh.comm.exscan(len(parent_cell)) or 0
     children = np.arange(len(parent_cell), dtype=np.int32)
     parents = parent_cell[place[children] - first]
-    sides = parent_facet.reshape(-1, 3)[place[children] - first]
+    sides = parent_facet.reshape(-1, dim + 1)[place[children] - first]
     cell_tags = None
     if tagged.cell_tags is not None:
-        kinds = _table(tagged.cell_tags, mesh.topology.index_map(2))[parents]
+        kinds = _table(tagged.cell_tags, mesh.topology.index_map(dim))[parents]
         known = kinds != _NO_TAG
-        cell_tags = dmesh.meshtags(fine, 2, children[known], kinds[known])
-    old, new = (m.topology.connectivity(2, 1).array.reshape(-1, 3) for m in (mesh, fine))
+        cell_tags = dmesh.meshtags(fine, dim, children[known], kinds[known])
+    old, new = (m.topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1) for m in (mesh, fine))
     on_side = sides >= 0
     facets = new[: len(children)][on_side]
-    origin = old[np.repeat(parents, 3).reshape(-1, 3)[on_side], sides[on_side]]
-    kinds = _table(tagged.facet_tags, mesh.topology.index_map(1))[origin]
+    origin = old[np.repeat(parents, dim + 1).reshape(-1, dim + 1)[on_side], sides[on_side]]
+    kinds = _table(tagged.facet_tags, mesh.topology.index_map(dim - 1))[origin]
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
-    facet_tags = dmesh.meshtags(fine, 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
+    facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
     return TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions)
 
 

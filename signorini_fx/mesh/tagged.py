@@ -24,12 +24,13 @@ from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import Selection
+from signorini_fx.mesh.files.gmsh_files import CAD
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.messages import plain_message
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 
-# Boundaries and regions.
-_Names = tuple[formats.Tags, formats.Tags]
+# Dimension of the body, boundaries and regions.
+_Names = tuple[int, formats.Tags, formats.Tags]
 # Midside nodes farther off than this share of the body's size make a side curved.
 STRAIGHT = 1e-9
 
@@ -119,7 +120,9 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         case TaggedMesh():
             tagged = scene.mesh
         case MeshFile():
-            tagged = load_file(scene.mesh, comm)
+            # A drawing of a CAD program gets curved cells where the elements can follow them.
+            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in CAD
+            tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
@@ -158,7 +161,7 @@ def check_dimension(tagged: TaggedMesh) -> None:
 
 def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree)
+    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
 
 
 def curvature(tagged: TaggedMesh) -> float:
@@ -224,18 +227,20 @@ def read_mesh(
     data: str | None = None,
     halvings: int = 0,
     degree: int | None = None,
+    size: float | None = None,
 ) -> TaggedMesh:
-    """A mesh from a file, read on the first rank; ``mesh_formats.read_file`` has the formats.
+    """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
     Args:
         file: the file.
         comm: the ranks that share the mesh.
         boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
-            positive where both ends of an exterior facet of the boundary are.
+            positive where all corners of an exterior facet of the boundary are.
         regions: the same for cells with all their corners.
         data: the cell data that numbers refer to; None: the only one.
-        halvings: how often all cells are divided into four, of a .geo on the true shape.
-        degree: of the geometry, as in ``mesh_formats.read_file``.
+        halvings: how often the sides of all cells are halved, of a drawing on the true shape.
+        degree: of the geometry, as in ``formats.read_file``.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
 
     Raises:
         MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
@@ -243,13 +248,13 @@ def read_mesh(
     """
 
     def build() -> _Names:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree)
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
-                "or in the file (in gmsh: physical groups of dimension 1)"
+                f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
-        return formats.draw(formats.start_gmsh(), arrays, by_name=False)
+        return arrays.dim, *formats.draw(formats.start_gmsh(), arrays, by_name=False)
 
     return _from_gmsh(comm, build)
 
@@ -287,7 +292,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
     Args:
         comm: the ranks that share the mesh.
-        draw: called on the first rank only; leaves a meshed two-dimensional model with physical groups.
+        draw: called on the first rank only; leaves a meshed model with physical groups, of two or three dimensions.
         name: what to call the mesh in messages.
         unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
             nor small, and have the same numbers in all units.
@@ -305,22 +310,23 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         except Exception as error:  # gmsh has no exceptions of its own
             raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
         groups = gmsh.model.getPhysicalGroups()
-        if not any(dim == 2 for dim, _ in groups):
-            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 (the body)")
-        kinds = {kind for dim, tag in groups if dim == 2 for kind in _cell_kinds(gmsh, tag)}
+        top = max((dim for dim, _ in groups), default=0)
+        if top < 2:
+            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+        kinds = {kind for dim, tag in groups if dim == top for kind in _cell_kinds(gmsh, top, tag)}
         if not kinds:
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        lines: formats.Tags = {}
-        surfaces: formats.Tags = {}
+        boundaries: formats.Tags = {}
+        regions: formats.Tags = {}
         for dim, tag in groups:
-            names, kind = (lines, "boundary") if dim == 1 else (surfaces, "region")
-            if dim in (1, 2):
+            names, kind = (regions, "region") if dim == top else (boundaries, "boundary")
+            if dim >= top - 1:
                 names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
-        if not lines:
-            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension 1")
-        return lines, surfaces
+        if not boundaries:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+        return top, boundaries, regions
 
     tagged = _from_gmsh(comm, build)
     tagged.mesh.geometry.x[:] *= unit
@@ -330,13 +336,13 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
     """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
-        boundaries, regions = parallel.on_root(comm, build)
+        dim, boundaries, regions = parallel.on_root(comm, build)
         model = None
         if parallel.is_root(comm):
             import gmsh
 
             model = gmsh.model
-        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, 2)
+        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
     finally:
         if parallel.is_root(comm):
             import gmsh
@@ -351,9 +357,9 @@ def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, .
     return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
 
 
-def _cell_kinds(gmsh: Any, group: int) -> set[int]:
-    entities = gmsh.model.getEntitiesForPhysicalGroup(2, group)
-    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(2, entity)}
+def _cell_kinds(gmsh: Any, dim: int, group: int) -> set[int]:
+    entities = gmsh.model.getEntitiesForPhysicalGroup(dim, group)
+    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(dim, entity)}
 
 
 def tag_boundaries(mesh: dmesh.Mesh, markers: Mapping[str, Callable[[npt.NDArray[np.float64]], Any]]) -> TaggedMesh:

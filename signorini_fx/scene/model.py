@@ -43,17 +43,19 @@ class MeshFile(Table):
     """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
 
     Attributes:
-        file: .msh or .geo of gmsh, .inp, .med, .vtu or .xdmf.
+        file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
         boundaries: names for boundaries: the number of its facets in the cell data of the file, or a rule, an
             expression that is true or positive at both ends of its facets, which are exterior ones.
         regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
         data: the cell data that the numbers refer to; None: the only one.
+        size: length of the cells that are made of a .step, .stp or .brep; None: a share of the body.
     """
 
     file: Path
     boundaries: dict[str, Selection] = Field(default={})
     regions: dict[str, Selection] = Field(default={})
     data: str | None = None
+    size: Positive | None = None
 
 
 class MeshGenerator(Table):

@@ -1,7 +1,7 @@
-"""Plane meshes in Abaqus input files (.inp): nodes, elements, and the sets and surfaces that name parts of them.
+"""Meshes in Abaqus input files (.inp): nodes, elements, and the sets and surfaces that name parts of them.
 
-meshio knows neither the plane elements CPE3, CPE4, CPS4R ... nor surfaces, so this is a reader of our own.  Keywords
-that say nothing of the mesh are passed over.
+meshio knows neither the plane elements CPE3, CPE4, CPS4R ... nor surfaces on the faces of elements, so this is a reader
+of our own.  Keywords that say nothing of the mesh are passed over.
 """
 
 from __future__ import annotations
@@ -15,19 +15,34 @@ from pathlib import Path
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.arrays import Ints, MeshArrays, RawMesh, plain
+from signorini_fx.mesh.files.arrays import MeshArrays, RawMesh, plain, rows_of
+from signorini_fx.mesh.files.cells import Corners, straight
+from signorini_fx.mesh.files.shape import Ints
 
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+_SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
+_KIND_IN_SPACE = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
+# Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
+_FACES: dict[str, tuple[Corners, ...]] = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+}
 
 
 def _kind(element: str) -> tuple[str, int]:
     """The shape of an element type and its number of nodes.
 
     Raises:
-        ValueError: it is not of the plane.
+        ValueError: it is not one of a plane or solid body.
     """
+    if found := _SOLID.match(element):
+        if (count := int(found[1])) not in _KIND_IN_SPACE:
+            raise ValueError(f"element type {element}: known are C3D4, C3D8, C3D10 and C3D20")
+        return _KIND_IN_SPACE[count], count
     if element == "CAX4P":  # what meshio calls any quadrilateral
         return "quad", 4
     if found := _SOLID_IN_PLANE.match(element):
@@ -39,7 +54,8 @@ def _kind(element: str) -> tuple[str, int]:
     if element.startswith("CAX"):
         raise ValueError(f"axisymmetric elements ({element}): only plane problems are solved")
     raise ValueError(
-        f"element type {element} is not a plane one; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, S4 ..."
+        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
+        "S4 ..., and in space C3D4, C3D8, C3D10, C3D20 ..."
     )
 
 
@@ -194,11 +210,15 @@ class _Reader:
         sets = {name: self._rows(members, len(blocks)) for name, members in self.element_sets.items()}
         for name, faces in self.surfaces.items():
             sides = [self._side(blocks, name, element, face) for element, face in faces]
-            blocks.append(("line", np.array(sides, dtype=np.int64).reshape(-1, 2)))
-            own = np.arange(len(sides))
-            sets = {label: [*members, np.empty(0, dtype=np.int64)] for label, members in sets.items()}
-            empty = [np.empty(0, dtype=np.int64)] * (len(blocks) - 1)
-            sets[name] = [*sets[name][:-1], own] if name in sets else [*empty, own]
+            for kind, corners in (("line", 2), ("triangle", 3), ("quad", 4)):
+                own = [side for side in sides if len(side) == corners]
+                if not own:
+                    continue
+                blocks.append((kind, np.array(own, dtype=np.int64)))
+                none = np.empty(0, dtype=np.int64)
+                sets = {label: [*members, none] for label, members in sets.items()}
+                before = sets.get(name, [none] * len(blocks))
+                sets[name] = [*before[:-1], np.arange(len(own))]
         node_sets = {
             name: np.array([place[n] for n in nodes], dtype=np.int64) for name, nodes in self.node_sets.items()
         }
@@ -214,19 +234,20 @@ class _Reader:
     def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
         block, row = self.elements[element]
         kind, nodes = blocks[block]
-        corners = 3 if kind.startswith("triangle") else 0 if kind.startswith("line") else 4
-        if not 1 <= face <= corners:
+        faces = _FACES.get(kind.rstrip("0123456789"), ())
+        if not 1 <= face <= len(faces):
             raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
-        return [int(nodes[row, face - 1]), int(nodes[row, face % corners])]
+        return [int(nodes[row, corner]) for corner in faces[face - 1]]
 
 
 def read(file: Path) -> RawMesh:
     """The mesh of an Abaqus input file.
 
-    Element sets name regions (and boundaries, if they hold line elements), node sets and surfaces name boundaries.
+    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
+    surfaces name boundaries.
 
     Raises:
-        MeshError: it is no such file, or one of several parts; elements that are not plane.
+        MeshError: it is no such file, or one of several parts; elements that are neither plane nor solid.
     """
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
@@ -253,25 +274,27 @@ def _named(file: Path, place: str) -> Iterator[None]:
 
 
 def write(mesh: MeshArrays, file: Path) -> None:
-    """Write plane strain elements, the regions as element sets, the boundaries as node sets and as surfaces.
+    """Write solid or plane strain elements, regions as element sets, boundaries as node sets and as surfaces.
 
     Raises:
-        MeshError: quadrilaterals with nine nodes, which Abaqus does not have.
+        MeshError: quadrilaterals with nine nodes or hexahedra with 27, which Abaqus does not have.
     """
     if mesh.kind == "quad9":
         raise MeshError(f"{file}: Abaqus has no plane quadrilateral with nine nodes")
+    if mesh.kind == "hexahedron27":
+        raise MeshError(f"{file}: Abaqus has no plain hexahedron with 27 nodes: use .vtu or .msh")
     lines = ["*HEADING", "*NODE"]
-    lines += [f"{n}, {x!r}, {y!r}" for n, (x, y) in enumerate(plain(mesh.points), start=1)]
-    lines.append(f"*ELEMENT, TYPE=CPE{mesh.cells.shape[1]}")
+    lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate(plain(mesh.points), start=1)]
+    lines.append(f"*ELEMENT, TYPE={'CPE' if mesh.dim == 2 else 'C3D'}{mesh.cells.shape[1]}")
     lines += [f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(plain(mesh.cells + 1), start=1)]
     for name, cells in mesh.regions.items():
         lines += [f"*ELSET, ELSET={_quoted(name)}", *_wrapped(cells + 1)]
-    corners = mesh.corners
-    sides = np.sort(np.stack((corners, np.roll(corners, -1, axis=1)), axis=-1), axis=-1).reshape(-1, 2)
-    where = {tuple(side): n for n, side in enumerate(plain(sides))}
+    faces = _FACES[straight(mesh.cell).kind]
+    sides = mesh.cells[:, np.array(faces)].reshape(-1, len(faces[0]))
+    where = rows_of(mesh.facet_corners, sides)
     for name, rows in mesh.boundaries.items():
         lines += [f"*NSET, NSET={_quoted(name)}", *_wrapped(np.unique(mesh.facets[rows]) + 1)]
-        found = [divmod(where[tuple(side)], corners.shape[1]) for side in plain(np.sort(mesh.facets[rows, :2]))]
+        found = [divmod(side, len(faces)) for side in plain(where[rows])]
         lines += [
             f"*SURFACE, TYPE=ELEMENT, NAME={_quoted(name)}",
             *(f"{cell + 1}, S{face + 1}" for cell, face in found),

@@ -1,29 +1,25 @@
-"""A mesh in the plane as plain arrays, whole on one rank: what mesh files are read into.  No dolfinx here."""
+"""A mesh in the plane or in space as plain arrays, whole on one rank: what files are read into.  No dolfinx here."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.magnitudes import LARGEST
 
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 # What names a boundary or region: a number in the cell data of the file, or a rule, a function of the position.
 Selection = int | Callable[[Floats], Floats]
 
-# The cells that dolfinx has in the plane: number of corners, and what people call them.
-CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
-_WORDS = {"triangle": "triangles", "triangle6": "triangles", "quad": "quadrilaterals", "quad9": "quadrilaterals"}
-LINES = ("line", "line3")
-_SURFACES = (*CORNERS, "quad8", "triangle7", "polygon")
-# A corner whose sine is below this has no angle.
-_FLAT = 1e-12
+# Elements of one and two dimensions; all others are taken for cells of a body in space.
+_LINES = ("line", "line3", "line4")
+_SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
 
 
 def plain(values: npt.NDArray[Any]) -> Any:
@@ -53,13 +49,13 @@ class RawMesh:
 
 @dataclass(frozen=True)
 class MeshArrays:
-    """A mesh of one kind of cell in the plane, with the names of its boundaries and regions.
+    """A mesh of one kind of cell in the plane or in space, with the names of its boundaries and regions.
 
     Attributes:
-        points: positions of the nodes, every one of some cell, shape (n, 2).
-        kind: ``triangle``, ``triangle6``, ``quad`` or ``quad9``.
-        cells: nodes of each cell: corners along its perimeter, then midside nodes, then the centre, shape (m, k).
-        facets: nodes of each exterior facet: its ends, then the one between if there is one, shape (f, 2 or 3).
+        points: positions of the nodes, every one of some cell, shape (n, d).
+        kind: a kind of cell of ``CELLS``, of d dimensions.
+        cells: nodes of each cell in the order of its kind, shape (m, k).
+        facets: nodes of each exterior facet in the order of its kind, shape (f, l).
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
     """
@@ -72,22 +68,37 @@ class MeshArrays:
     regions: Mapping[str, Ints]
 
     @property
+    def cell(self) -> Cell:
+        """The kind of the cells."""
+        return CELLS[self.kind]
+
+    @property
+    def facet(self) -> Cell:
+        """The kind of the facets."""
+        return CELLS[self.cell.facet]
+
+    @property
+    def dim(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.cell.dim
+
+    @property
     def corners(self) -> Ints:
-        """Corners of each cell along its perimeter, shape (m, 3 or 4)."""
-        return self.cells[:, : CORNERS[self.kind]]
+        """Corners of each cell, shape (m, c)."""
+        return self.cells[:, : len(self.cell.corners)]
+
+    @property
+    def facet_corners(self) -> Ints:
+        """Corners of each exterior facet along its perimeter, shape (f, c)."""
+        return self.facets[:, : len(self.facet.corners)]
 
     @property
     def degree(self) -> int:
         """Polynomial degree of the geometry."""
-        return 2 if self.kind in ("triangle6", "quad9") else 1
-
-    @property
-    def cell_word(self) -> str:
-        """What the cells are called."""
-        return _WORDS[self.kind]
+        return self.cell.degree
 
 
-def in_the_plane(
+def from_raw(
     raw: RawMesh,
     name: str,
     boundaries: Mapping[str, Selection] | None = None,
@@ -96,54 +107,88 @@ def in_the_plane(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
+    The mesh is one in space if it has cells of three dimensions, else it must be in a plane x[2] = constant.
+
     Args:
         raw: the mesh as its file has it.
         name: what to call it in messages.
         boundaries: names that the scene gives; they stand above those of the file.  A rule takes the exterior facets
-            whose ends both satisfy it (true or positive).
+            whose corners all satisfy it (true or positive).
         regions: the same for cells and all their corners.
         data: the cell data that numbers refer to; None: the only one that has any.
 
     Raises:
-        MeshError: there are no cells, or of several kinds; they are not in a plane, folded or flat; or a node is not
-            there.
+        MeshError: there are no cells, or of several kinds; they are a surface in space, folded or flat; or a node is
+            not there.
         SceneError: a selection takes nothing.
     """
     kind, body = _body(raw, name)
-    points, cells, renumber = _plane_points(raw, body, name)
-    corners = cells[:, : CORNERS[kind]]
-    _check_shape(points, corners, name)
+    if (whole := completed(kind)) is not None:
+        raw, kind = _completed(raw, body, *whole)
+    cell = CELLS[kind]
+    points, cells, renumber = _points_of(raw, body, cell.dim, name)
+    corners = cells[:, : len(cell.corners)]
+    check_shape(points, cells, cell, name)
     _check_twice(corners, name)
-    facets = _exterior(cells, CORNERS[kind], name)
-    find = _Finder(facets[:, :2], len(points))
-    lines = [n for n, (k, _) in enumerate(raw.blocks) if k in LINES]
-    sides = _Entities(
-        "boundaries", "exterior facet", {n: find(renumber[raw.blocks[n][1][:, :2]]) for n in lines}, facets[:, :2]
-    )
+    facets = _exterior(cells, cell, name)
+    width = len(CELLS[cell.facet].corners)
+    named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
+    given = [renumber[raw.blocks[n][1][:, :width]] for n in named]
+    ends = np.cumsum([len(rows) for rows in given])[:-1]
+    every = np.concatenate([np.empty((0, width), dtype=np.int64), *given])
+    rows = np.split(rows_of(every, facets[:, :width]), ends) if named else []
+    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), facets[:, :width])
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
-    whole = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
-    parts = _Entities("regions", "cell", whole, corners)
+    own = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
+    parts = _Entities("regions", "cell", own, corners)
     # Where a name is that of facets and of nodes, as in Abaqus, the facets are what is meant.
-    named = _from_nodes(raw, renumber, len(points), facets[:, :2]) | _names(raw, sides, data, name)
-    named_parts = _names(raw, parts, data, name)
+    names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
+    names_of_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []
-    for entities, chosen, result in ((sides, boundaries, named), (parts, regions, named_parts)):
+    for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         for label, selection in (chosen or {}).items():
             if isinstance(selection, int):
                 found, message = _numbered(raw, entities, selection, data, name)
             else:
                 found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
-                (left, lower), (right, upper) = points.min(axis=0), points.max(axis=0)
-                message = (
-                    f"{name}: takes no {entities.word}; the body is x[0] {left:.6g} to {right:.6g}, "
-                    f"x[1] {lower:.6g} to {upper:.6g}"
+                extents = ", ".join(
+                    f"x[{k}] {low:.6g} to {high:.6g}"
+                    for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
                 )
+                message = f"{name}: takes no {entities.word}; the body is {extents}"
             result[label] = found
             if not found.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, named, named_parts)
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts)
+
+
+def _corners_of(kind: str) -> int:
+    """How many corners an element of one or two dimensions has; 0: another one, or unknown."""
+    if kind in _LINES:
+        return 2
+    return (3 if kind.startswith("triangle") else 4) if kind in _SURFACES else 0
+
+
+def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
+    """The raw mesh with the nodes that its cells lack, each as often as cells have it, joined where cells meet."""
+    incomplete = np.concatenate([raw.blocks[n][1] for n in body])
+    there = incomplete.shape[1]
+    new = cell.nodes[there:]
+    # A face is known by its corners, and a cell by itself.
+    faces = np.concatenate([incomplete[:, list(own)] for own in new[:-1]])
+    first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
+    inside = len(first) + np.arange(len(incomplete))
+    count = len(raw.points)
+    added = np.column_stack((number.reshape(len(new) - 1, -1).T, inside)) + count
+    x = np.einsum("nt,ctd->cnd", weights[there:], np.asarray(raw.points, dtype=np.float64)[incomplete])
+    points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
+    blocks, start = list(raw.blocks), 0
+    for n in body:
+        rows = slice(start, start := start + len(raw.blocks[n][1]))
+        blocks[n] = (cell.kind, np.column_stack((incomplete[rows], added[rows])))
+    return replace(raw, points=points, blocks=blocks), cell.kind
 
 
 @dataclass(frozen=True)
@@ -191,14 +236,14 @@ def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> di
     return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
 
 
-def _from_nodes(raw: RawMesh, renumber: Ints, count: int, ends: Ints) -> dict[str, Ints]:
-    """Boundaries that are sets of nodes: the exterior facets with both ends in it."""
+def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
+    """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
     named: dict[str, Ints] = {}
     for label, nodes in raw.node_sets.items():
         marked = np.zeros(count + 1, dtype=bool)  # the last one stands for points that no cell uses
         marked[renumber[nodes]] = True
         marked[-1] = False
-        found = np.flatnonzero(marked[ends].all(axis=1))
+        found = np.flatnonzero(marked[corners].all(axis=1))
         if found.size:
             named[label] = found
     return named
@@ -223,24 +268,26 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     """
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
-        if len(nodes) and kind not in (*LINES, "vertex", "line4"):
+        if len(nodes) and kind not in (*_LINES, "vertex"):
             sizes[kind] = sizes.get(kind, 0) + len(nodes)
-    solid = [kind for kind in sizes if kind not in _SURFACES and not kind.startswith("polygon")]
-    if solid:
-        words = ", ".join(solid)
-        raise MeshError(f"{name}: has cells of three dimensions, or unknown ones ({words}): a plane mesh is wanted")
+    solid = {kind: n for kind, n in sizes.items() if kind not in _SURFACES and not kind.startswith("polygon")}
+    sizes = solid or sizes  # the surfaces of a body in space are facets
     if not sizes:
-        raise MeshError(f"{name}: the mesh has no cells: in gmsh, put the surface into a physical group of dimension 2")
+        raise MeshError(
+            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in space"
+        )
     if len(sizes) > 1:
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
-        raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one")
+        hint = "; a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
+        raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
     (kind,) = sizes
-    if kind not in CORNERS:
-        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {', '.join(CORNERS)}")
+    if kind not in CELLS and completed(kind) is None:
+        known = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
+        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known}")
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
-def _plane_points(raw: RawMesh, body: list[int], name: str) -> tuple[Floats, Ints, Ints]:
+def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floats, Ints, Ints]:
     """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
     cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
     count = len(raw.points)
@@ -252,31 +299,28 @@ def _plane_points(raw: RawMesh, body: list[int], name: str) -> tuple[Floats, Int
     points = np.asarray(raw.points, dtype=np.float64)[used]
     if not (np.abs(points) <= LARGEST).all():
         raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST:g}")
+    if points.shape[1] < dim:
+        raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
+    if dim == 2 and points.shape[1] > 2:
+        _check_plane(points, name)
+    return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
+
+
+def _check_plane(points: Floats, name: str) -> None:
+    """Refuse cells of two dimensions that are not in a plane x[2] = constant."""
     spread = np.ptp(points, axis=0)
-    if points.shape[1] > 2 and spread[2] > 1e-9 * max(spread[:2]):
-        raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant: x[2] varies by {spread[2]:g}")
-    return np.ascontiguousarray(points[:, :2]), renumber[cells], renumber
-
-
-def _corner_sides(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
-    """Cross product and product of the lengths of the sides at each corner of each cell, shape (m, 3 or 4) each."""
-    x = points[corners]
-    forth, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
-    cross = forth[..., 0] * back[..., 1] - forth[..., 1] * back[..., 0]
-    return cross, np.hypot(*np.moveaxis(forth, -1, 0)) * np.hypot(*np.moveaxis(back, -1, 0))
-
-
-def _check_shape(points: Floats, corners: Ints, name: str) -> None:
-    cross, product = _corner_sides(points, corners)
-    flat = (np.abs(cross) <= _FLAT * product).any(axis=1)
-    folded = (cross.min(axis=1) < 0) & (cross.max(axis=1) > 0)
-    for bad, what in (
-        (flat, "have a corner without an angle (nodes that coincide or are in line)"),
-        (folded, "are folded"),
-    ):
-        if bad.any():
-            x, y = points[corners[np.argmax(bad)]].mean(axis=0)
-            raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {what}, the first at ({x:g}, {y:g})")
+    if spread[2] <= 1e-9 * max(spread[:2]):
+        return
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(extents) < 3 or extents[2] <= 1e-9 * extents[0]:
+        normal = ", ".join(f"{value + 0.0:.3g}" for value in np.round(axes[2], 12))
+        where = f"it is in one with the normal ({normal}): turn it"
+    else:
+        where = (
+            "it is a surface in space (a shell); a body in space has tetrahedra or hexahedra: in gmsh, put the volume "
+            "into a physical group of dimension 3"
+        )
+    raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant, x[2] varies by {spread[2]:g}; {where}")
 
 
 def _check_twice(corners: Ints, name: str) -> None:
@@ -286,18 +330,15 @@ def _check_twice(corners: Ints, name: str) -> None:
         raise MeshError(f"{name}: {twice} cells are there twice ({hint})")
 
 
-def _sides(cells: Ints, corners: int) -> Ints:
-    """Nodes of all sides of all cells: ends, then the midside node if there is one, shape (corners * m, 2 or 3)."""
-    ends = np.stack([cells[:, [k, (k + 1) % corners]] for k in range(corners)], axis=1)
-    if cells.shape[1] == corners:
-        return ends.reshape(-1, 2)
-    return np.concatenate((ends, cells[:, corners : 2 * corners, None]), axis=2).reshape(-1, 3)
+def sides_of(cells: Ints, cell: Cell) -> Ints:
+    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a facet)."""
+    return cells[:, np.array(cell.facet_nodes)].reshape(-1, len(cell.facet_nodes[0]))
 
 
-def _exterior(cells: Ints, corners: int, name: str) -> Ints:
-    """The sides that one cell has alone, in the order of the cells."""
-    sides = _sides(cells, corners)
-    keys = _keys(sides[:, :2], int(cells.max()) + 1)
+def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
+    """The facets that one cell has alone, in the order of the cells."""
+    sides = sides_of(cells, cell)
+    keys = row_keys(sides[:, : len(CELLS[cell.facet].corners)])
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     if counts.max() > 2:
         raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
@@ -306,27 +347,22 @@ def _exterior(cells: Ints, corners: int, name: str) -> Ints:
     return sides[np.sort(first[counts == 1])]
 
 
-def _keys(ends: Ints, points: int) -> Ints:
-    """One number for each pair of nodes, in either order."""
-    return ends.min(axis=1) * points + ends.max(axis=1)
+def row_keys(rows: Ints) -> Ints:
+    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
+    ordered = np.sort(rows, axis=1) + 1
+    largest = int(ordered.max(initial=0)) + 1
+    keys: Ints = ordered[:, 0]
+    for column in ordered.T[1:]:  # numbered anew each time: the product of two counts does not overflow
+        keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
+    return keys
 
 
-class _Finder:
-    """Rows of exterior facets by their ends, in either order."""
-
-    def __init__(self, ends: Ints, points: int) -> None:
-        self._points = points
-        keys = _keys(ends, points)
-        self._order = np.argsort(keys)
-        self._sorted = keys[self._order]
-
-    def __call__(self, ends: Ints) -> Ints:
-        """Row of each facet; -1 for one that is not there."""
-        if not len(ends):
-            return np.empty(0, dtype=np.int64)
-        keys = np.where((ends >= 0).all(axis=1), _keys(ends, self._points), -1)
-        place = np.minimum(np.searchsorted(self._sorted, keys), len(self._sorted) - 1)
-        return np.where(self._sorted[place] == keys, self._order[place], -1)
+def rows_of(wanted: Ints, there: Ints) -> Ints:
+    """Where each row of nodes is in a table that has each of its own once, in any order of nodes; -1: nowhere."""
+    keys = row_keys(np.concatenate((there, wanted)))
+    place = np.full(int(keys.max(initial=0)) + 1, -1)
+    place[keys[: len(there)]] = np.arange(len(there))
+    return place[keys[len(there) :]]
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
@@ -341,37 +377,11 @@ def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> 
 
 
 def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:
-    values = np.asarray(rule(np.column_stack((points, np.zeros(len(points)))).T))
+    x = np.zeros((3, len(points)))
+    x[: points.shape[1]] = points.T
+    values = np.asarray(rule(x))
     with np.errstate(invalid="ignore"):
         return np.broadcast_to(values > 0, (len(points),))
-
-
-# --- what a mesh is like ---------------------------------------------------------------------------------------------
-
-
-def areas(mesh: MeshArrays) -> Floats:
-    """Area of each cell with straight sides, shape (m,)."""
-    x = mesh.points[mesh.corners]
-    after = np.roll(x, -1, axis=1)
-    return 0.5 * np.abs((x[..., 0] * after[..., 1] - x[..., 1] * after[..., 0]).sum(axis=1))
-
-
-def quality(points: Floats, corners: Ints) -> Floats:
-    """Shape of each cell: 1 for equilateral triangles and squares, 0 for flat cells, shape (m,).
-
-    It is the mean ratio: of triangles 4 sqrt(3) area / sum of squared sides, of quadrilaterals the smallest over the
-    corners of 2 |a x b| / (|a|^2 + |b|^2) for the sides a, b that meet there.
-
-    Args:
-        points: positions, shape (n, 2).
-        corners: corners of each cell along its perimeter, shape (m, 3 or 4).
-    """
-    x = points[corners]
-    cross = np.abs(_corner_sides(points, corners)[0])
-    squares = ((np.roll(x, -1, axis=1) - x) ** 2).sum(axis=-1)
-    if corners.shape[1] == 3:
-        return 2 * np.sqrt(3.0) * cross[:, 0] / squares.sum(axis=1)
-    return (2 * cross / (squares + np.roll(squares, 1, axis=1))).min(axis=1)
 
 
 def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str, tuple[int, ...]]]:

@@ -6,6 +6,7 @@ meshio is asked format by format, for its own ``meshio.read`` ends the process w
 from __future__ import annotations
 
 import importlib
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,24 +16,23 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from signorini_fx.errors import MeshError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files import abaqus, gmsh_files
 from signorini_fx.mesh.files.arrays import (
-    LINES,
-    Ints,
     MeshArrays,
     RawMesh,
     Selection,
     combinations,
-    in_the_plane,
+    from_raw,
     plain,
+    rows_of,
 )
+from signorini_fx.mesh.files.cells import CELLS, Cell
+from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.mesh.halving import halved, straightened
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
-# Elements that we write, by gmsh's number.
-_GMSH_NUMBERS = {"line": 1, "triangle": 2, "quad": 3, "line3": 8, "triangle6": 9, "quad9": 10}
 # The beginnings of the names of cell data in which we keep sets where the format has none: 1 for what belongs.
 _PREFIXES = ("boundary:", "region:")
 # meshio keeps sets there as one number an element, and calls it by the names of the sets, joined.
@@ -46,22 +46,25 @@ def read_file(
     data: str | None = None,
     halvings: int = 0,
     degree: int | None = None,
+    size: float | None = None,
 ) -> MeshArrays:
-    """A plane mesh from a file, the format by its suffix.
+    """A mesh in the plane or in space from a file, the format by its suffix.
 
-    A .geo is meshed again, on the true shape; other meshes are divided as they are, on their own curved sides.
+    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; other meshes are divided as they are, on
+    their own curved sides.
 
     Args:
-        file: .msh or .geo (gmsh), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
-        boundaries: names for boundaries, by a number in the cell data or by a rule (see ``in_the_plane``).
+        file: .msh or .geo (gmsh), .step, .stp or .brep (CAD), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
+        boundaries: names for boundaries, by a number in the cell data or by a rule (see ``from_raw``).
         regions: the same for parts of the body.
         data: the cell data that numbers refer to.
-        halvings: how often all cells are divided into four.
-        degree: of the geometry: 1: straight sides; 2 (.geo only): nodes between the corners as well; None: as the file
-            has it.
+        halvings: how often the sides of all cells are halved.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well; None: as the
+            file has it, 1 for a drawing of a CAD program.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
 
     Raises:
-        MeshError: there is no such file, it cannot be read, or it is no plane mesh of one kind of cell.
+        MeshError: there is no such file, it cannot be read, or it is no mesh of one kind of cell.
         SceneError: a selection takes nothing.
     """
     reader = _READERS.get(file.suffix.lower())
@@ -69,10 +72,15 @@ def read_file(
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
-    if file.suffix.lower() == ".geo":
-        raw = gmsh_files.read_gmsh(file, halvings, degree)
-        return in_the_plane(raw, str(file), boundaries, regions, data)
-    mesh = in_the_plane(reader(file), str(file), boundaries, regions, data)
+    if size is not None and not 0 < size < math.inf:
+        raise SceneError([("mesh.size", f"a positive length is wanted, got {size:g}")])
+    if size is not None and file.suffix.lower() not in gmsh_files.CAD:
+        known = ", ".join(gmsh_files.CAD)
+        raise SceneError([("mesh.size", f"the cells of a {file.suffix} have their size: it is for {known}")])
+    if file.suffix.lower() in gmsh_files.DRAWN:
+        raw = gmsh_files.read_gmsh(file, halvings, degree, size)
+        return from_raw(raw, str(file), boundaries, regions, data)
+    mesh = from_raw(reader(file), str(file), boundaries, regions, data)
     if degree == 1:
         mesh = straightened(mesh)
     for _ in range(halvings):
@@ -131,27 +139,35 @@ def draw(
     Returns:
         Boundaries and regions: name -> tags of its entities.
     """
-    lines, boundaries = combinations(mesh.boundaries, len(mesh.facets))
-    surfaces, regions = combinations(mesh.regions, len(mesh.cells))
-    surfaces = surfaces + 1  # cells without a name belong to the body too
+    sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
+    parts, regions = combinations(mesh.regions, len(mesh.cells))
+    parts = parts + 1  # cells without a name belong to the body too
     regions = {name: tuple(tag + 1 for tag in tags) for name, tags in regions.items()}
-    x = np.column_stack((mesh.points, np.zeros(len(mesh.points))))
-    where = int(surfaces.min())
-    line_kind = "line" if mesh.facets.shape[1] == 2 else "line3"
-    for dim, kind, nodes, tags in ((2, mesh.kind, mesh.cells, surfaces), (1, line_kind, mesh.facets, lines)):
+    x = _in_space(mesh.points)
+    where = int(parts.min())
+    for cell, nodes, tags in ((mesh.cell, mesh.cells, parts), (mesh.facet, mesh.facets, sides)):
         for tag in plain(np.unique(tags[tags > 0])):
-            gmsh.model.addDiscreteEntity(dim, tag)
-            if (dim, tag) == (2, where):
-                gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(x) + 1), x.ravel())
-            gmsh.model.mesh.addElementsByType(tag, _GMSH_NUMBERS[kind], [], (nodes[tags == tag] + 1).ravel())
+            gmsh.model.addDiscreteEntity(cell.dim, tag)
+            if (cell.dim, tag) == (mesh.dim, where):
+                gmsh.model.mesh.addNodes(mesh.dim, tag, np.arange(1, len(x) + 1), x.ravel())
+            of_gmsh = nodes[tags == tag][:, cell.gmsh_order] + 1
+            gmsh.model.mesh.addElementsByType(tag, cell.gmsh, [], of_gmsh.ravel())
             if not by_name:
-                gmsh.model.addPhysicalGroup(dim, [tag], tag)
+                gmsh.model.addPhysicalGroup(cell.dim, [tag], tag)
     if by_name:
-        for dim, named in ((1, boundaries), (2, regions or {"body": tuple(plain(np.unique(surfaces)))})):
+        named_parts = regions or {"body": tuple(plain(np.unique(parts)))}
+        for dim, named in ((mesh.dim - 1, boundaries), (mesh.dim, named_parts)):
             for name, entities in named.items():
                 if entities:
                     gmsh.model.addPhysicalGroup(dim, list(entities), name=name)
     return boundaries, regions
+
+
+def _in_space(points: Floats) -> Floats:
+    """Points with three coordinates."""
+    x = np.zeros((len(points), 3))
+    x[:, : points.shape[1]] = points
+    return x
 
 
 def _write_gmsh(mesh: MeshArrays, file: Path) -> None:
@@ -290,26 +306,35 @@ def _read_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
         return np.asarray(values(grid.find("./Topology/DataItem")), dtype=np.int64)
 
     mesh, *others = grids
-    cells = topology(mesh)
-    kind = {3: "triangle", 4: "quad", 6: "triangle6", 9: "quad9"}.get(cells.shape[1])
-    if kind is None:
+    cells, cell = topology(mesh), _xdmf_cell(mesh)
+    if cell is None or cells.shape[1] != len(cell.nodes):
         raise ValueError(f"cells of {cells.shape[1]} nodes")
-    raw = RawMesh(np.asarray(values(mesh.find("./Geometry/DataItem"))), [(kind, cells)])
-    row = {tuple(nodes): n for n, nodes in enumerate(plain(np.sort(cells, axis=1)))}
+    raw = RawMesh(np.asarray(values(mesh.find("./Geometry/DataItem"))), [(cell.kind, cells)])
     for grid in others:
         elements = topology(grid)
         numbers: Ints = np.asarray(values(grid.find("./Attribute/DataItem")), dtype=np.int64).ravel()
         name = grid.get("Name", "tags")
         absent: list[Ints] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
-        if elements.shape[1] == cells.shape[1]:
-            absent[0][[row[tuple(nodes)] for nodes in plain(np.sort(elements, axis=1))]] = numbers
+        if _xdmf_cell(grid) == cell:
+            rows = rows_of(elements, cells)
+            if (rows < 0).any():
+                raise ValueError(f"{name!r} has cells that the mesh does not have")
+            absent[0][rows] = numbers
             raw.data[name] = absent
         else:
-            raw.blocks.append((LINES[elements.shape[1] - 2], elements))
+            raw.blocks.append((cell.facet, elements))
             raw.data[name] = [*absent, numbers]
     for arrays in raw.data.values():
         arrays += [np.full(len(nodes), -1) for _, nodes in raw.blocks[len(arrays) :]]
     return raw
+
+
+def _xdmf_cell(grid: ElementTree.Element) -> Cell | None:
+    """The kind of cell of a grid, which XDMF calls Triangle, Quadrilateral, Tetrahedron_10 ...; None: another one."""
+    topology = grid.find("./Topology")
+    word, _, count = (topology.get("TopologyType", "") if topology is not None else "").lower().partition("_")
+    kind = {"quadrilateral": "quad", "tetrahedron": "tetra"}.get(word, word)
+    return CELLS.get(f"{kind}{count}")
 
 
 def _union(old: list[Ints] | None, new: list[Ints]) -> list[Ints]:
@@ -350,15 +375,14 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
 
         if kind == "xdmf" and mesh.degree > 1:  # meshio could not read it again
             raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
-        lines, boundaries = combinations(mesh.boundaries, len(mesh.facets))
+        sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
         families, regions = combinations(mesh.regions, len(mesh.cells))
-        kept = np.flatnonzero(lines)
-        line_kind = "line" if mesh.facets.shape[1] == 2 else "line3"
-        blocks = [(mesh.kind, mesh.cells)] + ([(line_kind, mesh.facets[kept])] if kept.size else [])
+        kept = np.flatnonzero(sides)
+        blocks = [(mesh.kind, mesh.cells)] + ([(mesh.facet.kind, mesh.facets[kept])] if kept.size else [])
         out = meshio.Mesh(mesh.points, blocks)
         if kind == "med":  # families count down from -1
             top = int(families.max(initial=0))
-            numbers = [-families, -(lines[kept] + top)]
+            numbers = [-families, -(sides[kept] + top)]
             out.cell_data = {"cell_tags": numbers[: len(blocks)]}
             groups: dict[int, list[str]] = {}
             for shift, named in ((0, regions), (top, boundaries)):
@@ -371,10 +395,10 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
             for name, rows in mesh.regions.items():
                 every[f"region:{name}"] = [_marked(len(mesh.cells), rows), np.zeros(len(kept), dtype=np.int64)]
             for name, rows in mesh.boundaries.items():
-                every[f"boundary:{name}"] = [np.zeros(len(mesh.cells), dtype=np.int64), _marked(len(lines), rows)[kept]]
+                every[f"boundary:{name}"] = [np.zeros(len(mesh.cells), dtype=np.int64), _marked(len(sides), rows)[kept]]
             out.cell_data = {name: values[: len(blocks)] for name, values in every.items()}
             if kind == "vtu":
-                out.points = np.column_stack((mesh.points, np.zeros(len(mesh.points))))
+                out.points = _in_space(mesh.points)
         try:
             module.write(str(file), out)
         except (KeyError, meshio.WriteError) as error:
@@ -390,7 +414,7 @@ def _marked(count: int, rows: Ints) -> Ints:
 
 
 _READERS: dict[str, Callable[[Path], RawMesh]] = {
-    ".geo": gmsh_files.read_gmsh,
+    **dict.fromkeys(gmsh_files.DRAWN, gmsh_files.read_gmsh),
     ".inp": abaqus.read,
     ".med": _by_meshio("med"),
     ".msh": gmsh_files.read_gmsh,
