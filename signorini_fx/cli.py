@@ -101,7 +101,9 @@ def _parser() -> argparse.ArgumentParser:
     info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
     info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
     for one in (convert, info):
-        one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
+        one.add_argument(
+            "--size", type=float, metavar="H", help="length of the cells that are made of a .step, .stp or .brep"
+        )
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")

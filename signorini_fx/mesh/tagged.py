@@ -199,14 +199,16 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     return result
 
 
-def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters with which the generator ``name`` makes triangles that can be divided; None where it cannot.
+def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
+
+    None where it cannot.
 
     Raises:
         SceneError: unknown generator.
     """
-    triangles = getattr(_generator(name, parameters), "triangles", None)
-    return None if triangles is None else triangles(dict(parameters))
+    simplices = getattr(_generator(name, parameters), "simplices", None)
+    return None if simplices is None else simplices(dict(parameters))
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
