@@ -6,7 +6,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_ends
+from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
@@ -21,7 +21,7 @@ def lengths(tagged):
     mesh = tagged.mesh
     result = {}
     for name in SIDES:
-        x = facet_ends(mesh, tagged.facets(name))
+        x = facet_vertices(mesh, tagged.facets(name))
         result[name] = float(parallel.global_sum(mesh.comm, np.linalg.norm(x[:, 0] - x[:, 1], axis=1).sum()))
     return result
 
