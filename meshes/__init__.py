@@ -1,9 +1,10 @@
 """Mesh generators.
 
 Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
-With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``triangles(parameters)``, for bodies
-with straight sides, its cells can be divided where the error is, as an accuracy asks for.  The functions here are what
-several generators share; they get the initialised module gmsh, so that nothing heavy is imported.
+With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``simplices(parameters)``, for bodies
+with straight sides, it makes triangles or tetrahedra that can be divided where the error is, as an accuracy asks for.
+The functions here are what several generators share; they get the initialised module gmsh, so that nothing heavy is
+imported.  Bodies in space have the axis x[2] upwards, the foundation below.
 """
 
 from __future__ import annotations

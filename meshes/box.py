@@ -80,6 +80,6 @@ def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     return coarser_grid(generate, parameters, factor, ("nx", "ny", "nz"))
 
 
-def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
     """The parameters for tetrahedra; see ``generate``."""
     return parameters | {"cell": "tetrahedron"}

@@ -87,6 +87,6 @@ def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     return coarser_grid(generate, parameters, factor)
 
 
-def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
     """The parameters for triangles; see ``generate``."""
     return parameters | {"cell": "triangle"}

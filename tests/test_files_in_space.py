@@ -11,8 +11,10 @@ import ufl
 from dolfinx import default_scalar_type, fem, mesh
 from dolfinx.io import XDMFFile
 from mpi4py import MPI
+from scenes import alone, table_of
 
 from signorini_fx import cli
+from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.formats import read_file, write_file
@@ -20,7 +22,8 @@ from signorini_fx.mesh.files.shape import measures, quality
 from signorini_fx.mesh.files.step import names_of_faces
 from signorini_fx.mesh.halving import halved, straightened
 from signorini_fx.mesh.info import mesh_info
-from signorini_fx.mesh.tagged import read_mesh
+from signorini_fx.mesh.tagged import load_mesh, read_mesh
+from signorini_fx.scene.reading import parse_scene
 
 KINDS = ["tetra", "tetra10", "hexahedron", "hexahedron27"]
 SUFFIXES = ["inp", "med", "msh", "vtu", "xdmf"]
@@ -572,3 +575,41 @@ def test_mistakes_on_ranks(tmp_path):
     comm.barrier()
     with pytest.raises(MeshError, match="cells of kind wedge"):
         read_mesh(folder / "odd.vtu", comm)
+
+
+def test_a_scene_on_a_drawing(drawings):
+    """Names of the file and rules with x[2]: pressed without friction, the plate has a pressure of E times 0.001."""
+    scene = parse_scene(
+        {
+            "mesh": {"file": drawings / "named.step", "size": 6.0, "boundaries": {"sole": "x[2] < 1e-9"}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "cover", "z": -0.01},
+                {"boundary": "left", "normal": 0.0},
+                {"boundary": "front", "normal": 0.0},
+            ],
+            "contact": {"boundary": "sole"},
+        }
+    )
+    solution = alone(scene)
+    assert solution.converged
+    columns = table_of(solution).columns
+    area = areas(read_file(drawings / "named.step", size=6.0))["foot"]
+    # Not exactly: the facets of the hole are not quite upright.
+    assert np.median(columns["pressure"]) == pytest.approx(1.0, rel=1e-3)
+    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(area, rel=2e-3)
+
+
+def test_curved_cells_of_a_drawing(drawings):
+    """They come with elements of degree 2, which can follow them."""
+    for degree in (1, 2):
+        scene = parse_scene(
+            {
+                "mesh": {"file": drawings / "named.step", "size": 6.0},
+                "element": {"degree": degree},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": {"boundary": "cover", "z": -0.01},
+                "contact": {"boundary": "foot"},
+            }
+        )
+        assert geometry_degree(load_mesh(scene, MPI.COMM_SELF).mesh) == degree

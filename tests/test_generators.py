@@ -17,7 +17,7 @@ from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, triangle_parameters
+from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
 from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -207,7 +207,7 @@ def test_coarser(name):
 @each
 def test_triangles_to_divide(name):
     """Bodies with straight sides give triangles for adaptive refinement; those with arcs would lose them."""
-    parameters = triangle_parameters(name, SMALL[name][0])
+    parameters = simplex_parameters(name, SMALL[name][0])
     assert (parameters is None) == (name in CURVED)
     if parameters is not None:
         coarse = generate_mesh(name, parameters, MPI.COMM_SELF)

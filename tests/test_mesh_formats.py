@@ -421,6 +421,11 @@ def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
     [
         ({"boundaries": {"foot": "x[1] < -1"}}, "mesh.boundaries.foot", "takes no exterior facet"),
         (
+            {"boundaries": {"foot": "x[2] < 1"}},
+            "mesh.boundaries.foot",
+            "the mesh is one of the plane: there is no x[2]",
+        ),
+        (
             {"boundaries": {"foot": 7}},
             "mesh.boundaries.foot",
             "takes no exterior facet; the numbers there are: 1, 2,",
@@ -452,7 +457,7 @@ def test_which_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given", [{"foot": 1.5}, {"foot": True}, {"foot": "import os"}, {"foot": "x[2] < 1"}, ["foot"]]
+    "given", [{"foot": 1.5}, {"foot": True}, {"foot": "import os"}, {"foot": "x[3] < 1"}, ["foot"]]
 )
 def test_selections_in_the_scene(given):
     """A whole number or an expression; everything else is refused before the file is looked at."""

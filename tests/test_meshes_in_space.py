@@ -16,7 +16,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.shape import check_shape, quality
 from signorini_fx.mesh.refinement import cells_at, refine
-from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, triangle_parameters
+from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, simplex_parameters
 
 TAN, COS = tan(radians(15)), cos(radians(15))
 FLANK = 2 * 2 / COS
@@ -251,7 +251,7 @@ def test_coarser(name):
 @pytest.mark.parametrize("name", ["box", "wedge_block"])
 def test_refined(name, everything):
     """Tetrahedra are bisected on any number of ranks: areas, volume and region stay."""
-    parameters = triangle_parameters(name, SMALL[name][0])
+    parameters = simplex_parameters(name, SMALL[name][0])
     tagged = generate_mesh(name, parameters, MPI.COMM_WORLD)
     fine = refine(tagged, None if everything else np.arange(2, dtype=np.int32))
     assert integral(fine) == pytest.approx(integral(tagged), rel=1e-12)

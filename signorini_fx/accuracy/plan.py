@@ -10,7 +10,7 @@ from signorini_fx import compat
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.refinement import check_divisible
-from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, triangle_parameters
+from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, simplex_parameters
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
 
@@ -66,7 +66,7 @@ def _of_degree_2(scene: Scene) -> Scene:
 def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
     name, given = scene.mesh.generator, scene.mesh.parameters
-    triangles = triangle_parameters(name, given)
+    triangles = simplex_parameters(name, given)
     if goal.refinement == "adaptive" and triangles is None:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])

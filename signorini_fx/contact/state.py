@@ -14,7 +14,7 @@ from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner,
 from signorini_fx.contact.laws import length as length_of
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactState:
     """The contact nodes of this rank after a solve, arrays of shape (n,).
 
@@ -49,6 +49,9 @@ class ContactState:
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
     xi: Nodal
+
+    def __repr__(self) -> str:
+        return f"<ContactState: {self.boundary.size} nodes of this rank, {self.in_contact.sum()} in contact>"
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

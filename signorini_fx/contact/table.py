@@ -12,9 +12,13 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import chains
 from signorini_fx.contact.laws import length
 from signorini_fx.contact.state import ContactState
+from signorini_fx.display import html_table
+
+# Rows of a table that a notebook shows.
+_SHOWN_ROWS = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
@@ -31,6 +35,14 @@ class ContactTable:
     columns: dict[str, npt.NDArray[Any]]
     chains: list[range]
     nodes: npt.NDArray[np.int64] | None = None
+
+    def __repr__(self) -> str:
+        return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the first rows."""
+        rows = list(zip(*(column[:_SHOWN_ROWS].tolist() for column in self.columns.values()), strict=True))
+        return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
 
     def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
         """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""

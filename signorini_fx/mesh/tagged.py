@@ -26,8 +26,10 @@ from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import Selection
 from signorini_fx.mesh.files.gmsh_files import CAD
 from signorini_fx.scene.dimension import dimension_problems
+from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.messages import plain_message
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
+from signorini_fx.scene.values import kind_of
 
 # Dimension of the body, boundaries and regions.
 _Names = tuple[int, formats.Tags, formats.Tags]
@@ -35,7 +37,7 @@ _Names = tuple[int, formats.Tags, formats.Tags]
 STRAIGHT = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TaggedMesh(TaggedMeshBase):
     """A mesh and the names of its boundaries.
 
@@ -52,6 +54,11 @@ class TaggedMesh(TaggedMeshBase):
     boundaries: Mapping[str, int | tuple[int, ...]]
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        cells = self.mesh.topology.index_map(self.dimension).size_global
+        names = ", ".join(self.boundaries) or "none"
+        return f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
 
     @property
     def dimension(self) -> int:
@@ -199,14 +206,16 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     return result
 
 
-def triangle_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters with which the generator ``name`` makes triangles that can be divided; None where it cannot.
+def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
+
+    None where it cannot.
 
     Raises:
         SceneError: unknown generator.
     """
-    triangles = getattr(_generator(name, parameters), "triangles", None)
-    return None if triangles is None else triangles(dict(parameters))
+    simplices = getattr(_generator(name, parameters), "simplices", None)
+    return None if simplices is None else simplices(dict(parameters))
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -362,15 +371,35 @@ def _cell_kinds(gmsh: Any, dim: int, group: int) -> set[int]:
     return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(dim, entity)}
 
 
-def tag_boundaries(mesh: dmesh.Mesh, markers: Mapping[str, Callable[[npt.NDArray[np.float64]], Any]]) -> TaggedMesh:
+def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
+    """An expression that is true or positive, as a marker."""
+    expression = Expression(text)
+    return lambda x: expression(x) > 0
+
+
+def tag_boundaries(
+    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[npt.NDArray[np.float64]], Any]]
+) -> TaggedMesh:
     """Name the exterior facets whose vertices all satisfy a marker.
 
     Args:
         mesh: the mesh.
-        markers: name -> function of points of shape (3, n) that gives truth values of shape (n,).
+        markers: name -> rule: a function of points of shape (3, n) that gives truth values of shape (n,), or an
+            expression of the position such as "x[0] < 1e-9".
+
+    Raises:
+        TypeError: an argument is of another kind.
     """
+    if not isinstance(mesh, dmesh.Mesh):
+        raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")
+    rules = {name: _rule(rule) if isinstance(rule, str) else rule for name, rule in markers.items()}
+    for name, rule in rules.items():
+        if not callable(rule):
+            raise TypeError(
+                f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
+            )
     dim = mesh.topology.dim - 1
-    found = [dmesh.locate_entities_boundary(mesh, dim, marker) for marker in markers.values()]
+    found = [dmesh.locate_entities_boundary(mesh, dim, rule) for rule in rules.values()]
     facets = np.concatenate(found).astype(np.int32)
     tags = np.concatenate([np.full(len(f), tag) for tag, f in enumerate(found, start=1)]).astype(np.int32)
     order = np.argsort(facets, kind="stable")

@@ -58,7 +58,7 @@ _FAINT = 1e-3
 _ALONG = 1e-8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
@@ -100,6 +100,10 @@ class Certificate:
     law: Law = UNREGULARISED
     strain_energy: float = 0.0
     potential_energy: float = 0.0
+
+    def __repr__(self) -> str:
+        verdict = "holds" if self.holds else "does not hold"
+        return f"<Certificate: {verdict}, largest figure {self.worst:.1e}, {self.law}>"
 
     @property
     def worst(self) -> float:

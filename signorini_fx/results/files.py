@@ -27,6 +27,7 @@ from signorini_fx.records import as_rows
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
+from signorini_fx.scene.values import kind_of
 
 T = TypeVar("T")
 # What the files of fields take on each rank besides their data.
@@ -61,8 +62,11 @@ def write_results(
         The summary.
 
     Raises:
+        TypeError: the first argument is no solution.
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
         summary = _write(solution, claimed, fields=fields, pictures=pictures)
         claimed.commit(_FILES)
@@ -74,7 +78,8 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     comm, part = solution.comm, folder.part
     table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
-    summary["scene"] = describe(solution.scene)
+    axes = ("z",) if solution.discretisation.tagged.dimension == 2 else ()
+    summary["scene"] = describe(solution.scene, axes)
     steps = summary.get("steps", [])
     if fields:
         folder.reserve(_size_of_fields(solution))
@@ -156,14 +161,20 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     return found
 
 
-def describe(value: Any) -> Any:
-    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type."""
+def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
+    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type.
+
+    Args:
+        value: the data.
+        without: keys of tables to leave out: components that a scene in the plane does not have.
+    """
     if isinstance(value, BaseModel):
-        return {name: describe(getattr(value, name)) for name in type(value).model_fields}
+        names = (name for name in type(value).model_fields if name not in without)
+        return {name: describe(getattr(value, name), without) for name in names}
     if isinstance(value, Mapping):
-        return {str(key): describe(item) for key, item in value.items()}
+        return {str(key): describe(item, without) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [describe(item) for item in value]
+        return [describe(item, without) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     if value is None or isinstance(value, str | int | float | bool):

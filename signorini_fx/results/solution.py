@@ -16,7 +16,7 @@ from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate import JUDGED, Certificate
+from signorini_fx.results.certificate import Certificate
 from signorini_fx.scene.model import Scene
 
 
@@ -93,13 +93,12 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how it ended, and what the certificate and the findings say."""
-        worst = max(vars(self.certificate).items(), key=_violation)
         rows = [
             ("status", self.status.value),
             ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
             ("unknowns", f"{self.discretisation.dofs:,}"),
             ("linear solves", self.history.linear_solves),
-            ("certificate", f"{self.certificate.law}; largest figure {_violation(worst):.1e} ({worst[0]})"),
+            ("certificate", repr(self.certificate).strip("<>")),
             *((f"{found.level}: {found.path}", found.message) for found in self.findings),
         ]
         return html_table(("", ""), rows, self.scene.title)
@@ -125,11 +124,6 @@ class Solution:
         """The ranks that share the solution."""
         comm: MPI.Comm = self.discretisation.tagged.mesh.comm
         return comm
-
-
-def _violation(figure: tuple[str, object]) -> float:
-    name, value = figure
-    return value if name in JUDGED and isinstance(value, float) else -1.0
 
 
 class ConvergenceError(SignoriniError):

@@ -59,7 +59,12 @@ class MeshFile(Table):
 
 
 class MeshGenerator(Table):
-    """A mesh from one of the generators in ``meshes/``."""
+    """A mesh from one of the generators in ``meshes/``.
+
+    Attributes:
+        generator: its name.
+        parameters: its keyword arguments; default: none.
+    """
 
     generator: str
     parameters: dict[str, float | int | str | bool] = Field(default={})
@@ -107,7 +112,13 @@ class _Load(Table):
 
 
 class _Vector(_Load):
-    """What has components along x[0], x[1] and, in space, x[2]."""
+    """What has components along x[0], x[1] and, in space, x[2].
+
+    Attributes:
+        x: component along x[0]; default: 0.
+        y: component along x[1]; default: 0.
+        z: component along x[2], only in space; default: 0.
+    """
 
     x: Value = 0.0
     y: Value = 0.0
@@ -165,13 +176,22 @@ class PrescribedDisplacement(_Vector):
 
 
 class NoFriction(Table):
-    """Frictionless contact, said aloud."""
+    """Frictionless contact.
+
+    Attributes:
+        law: its name.
+    """
 
     law: Literal["none"] = "none"
 
 
 class TrescaFriction(Table):
-    """Given friction: |mu| <= bound (2.3d'), bound a stress."""
+    """Given friction: |mu| <= bound (2.3d').
+
+    Attributes:
+        law: its name.
+        bound: largest shear, stress.
+    """
 
     law: Literal["tresca"] = "tresca"
     bound: NonNegativeValue
@@ -218,13 +238,21 @@ class _Contact(Table):
 
 
 class UnilateralContact(_Contact):
-    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it."""
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
+
+    Attributes:
+        kind: its name.
+    """
 
     kind: Literal["unilateral"] = "unilateral"
 
 
 class BilateralContact(_Contact):
-    """Contact that cannot open: tau_N y = d; only friction is left to decide."""
+    """Contact that cannot open: tau_N y = d; only friction is left to decide.
+
+    Attributes:
+        kind: its name.
+    """
 
     kind: Literal["bilateral"]
 
@@ -247,7 +275,20 @@ def _one_or_many(given: Any) -> Any:
 
 
 class Scene(Table):
-    """An elastic body, its loads, its supports and its contact with a rigid foundation."""
+    """An elastic body, its loads, its supports and its contact with a rigid foundation.
+
+    Attributes:
+        title: what to call it.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene.
+        element: degree and volumetric integration; default: degree 1, full.
+        material: one for the body, or one for each named region.
+        displacement: prescribed displacements, lengths; default: none.
+        traction: tractions and pressures, forces per area; default: none.
+        body_force: force per volume; default: none.
+        contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        solver: algorithms, their parameters and limits.
+        accuracy: the accuracy that is asked for; None: that of the mesh.
+    """
 
     title: str = ""
     mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]

@@ -26,7 +26,13 @@ from signorini_fx.scene.values import (
 
 
 class Box(Table):
-    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted."""
+    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted.
+
+    Attributes:
+        x: lowest and highest x[0], lengths.
+        y: lowest and highest x[1], lengths.
+        z: lowest and highest x[2], lengths; only in space.
+    """
 
     x: tuple[float, float] = (-math.inf, math.inf)
     y: tuple[float, float] = (-math.inf, math.inf)

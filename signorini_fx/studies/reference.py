@@ -22,7 +22,7 @@ from signorini_fx.body.material import stress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.refinement import mark, refine
-from signorini_fx.mesh.tagged import load_mesh, triangle_parameters
+from signorini_fx.mesh.tagged import load_mesh, simplex_parameters
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
@@ -206,7 +206,7 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
 def _straight(scene: Scene) -> bool:
     return (
         isinstance(scene.mesh, MeshGenerator)
-        and triangle_parameters(scene.mesh.generator, scene.mesh.parameters) is not None
+        and simplex_parameters(scene.mesh.generator, scene.mesh.parameters) is not None
     )
 
 

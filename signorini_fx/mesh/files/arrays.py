@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS, Cell, completed
 from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
+from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.magnitudes import LARGEST
 
 # What names a boundary or region: a number in the cell data of the file, or a rule, a function of the position.
@@ -149,6 +150,8 @@ def from_raw(
         for label, selection in (chosen or {}).items():
             if isinstance(selection, int):
                 found, message = _numbered(raw, entities, selection, data, name)
+            elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
+                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is one of the plane: there is no x[2]"
             else:
                 found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
                 extents = ", ".join(
