@@ -67,9 +67,10 @@ SMALL = {
     ),
 }
 CURVED = ["cylinder", "ring", "half_sphere", "cylindrical_punch", "bracket"]
-BOTH_CELLS = ["box", "wedge_block", "cylinder", "ring"]
+STRUCTURED = ["box", "wedge_block", "cylinder", "ring"]
 PARTS = ["half_sphere", "cylindrical_punch"]
 each = pytest.mark.parametrize("name", SMALL)
+each_cell = pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 each_curved = pytest.mark.parametrize("name", CURVED)
 
 
@@ -111,30 +112,28 @@ def cells_of(tagged):
     return geometry_cells(tagged.mesh)[:, order], cell
 
 
-def kinds(name):
-    """The cells that a generator makes."""
-    return ["hexahedron", "tetrahedron"] if name in BOTH_CELLS else ["tetrahedron"]
-
-
-@pytest.mark.parametrize(("name", "cell"), [(name, cell) for name in SMALL for cell in kinds(name)])
+@each_cell
+@each
 def test_names_volume_areas_and_quality(name, cell):
     """What the sketch promises; straight sides lose a little of what is round."""
     _, volume, areas = SMALL[name]
-    tagged = make(name, **({"cell": cell} if name in BOTH_CELLS else {}))
+    tagged = make(name, cell=cell)
     check(tagged, volume, areas, 3e-2 if name in CURVED else 1e-12)
     assert tagged.mesh.topology.cell_name() == cell
     nodes, kind = cells_of(tagged)
     shape = quality(tagged.mesh.geometry.x, nodes[:, : len(kind.corners)])
-    assert shape.min() > 0.3
-    assert shape.mean() > 0.6
+    # Tetrahedra that are divided make hexahedra of a worse shape than a grid has.
+    low, mean = (0.15, 0.45) if cell == "hexahedron" and name not in STRUCTURED else (0.3, 0.6)
+    assert shape.min() > low
+    assert shape.mean() > mean
 
 
-@pytest.mark.parametrize(("name", "cell"), [(name, cell) for name in CURVED for cell in kinds(name)])
+@each_cell
+@each_curved
 def test_geometry_of_degree_two(name, cell):
     """The nodes within facets and edges are on the surfaces: volume and areas are right to the fourth order."""
     _, volume, areas = SMALL[name]
-    changes = {"cell": cell} if name in BOTH_CELLS else {}
-    straight, curved = (make(name, order=order, **changes) for order in (1, 2))
+    straight, curved = (make(name, cell=cell, order=order) for order in (1, 2))
     assert (geometry_degree(straight.mesh), geometry_degree(curved.mesh)) == (1, 2)
     check(curved, volume, areas, 5e-4)
     errors = [abs(integral(tagged) / volume - 1) for tagged in (straight, curved)]
