@@ -85,6 +85,11 @@ class ActiveSets:
         signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
         return signs.astype(np.int8)
 
+    @property
+    def turned(self) -> Nodal:
+        """The directions of the points whose shear resists a slip across them, shape (n, d - 1), zero at the others."""
+        return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
+
     def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
         """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
         turned = inner(self.direction, other.direction) < 0
