@@ -22,6 +22,8 @@ from signorini_fx.body.pieces import Pieces
 
 # Share of a motion, against the best held one, below which it counts as not held at all.
 _HELD = 1e-8
+# Share of a motion that is only round-off.
+_ROUND_OFF = 1e-10
 
 _Floats = npt.NDArray[np.float64]
 # The axes between which each rotation turns, from the first to the second; in space the rotation about x[0] is first.
@@ -114,10 +116,13 @@ class RigidMotions:
             across = tangential[slip] - turned[slip][:, :, None] * along[:, None]
             found += [*across.swapaxes(0, 1)]
         rows = np.concatenate(found)
-        gram = parallel.global_sum(boundary.comm, rows.T @ rows)
+        moved = np.square(modes).sum(axis=(0, 1))
+        gram = parallel.global_sum(boundary.comm, np.vstack((rows.T @ rows, moved)))
         for number, columns, _ in self.assemblies():
-            values = np.linalg.eigvalsh(gram[np.ix_(columns, columns)])
-            loose[number] = not values[0] > _HELD * values[-1] > 0
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            # What the nodes resist of how far they move: below that it is the round-off of their positions.
+            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
+            loose[number] = not (real and values[0] > _HELD * values[-1] > 0)
         return loose
 
     def held_by(
