@@ -254,16 +254,18 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is."""
+    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is.
+
+    In the plane these points slip along the tangent, in space without a direction: none is distinguished.
+    """
     if data.bound is None:
         return sets
     free = ~(data.bound > 0)
     if data.coupling is not None:
         free &= ~(data.coupling > 0) | ~sets.contact
-    first = np.zeros_like(sets.direction)
-    first[:, :1] = 1.0
+    first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
     direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
-    return ActiveSets.of(sets.contact, direction, sets.turning)
+    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning)
 
 
 def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
