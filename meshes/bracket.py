@@ -2,17 +2,20 @@ r"""An angle bracket with a bolt hole, meshed by gmsh, with small cells around t
 
 ::
 
-                  thickness
-                  +--+ top                          seen from above:
-                  |  |                                        back
-             heel |  |                              +--+----------------+
-                  |  |  inside      seat            |  |      .--.      |
-           height |  `-. fillet    ____             |  |     ( () ) seat| toe    width
-                  |     `---------+    +---+        |  |      `--'      |
-                  +---------------|hole|---+ toe    +--+-----------------+
-               (0,0,0)     foot  length                      front
+        seen from the front                     seen from above
 
-The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the bolt's head on the seat.
+             +--+  top                                  back
+             |  |                           +--+-------------------+
+       heel  |  |  inside                   |  |       .--.        |
+     height  |  |                           |  |      ( () ) seat  |  toe      width
+             |  `-. fillet                  |  |       `--' hole   |
+             |     `-----------------+      +--+-------------------+
+  thickness  |           :hole:      | toe             front
+             +-----------------------+
+          (0,0,0)     foot        length
+
+The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the head of the bolt on the seat.
+If it is symmetric, it ends at x[1] = 0, where its boundary is symmetry instead of front.
 """
 
 from __future__ import annotations

@@ -2,16 +2,20 @@ r"""A round punch in space with a flat foot and a rounded edge, meshed by gmsh, 
 
 ::
 
-           +----- top -----+              part, seen from above:
-           |               |
-      side |     body      |  height      whole    half        quarter
-           |               |               .-.      .-.  x[1] >= 0  .
-            \             /               (   )    (   )            | `.  and x[0] >= 0
-             `-----+-----'  rounding       `-'      symmetry_y      +---  symmetry_x, symmetry_y
-                (0,0,0) foot
+                  top                                  top
+           +---------------+                       +-------+         x[2]
+           |               |                       |       |          |
+      side |     body      |  height    symmetry_x | body  | side     |
+           |               |                       |       |          +--- x[0]
+            \             /                        |      /
+             `-----+-----'  rounding               +-----'  rounding
+                (0,0,0)  foot                   (0,0,0)  foot
                    |-radius|
 
-The boundary foot is the flat part and the rounding.
+            whole, or half                       quarter
+
+The boundary foot is the flat part and the rounding.  Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has
+x[0] >= 0 as well and ends at symmetry_x too.
 """
 
 from __future__ import annotations

@@ -2,12 +2,17 @@ r"""The lower half of a sphere that stands on the origin, meshed by gmsh, small 
 
 ::
 
-          +--------+--------+  top, at x[2] = R       part, seen from above:
-           \      :       /
-            \    body    /  sphere                  whole    half        quarter
-              `-. : .-'                               .-.      .-.  x[1] >= 0  .
-                 `+'                                 (   )    (   )            | `.  and x[0] >= 0
-               (0,0,0)                                `-'      symmetry_y      +---  symmetry_x, symmetry_y
+       (-R,0,R)    top    (R,0,R)           (0,0,R)  top
+          +--------+--------+                  +--------+            x[2]
+           \      :       /                    |       /              |
+            \    body    /  sphere  symmetry_x |      /  sphere       |
+              `-. : .-'                        |  .-'                 +--- x[0]
+                 `+'                           +'
+               (0,0,0)                      (0,0,0)
+
+            whole, or half                   quarter
+
+Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has x[0] >= 0 as well and ends at symmetry_x too.
 """
 
 from __future__ import annotations
