@@ -276,20 +276,24 @@ def mesh_surface(
 # --- bodies in space -------------------------------------------------------------------------------------------------
 
 
-def tetrahedra(sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]) -> float:
-    """About how many tetrahedra of such sizes fill a body.
+def cells_of_solid(
+    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
+) -> float:
+    """About how many cells of such sizes fill a body.
 
     Args:
         sizes: lengths of their edges.
         within: the volume of the body up to distances from the places where they are small.
+        cell: ``tetrahedron`` or ``hexahedron``.
     """
     _refuse_short(sizes, sizes.zone)
     far = max(sizes.reach, sizes.zone)
     r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
     h = sizes.at(r)
-    # Half of what a regular tetrahedron has is what one of a mesh has on the average, and one quarter more.
+    # As counted: a tetrahedron has less than the regular one's 0.12 h^3, four hexahedra have that of 2 h.
+    own = 0.15 if cell == "hexahedron" else 0.075
     with np.errstate(over="ignore"):
-        return float((np.diff(within(r)) / (0.075 * (0.5 * (h[1:] + h[:-1])) ** 3)).sum())
+        return float((np.diff(within(r)) / (own * (0.5 * (h[1:] + h[:-1])) ** 3)).sum())
 
 
 def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
@@ -324,27 +328,31 @@ def mesh_solid(
     sizes: Sizes,
     distance: Callable[[float, float, float], float],
     *,
+    cell: str = "tetrahedron",
     order: int = 1,
 ) -> None:
-    """Mesh the solids of OpenCASCADE with tetrahedra, fine near some places, and name their surfaces.
+    """Mesh the solids of OpenCASCADE, fine near some places, and name their surfaces.
 
     Args:
         drawing: the model, not yet synchronised.
         boundaries: name -> which points are on it, in units of the drawing; of several the first counts.
         sizes: lengths of the edges, in units of the scene.
         distance: of a position from the places where they are small, in units of the drawing.
+        cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
         order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
     """
-    gmsh = drawing.gmsh
+    gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
     gmsh.model.occ.synchronize()
     drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))
 
     def size(_dim: int, _tag: int, x: float, y: float, z: float, wanted: float) -> float:
-        return min(wanted, float(drawn.at(distance(x, y, z))))
+        return min(wanted, stretch * float(drawn.at(distance(x, y, z))))
 
     for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
         gmsh.option.setNumber(f"Mesh.{option}", 0)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 10)
+    if cell == "hexahedron":
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
     gmsh.model.mesh.setSizeCallback(size)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.removeSizeCallback()

@@ -2,17 +2,20 @@ r"""An angle bracket with a bolt hole, meshed by gmsh, with small cells around t
 
 ::
 
-                  thickness
-                  +--+ top                          seen from above:
-                  |  |                                        back
-             heel |  |                              +--+----------------+
-                  |  |  inside      seat            |  |      .--.      |
-           height |  `-. fillet    ____             |  |     ( () ) seat| toe    width
-                  |     `---------+    +---+        |  |      `--'      |
-                  +---------------|hole|---+ toe    +--+-----------------+
-               (0,0,0)     foot  length                      front
+        seen from the front                     seen from above
 
-The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the bolt's head on the seat.
+             +--+  top                                  back
+             |  |                           +--+-------------------+
+       heel  |  |  inside                   |  |       .--.        |
+     height  |  |                           |  |      ( () ) seat  |  toe      width
+             |  `-. fillet                  |  |       `--' hole   |
+             |     `-----------------+      +--+-------------------+
+  thickness  |           :hole:      | toe             front
+             +-----------------------+
+          (0,0,0)     foot        length
+
+The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the head of the bolt on the seat.
+If it is symmetric, it ends at x[1] = 0, where its boundary is symmetry instead of front.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import math
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 from pydantic import ConfigDict, validate_call
 
@@ -30,12 +34,12 @@ from signorini_fx.meshes import (
     Length,
     Sizes,
     Surface,
+    cells_of_solid,
     coarser_sizes,
     mesh_solid,
     plane,
     refuse,
     refuse_too_large,
-    tetrahedra,
 )
 
 
@@ -55,6 +59,7 @@ def generate(
     contact_size: Length = 2.5,
     contact_zone: Length = 2.0,
     symmetric: bool = False,
+    cell: Literal["tetrahedron", "hexahedron"] = "tetrahedron",
     order: Literal[1, 2] = 1,
 ) -> Any:
     """A bracket that is bolted to the foundation through its foot.
@@ -72,6 +77,7 @@ def generate(
         contact_size: length of the edges of cells under the seat.
         contact_zone: distance from the seat up to which cells are of that size.
         symmetric: only its half with x[1] >= 0.
+        cell: shape of the cells; hexahedra are divided tetrahedra, whose shape is not as good.
         order: degree of the geometry: 1: the facets of round surfaces are plane, only their corners are on them.
 
     Returns:
@@ -129,15 +135,21 @@ def generate(
             "seat": lambda x: (np.abs(x[2] - thick) < 1e-5) & (away(x[0], x[1]) < seat + 1e-5),
             "inside": lambda x: (x[0] > thick - 1e-5) & (x[2] > thick - 1e-5),
         }
-        mesh_solid(drawing, names, sizes, lambda x, y, _: max(math.hypot(x - centre, y) - seat, 0.0), order=order)
+
+        def distance(x: float, y: float, _z: float) -> float:
+            return max(math.hypot(x - centre, y) - seat, 0.0)
+
+        mesh_solid(drawing, names, sizes, distance, cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(length, height) / 2)
     share = 0.5 if symmetric else 1.0
     most = width * thickness * (length + height)
-    under = math.pi * thickness
-    refuse_too_large(
-        comm, share * tetrahedra(sizes, lambda d: np.where(d > 0, np.minimum(under * (seat_radius + d) ** 2, most), 0))
-    )
+
+    def within(d: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The volume around the axis of the hole, beyond the seat by d at most."""
+        return np.where(d > 0, np.minimum(math.pi * thickness * (seat_radius + d) ** 2, most), 0.0)
+
+    refuse_too_large(comm, share * cells_of_solid(sizes, within, cell))
     return gmsh_mesh(comm, draw, name="bracket", unit=unit)
 
 

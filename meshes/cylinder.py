@@ -2,14 +2,17 @@ r"""A cylinder in space that stands on the origin, with a structured mesh by gms
 
 ::
 
-        +----- top -----+           seen from above: nt facets to each quarter of
-        |               |                       .--'''--.    the circle, nr from the
-        |               |                     /\ +---+ /\   core to the side
-   side |     body      |  height            |  \|   |/  |
-        |               |                    |  /|   |\  |
-        |       +       |                     \/ +---+ \/
-        +---- bottom ---+                       `--...--'
-             (0,0,0)                             2 radius
+               top                    seen from above: a core of nt by nt cells,
+        +---------------+             and nr rings of 4 nt cells around it
+        |               |
+        |               |                   .-------.
+   side |     body      |  height         .' \     / `.
+        |               |                /    +---+    \
+        |               |                |    |   |    |       x[1]
+        +-------+-------+                \    +---+    /        |
+             (0,0,0)                      `. /     \ .'         |
+              bottom                        `-------'           +--- x[0]
+                |radius |
 """
 
 from __future__ import annotations

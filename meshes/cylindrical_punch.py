@@ -2,16 +2,20 @@ r"""A round punch in space with a flat foot and a rounded edge, meshed by gmsh, 
 
 ::
 
-           +----- top -----+              part, seen from above:
-           |               |
-      side |     body      |  height      whole    half        quarter
-           |               |               .-.      .-.  x[1] >= 0  .
-            \             /               (   )    (   )            | `.  and x[0] >= 0
-             `-----+-----'  rounding       `-'      symmetry_y      +---  symmetry_x, symmetry_y
-                (0,0,0) foot
+                  top                                  top
+           +---------------+                       +-------+         x[2]
+           |               |                       |       |          |
+      side |     body      |  height    symmetry_x | body  | side     |
+           |               |                       |       |          +--- x[0]
+            \             /                        |      /
+             `-----+-----'  rounding               +-----'  rounding
+                (0,0,0)  foot                   (0,0,0)  foot
                    |-radius|
 
-The boundary foot is the flat part and the rounding.
+            whole, or half                       quarter
+
+The boundary foot is the flat part and the rounding.  Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has
+x[0] >= 0 as well and ends at symmetry_x too.
 """
 
 from __future__ import annotations
@@ -29,13 +33,13 @@ from signorini_fx.meshes import (
     Length,
     Part,
     Sizes,
+    cells_of_solid,
     coarser_sizes,
     cut_to_part,
     mesh_solid,
     plane,
     refuse,
     refuse_too_large,
-    tetrahedra,
 )
 
 
@@ -51,6 +55,7 @@ def generate(
     contact_size: Length = 0.15,
     contact_zone: Length = 0.3,
     part: Part = "whole",
+    cell: Literal["tetrahedron", "hexahedron"] = "tetrahedron",
     order: Literal[1, 2] = 1,
 ) -> Any:
     """A punch that stands on the origin.
@@ -64,6 +69,7 @@ def generate(
         contact_size: length of the edges of cells where the rounding begins.
         contact_zone: distance from there up to which cells are of that size.
         part: all of it, its half with x[1] >= 0, or its quarter with x[0] >= 0 as well.
+        cell: shape of the cells; hexahedra are divided tetrahedra, whose shape is not as good.
         order: degree of the geometry: 1: the facets of round surfaces are plane, only their corners are on them.
 
     Returns:
@@ -85,14 +91,18 @@ def generate(
         names = {"top": plane(2, up)} | cut_to_part(drawing, body, part, 2 * (r + up))
         names["side"] = lambda x: np.abs(np.hypot(x[0], x[1]) - r) < 1e-5
         names["foot"] = lambda x: x[2] < edge + 1e-5
-        mesh_solid(drawing, names, sizes, lambda x, y, z: math.hypot(math.hypot(x, y) - (r - edge), z), order=order)
+
+        def distance(x: float, y: float, z: float) -> float:
+            return math.hypot(math.hypot(x, y) - (r - edge), z)
+
+        mesh_solid(drawing, names, sizes, distance, cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(radius, height))
     share = {"whole": 1.0, "half": 0.5, "quarter": 0.25}[part]
     most = math.pi * radius**2 * height
     # Around the circle where the rounding begins, half a torus.
     around = math.pi**2 * max(radius - rounding, 0.1 * radius)
-    refuse_too_large(comm, share * tetrahedra(sizes, lambda d: np.minimum(around * d**2, most)))
+    refuse_too_large(comm, share * cells_of_solid(sizes, lambda d: np.minimum(around * d**2, most), cell))
     return gmsh_mesh(comm, draw, name="cylindrical_punch", unit=unit)
 
 

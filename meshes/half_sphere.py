@@ -2,12 +2,17 @@ r"""The lower half of a sphere that stands on the origin, meshed by gmsh, small 
 
 ::
 
-          +--------+--------+  top, at x[2] = R       part, seen from above:
-           \      :       /
-            \    body    /  sphere                  whole    half        quarter
-              `-. : .-'                               .-.      .-.  x[1] >= 0  .
-                 `+'                                 (   )    (   )            | `.  and x[0] >= 0
-               (0,0,0)                                `-'      symmetry_y      +---  symmetry_x, symmetry_y
+       (-R,0,R)    top    (R,0,R)           (0,0,R)  top
+          +--------+--------+                  +--------+            x[2]
+           \      :       /                    |       /              |
+            \    body    /  sphere  symmetry_x |      /  sphere       |
+              `-. : .-'                        |  .-'                 +--- x[0]
+                 `+'                           +'
+               (0,0,0)                      (0,0,0)
+
+            whole, or half                   quarter
+
+Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has x[0] >= 0 as well and ends at symmetry_x too.
 """
 
 from __future__ import annotations
@@ -25,12 +30,12 @@ from signorini_fx.meshes import (
     Length,
     Part,
     Sizes,
+    cells_of_solid,
     coarser_sizes,
     cut_to_part,
     mesh_solid,
     plane,
     refuse_too_large,
-    tetrahedra,
 )
 
 
@@ -44,9 +49,10 @@ def generate(
     contact_size: Length = 0.2,
     contact_zone: Length = 1.0,
     part: Part = "whole",
+    cell: Literal["tetrahedron", "hexahedron"] = "tetrahedron",
     order: Literal[1, 2] = 1,
 ) -> Any:
-    """Half a sphere whose tetrahedra are small near the origin and grow with the distance from there.
+    """Half a sphere whose cells are small near the origin and grow with the distance from there.
 
     Args:
         comm: the ranks that share the mesh.
@@ -55,6 +61,7 @@ def generate(
         contact_size: length of the edges at the origin.
         contact_zone: distance from the origin up to which cells are of that size.
         part: all of it, its half with x[1] >= 0, or its quarter with x[0] >= 0 as well.
+        cell: shape of the cells; hexahedra are divided tetrahedra, whose shape is not as good.
         order: degree of the geometry: 1: the facets of the sphere are plane, only their corners are on it.
 
     Returns:
@@ -75,11 +82,11 @@ def generate(
             occ.synchronize()
             (bowl,) = (tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) != "Plane")
             gmsh.model.mesh.embed(0, [lowest], 2, bowl)
-        mesh_solid(drawing, names, sizes, lambda x, y, z: math.sqrt(x * x + y * y + z * z), order=order)
+        mesh_solid(drawing, names, sizes, lambda x, y, z: math.sqrt(x * x + y * y + z * z), cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
     share = {"whole": 1.0, "half": 0.5, "quarter": 0.25}[part]
-    refuse_too_large(comm, tetrahedra(sizes, lambda r: share * 2 / 3 * np.pi * r**3))
+    refuse_too_large(comm, cells_of_solid(sizes, lambda r: share * 2 / 3 * np.pi * r**3, cell))
     return gmsh_mesh(comm, draw, name="half_sphere", unit=unit)
 
 

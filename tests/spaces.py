@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx.body import contact_boundary
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.scene.reading import parse_scene
 
@@ -53,3 +54,13 @@ def block(
             "solver": {"gamma_n": gamma, "gamma_t": gamma, "initial_contact": "all", **solver},
         }
     )
+
+
+TANGENTS_OF = contact_boundary.tangents_of
+
+
+def turned_tangents(normal, rng):
+    """Tangents turned at random at every node."""
+    angle = rng.uniform(0.0, 2 * np.pi, len(normal))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.einsum("nij,jkn->nik", TANGENTS_OF(normal), turn)

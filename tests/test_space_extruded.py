@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spaces import box
+from spaces import box, turned_tangents
 
 from signorini_fx.body import contact_boundary
 from signorini_fx.body.discretisation import discretise
@@ -23,17 +23,6 @@ TURNS = {
     "on its side": ((1, -1), (2, 1), (0, -1)),
     "over": ((0, -1), (1, 1), (2, -1)),
 }
-
-
-def turned_tangents(normal, rng):
-    """Tangents turned at random at every node."""
-    tangents = ORIGINAL(normal)
-    angle = rng.uniform(0.0, 2 * np.pi, len(normal))
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return np.einsum("nij,jkn->nik", tangents, turn)
-
-
-ORIGINAL = contact_boundary.tangents_of
 
 
 def extruded(turn):

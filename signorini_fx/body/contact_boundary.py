@@ -64,8 +64,17 @@ class ContactBoundary:
 
     @cached_property
     def tangents(self) -> Nodal:
-        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1); see ``tangents_of``."""
-        return tangents_of(self.normal)
+        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1), see ``tangents_of``; where a component across
+        the normal is prescribed, one of them is along it.
+        """
+        tangents = tangents_of(self.normal)
+        if self.normal.shape[1] == 2:
+            return tangents
+        for axis in range(3):
+            here = ~self.free[:, axis] & (np.abs(self.normal[:, axis]) <= _ALONG)
+            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
+            tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
+        return tangents
 
     @property
     def frames(self) -> Nodal:

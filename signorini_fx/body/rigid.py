@@ -22,6 +22,8 @@ from signorini_fx.body.pieces import Pieces
 
 # Share of a motion, against the best held one, below which it counts as not held at all.
 _HELD = 1e-8
+# Share of a motion that is only round-off.
+_ROUND_OFF = 1e-10
 
 _Floats = npt.NDArray[np.float64]
 # The axes between which each rotation turns, from the first to the second; in space the rotation about x[0] is first.
@@ -87,30 +89,53 @@ class RigidMotions:
         return self.pieces.assembly[self.piece[nodes]]
 
     def unheld(
-        self, boundary: ContactBoundary, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_]
+        self,
+        boundary: ContactBoundary,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        turned: _Floats | None = None,
     ) -> npt.NDArray[np.bool_]:
         """Which assemblies have a motion that neither contact at ``normal`` nodes nor stick at ``stick`` nodes resists,
         shape (assemblies,); collective.
+
+        Args:
+            boundary: the contact nodes.
+            normal: the nodes in contact, shape (n,).
+            stick: the nodes that stick, shape (n,).
+            turned: directions of slip across which nodes resist, too, shape (n, d - 1), zero where they do not.
         """
         loose = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
         if self.free.shape[1] == 0:
             return loose
         modes = self.at(boundary.nodes) * boundary.free[:, :, None]
-        rows = np.concatenate(
-            [
-                np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]),
-                np.einsum("ijt,ijk->itk", boundary.tangents[stick], modes[stick]).reshape(-1, modes.shape[2]),
-            ]
-        )
-        gram = parallel.global_sum(boundary.comm, rows.T @ rows)
+        tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
+        found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
+        if turned is not None and turned.shape[1] > 1:
+            slip = turned.any(axis=1)
+            along = np.einsum("it,itk->ik", turned[slip], tangential[slip])
+            across = tangential[slip] - turned[slip][:, :, None] * along[:, None]
+            found += [*across.swapaxes(0, 1)]
+        rows = np.concatenate(found)
+        moved = np.square(modes).sum(axis=(0, 1))
+        gram = parallel.global_sum(boundary.comm, np.vstack((rows.T @ rows, moved)))
         for number, columns, _ in self.assemblies():
-            values = np.linalg.eigvalsh(gram[np.ix_(columns, columns)])
-            loose[number] = not values[0] > _HELD * values[-1] > 0
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            # What the nodes resist of how far they move: below that it is the round-off of their positions.
+            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
+            loose[number] = not (real and values[0] > _HELD * values[-1] > 0)
         return loose
 
-    def held_by(self, boundary: ContactBoundary, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_]) -> bool:
-        """Whether contact at ``normal`` nodes and stick at ``stick`` nodes resist every free motion; collective."""
-        return not self.unheld(boundary, normal, stick).any()
+    def held_by(
+        self,
+        boundary: ContactBoundary,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        turned: _Floats | None = None,
+    ) -> bool:
+        """Whether nodes in contact, sticking, and slipping across their direction resist every free motion, see
+        ``unheld``; collective.
+        """
+        return not self.unheld(boundary, normal, stick, turned).any()
 
     def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""

@@ -8,6 +8,7 @@ that ask for it least.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,6 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length
-from signorini_fx.contact.statics import unbalanced
 from signorini_fx.records import Status
 
 
@@ -30,6 +30,7 @@ def hold(
     boundary: ContactBoundary,
     motions: RigidMotions,
     resultant: npt.NDArray[np.float64],
+    escaping: Callable[[], npt.NDArray[np.bool_]],
 ) -> tuple[ActiveSets, Status | None, bool]:
     """Sets near ``following`` that hold the body, or how the body gets away; collective.
 
@@ -42,6 +43,7 @@ def hold(
         boundary: the contact nodes.
         motions: rigid motions of the body.
         resultant: what the load does on the rigid motions of the pieces, shape (m pieces,).
+        escaping: gives the assemblies that no admissible tractions can keep, see ``statics.unbalanced``.
 
     Returns:
         The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
@@ -55,13 +57,17 @@ def hold(
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
     assembly = motions.assembly_of(boundary.nodes)
-    leaving = unbalanced(data, boundary, motions, resultant) & loose
+    leaving = escaping() & loose
     if leaving.any():
         here = leaving[assembly]
         pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
         # Without a load a pressure is round-off.
         pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
+    # In space a slipping node, too, resists what would turn its slip.
+    loose = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
+    if not loose.any():
+        return following, None, False
     here = loose[assembly]  # what the sets hold is left to them
     slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
@@ -71,12 +77,12 @@ def hold(
             kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
             stick = kept_stick | (kept_contact & able & ~sets.slip)
             held = replace(following, contact=following.contact | kept_contact).sticking(stick)
-            if motions.held_by(boundary, held.contact, _stick(held, data)):
+            if motions.held_by(boundary, held.contact, _stick(held, data), held.turned):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
     contact = following.contact | (here & sets.contact)
     everything = replace(following, contact=contact).sticking(here & contact & able)
-    if motions.held_by(boundary, contact, _stick(everything, data)):
+    if motions.held_by(boundary, contact, _stick(everything, data), everything.turned):
         return everything, None, True
     return sets, None, True
 
@@ -102,14 +108,14 @@ def fewest_ties(
     """
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
     stick = ~sets.slip & np.isfinite(slipping)
-    here = motions.unheld(boundary, normal, stick)[motions.assembly_of(boundary.nodes)]
+    here = motions.unheld(boundary, normal, stick, sets.turned)[motions.assembly_of(boundary.nodes)]
     along = _ranked(boundary, here & np.isfinite(opening) & ~sets.contact, opening)
     across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
         tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
         for pair in (nothing, tied_across), (tied_along, nothing), (tied_along, tied_across):
-            if motions.held_by(boundary, normal | pair[0], stick | pair[1]):
+            if motions.held_by(boundary, normal | pair[0], stick | pair[1], sets.turned):
                 return pair
         if count >= most:
             return tied_along, tied_across

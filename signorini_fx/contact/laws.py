@@ -85,6 +85,11 @@ class ActiveSets:
         signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
         return signs.astype(np.int8)
 
+    @property
+    def turned(self) -> Nodal:
+        """The directions of the points whose shear resists a slip across them, shape (n, d - 1), zero at the others."""
+        return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
+
     def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
         """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
         turned = inner(self.direction, other.direction) < 0
@@ -249,16 +254,18 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is."""
+    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is.
+
+    In the plane these points slip along the tangent, in space without a direction: none is distinguished.
+    """
     if data.bound is None:
         return sets
     free = ~(data.bound > 0)
     if data.coupling is not None:
         free &= ~(data.coupling > 0) | ~sets.contact
-    first = np.zeros_like(sets.direction)
-    first[:, :1] = 1.0
+    first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
     direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
-    return ActiveSets.of(sets.contact, direction, sets.turning)
+    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning)
 
 
 def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:

@@ -27,6 +27,7 @@ from signorini_fx.contact.laws import (
     trial_pressure,
 )
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.contact.statics import unbalanced
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status
 
@@ -155,6 +156,7 @@ class ProblemState(ABC):
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``."""
         self.data = data
+        self._escaping: Any = None
         self._forced_first = first_sets is not None
         if first_sets is not None:
             first = release(first_sets, data)
@@ -188,7 +190,7 @@ class ProblemState(ABC):
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """See ``ContactProblem``."""
         stick = ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
-        return self._motions.held_by(self.boundary, sets.contact, stick)
+        return self._motions.held_by(self.boundary, sets.contact, stick, sets.turned if data.has_friction else None)
 
     def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
         """See ``ContactProblem``."""
@@ -220,8 +222,15 @@ class ProblemState(ABC):
 
     def _hold(self, wanted: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
         """Take sets that hold the body for the next ones, or note how it gets away."""
+        boundary, motions, resultant = self.boundary, self._motions, self.system.resultant
+
+        def escaping() -> Any:
+            if self._escaping is None:  # until the data change
+                self._escaping = unbalanced(self.data, boundary, motions, resultant)
+            return self._escaping
+
         sets, escapes, repaired = hold(
-            wanted, self.sets, pressure, shear, self.data, self.boundary, self._motions, self.system.resultant
+            wanted, self.sets, pressure, shear, self.data, boundary, motions, resultant, escaping
         )
         self.next = NextSets(sets, wanted, repaired, escapes)
 

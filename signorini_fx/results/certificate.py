@@ -353,10 +353,11 @@ def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
     count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
     centre, mean = np.array(sums[:dim]) / count, np.array(sums[dim:]) / count
     arm, motion = x - centre, y - mean
-    turned = np.zeros((*x.shape, dim * (dim - 1) // 2))
+    turns = dim * (dim - 1) // 2
+    turned = np.zeros((*x.shape, turns))
     for k, (i, j) in enumerate(combinations(range(dim), 2)):
         turned[:, i, k], turned[:, j, k] = -arm[:, j], arm[:, i]
-    flat = turned.reshape(motion.size, -1)
+    flat = turned.reshape(motion.size, turns)
     gram = parallel.global_sum(comm, np.column_stack((flat.T @ flat, flat.T @ motion.ravel())))
     angles = np.linalg.solve(gram[:, :-1], gram[:, -1])
     return _largest(comm, np.linalg.norm(motion - turned @ angles, axis=1))

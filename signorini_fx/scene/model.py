@@ -44,18 +44,16 @@ class MeshFile(Table):
 
     Attributes:
         file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
-        boundaries: names for boundaries: the number of its facets in the cell data of the file, or a rule, an
-            expression that is true or positive at both ends of its facets, which are exterior ones.
+        boundaries: names for boundaries: a number in the cell data, or a rule that all corners of exterior facets obey.
         regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
         data: the cell data that the numbers refer to; None: the only one.
-        size: length of the cells that are made of a .step, .stp or .brep; None: a share of the body.
     """
 
     file: Path
     boundaries: dict[str, Selection] = Field(default={})
     regions: dict[str, Selection] = Field(default={})
     data: str | None = None
-    size: Positive | None = None
+    size: Positive | None = None  # length of the cells of a .step, .stp or .brep; None: a share of the body
 
 
 class MeshGenerator(Table):

@@ -1,0 +1,143 @@
+"""What a scene in space may list, one by one: kinds of contact and friction, load steps, ways to solve it.
+
+Every scene is solved a second time with the tangents turned at random at every node: the same counts, the same numbers.
+"""
+
+import numpy as np
+import pytest
+from scenes import alone
+from spaces import block, box, friction_of, turned_tangents
+
+from signorini_fx.body import contact_boundary
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+
+OSCILLATING = "0.3 + 0.1 * sin(5 * x[0]) * cos(4 * x[1])"
+CONTACT = {"boundary": "bottom", "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001"}
+
+
+def changed(scene, **more):
+    """The block with other tables, by way of the reader."""
+    given = {
+        name: getattr(scene, name) for name in ("mesh", "material", "displacement", "traction", "contact", "solver")
+    }
+    return parse_scene({**given, **more})
+
+
+def contact(**friction):
+    """The paraboloid with other friction."""
+    return {"contact": {**CONTACT, "friction": friction}}
+
+
+COULOMB = block(12, coefficient=0.3, gamma="auto")
+SCENES = {
+    "frictionless": block(12, gamma="auto"),
+    "tresca": block(12, bound=1.5, gamma="auto"),
+    "coulomb": COULOMB,
+    "monolithic": block(12, coefficient=0.3, gamma="auto", coulomb="newton"),
+    "much friction": block(12, coefficient=2.0, gamma="auto"),
+    "tetrahedra": block(12, "tetrahedra", coefficient=0.3, gamma="auto"),
+    "condensed": block(12, coefficient=0.3, gamma="auto", linear_algebra="condensed"),
+    "krylov": block(12, bound=1.5, gamma=1e7, linear_algebra="krylov"),
+    "continuation": block(12, bound=1.5, gamma="auto", algorithm="continuation"),
+    "path-following": block(12, coefficient=0.3, gamma="auto", algorithm="path-following"),
+    "alm": block(12, coefficient=0.3, gamma="auto", algorithm="alm"),
+    "exact": block(12, coefficient=0.3, gamma="auto", algorithm="exact"),
+    "exact, monolithic": block(12, coefficient=0.3, gamma="auto", algorithm="exact", coulomb="newton"),
+    "cap": changed(COULOMB, **contact(law="coulomb", coefficient=0.5, cap=2.0)),
+    "varying F": changed(COULOMB, **contact(law="coulomb", coefficient=OSCILLATING)),
+    "varying bound": changed(COULOMB, **contact(law="tresca", bound="1 + 0.5 * x[1]")),
+    "bilateral": changed(COULOMB, contact={**CONTACT, "kind": "bilateral", "friction": friction_of(coefficient=0.3)}),
+    "two boundaries": changed(
+        COULOMB,
+        contact=[
+            {**CONTACT, "friction": friction_of(coefficient=0.3)},
+            {"boundary": "back", "gap": 0.002, "friction": friction_of(bound=0.5)},
+        ],
+    ),
+    "direction": changed(
+        COULOMB, contact={**CONTACT, "direction": [0.1, -0.2, -1.0], "friction": friction_of(coefficient=0.3)}
+    ),
+    "near incompressibility": changed(
+        COULOMB, material={"young": 5000.0, "poisson": 0.4999}, element={"volumetric": "reduced"}
+    ),
+    "load steps": changed(
+        COULOMB,
+        traction=[
+            {"boundary": "top", "pressure": "20 if 1 <= x[0] <= 2 else 0"},
+            {"boundary": "top", "y": "4 if 1 <= x[0] <= 2 else 0", "factors": [0.0, 1.0, 0.7, 0.0, -0.7]},
+            {"boundary": "top", "x": "4 if 1 <= x[0] <= 2 else 0", "factors": [0.0, 0.0, 0.7, 1.0, 0.7]},
+        ],
+    ),
+}
+
+
+def counts(solution):
+    """What the iteration went through."""
+    return [(r.outer, r.active_contact, r.slip_plus, r.changed) for r in solution.history.iterations]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_solved_whatever_the_tangents(name, monkeypatch):
+    """It is solved, its certificate holds, and no number depends on the tangents that somebody chose."""
+    solution = alone(SCENES[name])
+    assert solution.certificate.holds
+    rng = np.random.default_rng(3)
+    monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
+    turned = alone(SCENES[name])
+    assert not np.allclose(turned.contact.boundary.tangents, solution.contact.boundary.tangents)
+    assert counts(turned) == counts(solution)
+    ours, theirs = turned.table.columns, solution.table.columns
+    for names in (("u_n", "u_t", "u_t_x", "u_t_y", "u_t_z"), ("pressure", "shear", "shear_x", "shear_y", "shear_z")):
+        # Round-off of the penalty, and what a loose linear solve leaves.
+        share = 1e-7 if name == "krylov" else 1e-10
+        size = max(np.abs(theirs[one]).max() for one in names)
+        for one in names:
+            np.testing.assert_allclose(ours[one], theirs[one], rtol=0, atol=share * size, err_msg=one)
+    for one in ("state", "friction"):
+        assert ours[one].tolist() == theirs[one].tolist()
+
+
+def test_ways_agree():
+    """Methods without regularisation have one limit; condensed and full are the same to round-off."""
+    tables = {name: alone(SCENES[name]).table.columns for name in ("alm", "exact", "exact, monolithic")}
+    for name in ("exact", "exact, monolithic"):
+        for one in ("pressure", "shear_x", "shear_y"):
+            np.testing.assert_allclose(tables[name][one], tables["alm"][one], rtol=0, atol=2e-5)
+    full, condensed = (alone(SCENES[name]).table.columns for name in ("coulomb", "condensed"))
+    np.testing.assert_allclose(condensed["pressure"], full["pressure"], rtol=0, atol=1e-9 * full["pressure"].max())
+
+
+def test_load_steps_have_a_history():
+    """Slip takes work out of the body in every step but the first, never gives any; the path matters."""
+    solution = alone(SCENES["load steps"])
+    works = [step.contact.friction_work for step in solution.steps]
+    assert min(works) >= -1e-12
+    assert max(works[1:]) > 0
+    steps = [step.contact.forces[1] for step in solution.steps]
+    np.testing.assert_allclose([step.contact.forces[0][2] for step in solution.steps], 20.0, rtol=1e-8)
+    assert np.abs(steps[-1][0]) > 0
+
+
+def test_degree_2():
+    """Quadratic hexahedra: fewer cells, nearly the same answer."""
+    fine, coarse = alone(block(24, coefficient=0.3, gamma=1e8)), block(6, coefficient=0.3, gamma=1e8)
+    quadratic = alone(changed(coarse, element={"degree": 2}))
+    assert quadratic.certificate.holds
+    assert np.isclose(quadratic.steps[0].strain_energy, fine.steps[0].strain_energy, rtol=0.02)
+    np.testing.assert_allclose(quadratic.contact.forces[1][1], fine.contact.forces[1][1], rtol=0.05)
+
+
+def test_rigid_block_on_rough_ground():
+    """F = 1e6: everything that touches sticks."""
+    scene = parse_scene(
+        {
+            "mesh": box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": 10.0, "x": 8.0},
+            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=1e6)},
+        }
+    )
+    solution = alone(scene)
+    assert solution.status is Status.CONVERGED
+    assert set(solution.table.columns["state"]) <= {"stick", "open"}
