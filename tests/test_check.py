@@ -615,7 +615,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
     key = re.match(r"#([a-z_]+) =", line)[1]
     text = TEMPLATE.replace(line, line[1:], 1)
     before = TEMPLATE[: TEMPLATE.index(line)]
-    if key in ("boundaries", "regions", "data"):  # they go with a file
+    if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
     instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"]}.get(key, [])
     table = before.rfind("\n[") + 1
