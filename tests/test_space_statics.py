@@ -6,7 +6,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from spaces import box, friction_of
+from spaces import box, disc, friction_of
 
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
@@ -45,20 +45,6 @@ def test_limit_push(law, angle):
     force = held.contact.forces[1]
     np.testing.assert_allclose(force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
-
-
-def disc(cells="hexahedra", n=12, radius=1.0, height=0.5):
-    """A cylinder on its base around the origin: a box whose squares are blown up to circles."""
-    kind = {"hexahedra": dmesh.CellType.hexahedron, "tetrahedra": dmesh.CellType.tetrahedron}[cells]
-    mesh = dmesh.create_box(MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, 3), kind)
-    x = mesh.geometry.x
-    square = np.abs(x[:, :2]).max(axis=1)
-    size = np.hypot(x[:, 0], x[:, 1])
-    grown = 1.0 - square + square * np.divide(square, size, out=np.ones_like(size), where=size > 0)
-    x[:, :2] *= radius * grown[:, None]
-    return tag_boundaries(
-        mesh, {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9}
-    )
 
 
 @pytest.mark.parametrize("hertz", [False, True])

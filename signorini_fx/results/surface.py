@@ -32,9 +32,9 @@ def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]
         facets: see ``gather_facets``.
     """
     assert table.nodes is not None
-    row_of = {(int(pair[0]), int(pair[1])): row for row, pair in enumerate(table.nodes)}
+    row_of = {(part, node): row for row, (part, node) in enumerate(table.nodes.tolist())}
     kind, order = _KINDS[facets.shape[1] - 1]
-    cells = [[row_of[int(facet[0]), int(facet[1 + k])] for k in order] for facet in facets]
+    cells = [[row_of[part, nodes[k]] for k in order] for part, *nodes in facets.tolist()]
     c = table.columns
     fields: dict[str, npt.NDArray[Any]] = {
         name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
