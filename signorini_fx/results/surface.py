@@ -32,9 +32,9 @@ def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]
         facets: see ``gather_facets``.
     """
     assert table.nodes is not None
-    row_of = {(part, node): row for row, (part, node) in enumerate(table.nodes.tolist())}
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*table.nodes.T, strict=True))}
     kind, order = _KINDS[facets.shape[1] - 1]
-    cells = [[row_of[part, nodes[k]] for k in order] for part, *nodes in facets.tolist()]
+    cells = [[row_of[int(part), int(nodes[k])] for k in order] for part, *nodes in zip(*facets.T, strict=True)]
     c = table.columns
     fields: dict[str, npt.NDArray[Any]] = {
         name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
