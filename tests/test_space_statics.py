@@ -80,6 +80,14 @@ def test_limit_torque(hertz):
     assert turned(1.01 * limit).status is Status.SLIDES
 
 
+@pytest.mark.parametrize("law", FRICTION)
+def test_between_the_polygons(law):
+    """In the half per cent between the two polygons nothing is proved: the iteration decides, here that it holds."""
+    middle = np.pi / 32  # of a side: there the inner polygon is nearest to the centre
+    held = pushed(FRICTION[law], middle, 0.998)
+    assert held.status is Status.CONVERGED
+
+
 def torque_of(solution):
     """What friction takes up about the axis x[2]."""
     columns = solution.table.columns
