@@ -25,6 +25,19 @@ def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
     return tag_boundaries(mesh, markers)
 
 
+def disc(cells="hexahedra", n=12, radius=1.0, height=0.5, layers=3):
+    """A cylinder on its base around the origin: a box whose squares are blown up to circles."""
+    mesh = dmesh.create_box(MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, layers), CELLS[cells])
+    x = mesh.geometry.x
+    square = np.abs(x[:, :2]).max(axis=1)
+    size = np.hypot(x[:, 0], x[:, 1])
+    grown = 1.0 - square + square * np.divide(square, size, out=np.ones_like(size), where=size > 0)
+    x[:, :2] *= radius * grown[:, None]
+    return tag_boundaries(
+        mesh, {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9}
+    )
+
+
 def friction_of(bound=None, coefficient=None, **more):
     """The table of a friction law."""
     if bound is not None:

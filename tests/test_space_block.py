@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import alone
 from spaces import block
+
+from signorini_fx.records import History
+from signorini_fx.solving.solver import _solve_nested
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 # Of the block with 24 x 8 x 8 hexahedra and gamma = 1e8, as other programs print it: u_z under the load, the
@@ -59,3 +63,39 @@ def test_linear_solves(cells, law):
         assert solution.history.events == []
         assert settled <= 12
         assert done <= 14
+
+
+def test_equal_sets_are_not_the_end():
+    """The sets stay solves before the friction law holds, while directions still turn; the answer obeys the law."""
+    for gamma in GAMMAS:
+        solution = alone(block(12, bound=1.5, gamma=gamma))
+        settled, done = solves_until(solution)
+        assert done > settled
+        contact = solution.contact
+        trial = gamma * contact.u_t
+        size = np.linalg.norm(trial, axis=1, keepdims=True)
+        wanted = np.where(size > 1.5, 1.5 * trial / np.maximum(size, 1.5), trial)
+        assert np.abs(contact.shear - wanted).max() <= 1.5e-8
+
+
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_monolithic_takes_half_of_the_fixed_point(cells):
+    """At most half of the linear solves, the start from the pure contact problem counted with both."""
+    for gamma in GAMMAS:
+        fixed, newton = (
+            alone(block(24, cells, coefficient=0.3, gamma=gamma, coulomb=way)).history.linear_solves
+            for way in ("fp", "newton")
+        )
+        assert 2 * newton <= fixed
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_nested_iteration(law):
+    """Meshes of one's own, each from the state of the one before: at most 6 linear solves on the last of three."""
+    scenes = [block(nx, **LAWS[law], gamma=1e7) for nx in (6, 12, 24)]
+    history = History()
+    solution = _solve_nested(scenes, MPI.COMM_SELF, history)
+    assert solution.certificate.holds
+    assert history.outer[-1].linear_solves <= 6
+    alone_answer = alone(scenes[-1])
+    np.testing.assert_allclose(figures(solution), figures(alone_answer), rtol=1e-6, atol=1e-9)

@@ -108,6 +108,13 @@ def test_ways_agree():
     np.testing.assert_allclose(condensed["pressure"], full["pressure"], rtol=0, atol=1e-9 * full["pressure"].max())
 
 
+def test_limit_takes_few_solves():
+    """From the sets of the regularised problem the limit is a few linear solves away."""
+    solution = alone(block(12, bound=1.5, gamma=1e5, algorithm="exact"))
+    assert solution.history.outer[-1].linear_solves <= 5
+    assert solution.history.events == []
+
+
 def test_load_steps_have_a_history():
     """Slip takes work out of the body in every step but the first, never gives any; the path matters."""
     solution = alone(SCENES["load steps"])

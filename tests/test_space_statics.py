@@ -6,7 +6,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from spaces import box, friction_of
+from spaces import box, disc, friction_of
 
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
@@ -47,20 +47,6 @@ def test_limit_push(law, angle):
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
-def disc(cells="hexahedra", n=12, radius=1.0, height=0.5):
-    """A cylinder on its base around the origin: a box whose squares are blown up to circles."""
-    kind = {"hexahedra": dmesh.CellType.hexahedron, "tetrahedra": dmesh.CellType.tetrahedron}[cells]
-    mesh = dmesh.create_box(MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, 3), kind)
-    x = mesh.geometry.x
-    square = np.abs(x[:, :2]).max(axis=1)
-    size = np.hypot(x[:, 0], x[:, 1])
-    grown = 1.0 - square + square * np.divide(square, size, out=np.ones_like(size), where=size > 0)
-    x[:, :2] *= radius * grown[:, None]
-    return tag_boundaries(
-        mesh, {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9}
-    )
-
-
 @pytest.mark.parametrize("hertz", [False, True])
 def test_limit_torque(hertz):
     """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights of the mesh itself
@@ -92,6 +78,14 @@ def test_limit_torque(hertz):
     assert held.status is Status.CONVERGED
     assert torque_of(held) == pytest.approx(0.99 * limit, rel=1e-6)
     assert turned(1.01 * limit).status is Status.SLIDES
+
+
+@pytest.mark.parametrize("law", FRICTION)
+def test_between_the_polygons(law):
+    """In the half per cent between the two polygons nothing is proved: the iteration decides, here that it holds."""
+    middle = np.pi / 32  # of a side: there the inner polygon is nearest to the centre
+    held = pushed(FRICTION[law], middle, 0.998)
+    assert held.status is Status.CONVERGED
 
 
 def torque_of(solution):

@@ -209,7 +209,8 @@ def load_case(
     load.getArray()[:], start.getArray()[:] = applied.forces, applied.start
     if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
         touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
-        load.axpy(-1.0, action(elastic, applied.prescribed, np.unique(touched // load.getBlockSize()).astype(np.int32)))
+        blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
+        load.axpy(-1.0, action(elastic, applied.prescribed, blocks))
     load.getArray()[fixed] = young * applied.start[fixed]
     return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
 

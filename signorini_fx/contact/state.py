@@ -62,6 +62,17 @@ class ContactState:
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
     @cached_property
+    def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Moments about the origin of what ``forces`` has, in space only, shape (3,); collective."""
+        boundary = self.boundary
+        none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
+        found = [
+            parallel.global_sum(boundary.comm, -np.cross(boundary.x, boundary.nodal_forces(*tractions)).sum(axis=0))
+            for tractions in ((self.pressure, none_t), (none_n, self.shear))
+        ]
+        return found[0], found[1]
+
+    @cached_property
     def friction_work(self) -> float:
         """Work that slip takes out of the body in this load step, (mu, xi) with xi of (3.3c), never negative;
         collective.

@@ -79,6 +79,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
         raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
+    if summary.get("dimension") == 3:
+        raise ResultError(f"{folder}: is of a body in space, which has no page yet: open contact.vtu in ParaView")
     return summary
 
 

@@ -27,6 +27,7 @@ from signorini_fx.records import as_rows
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
+from signorini_fx.results.surface import gather_facets, write_surface
 from signorini_fx.scene.values import kind_of
 
 T = TypeVar("T")
@@ -37,7 +38,7 @@ LAST_LEVEL = "last_level"
 # All that a run may write; some of it only some runs do.  The report is about an older result then.
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
-    *("displacement.bp", "stress.bp", "density.bp", "fields.xdmf", "fields.h5"),
+    *("displacement.bp", "stress.bp", "density.bp", "von_mises.bp", "fields.xdmf", "fields.h5", "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("field_displacement.png", "field_density.png", "report.html"),
     LAST_LEVEL,
@@ -87,6 +88,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     plane = solution.discretisation.tagged.dimension == 2
     gathered = gather_cells(solution) if pictures and plane else None
+    facets = None if plane or solution.contact is None else gather_facets(solution.contact.boundary)
 
     def write() -> None:
         try:
@@ -98,6 +100,8 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
+            if table is not None and facets is not None:
+                write_surface(part / "contact.vtu", table, facets)
             if along_steps:
                 write_csv(part / "contact_steps.csv", along_steps)
             if pictures and not plane:
@@ -205,9 +209,9 @@ def _hypothesis(solution: Solution) -> str:
     return solution.scene.material[0].hypothesis
 
 
-def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
-    """Stress, (xx, yy, xy) in the plane and a tensor in space, and shear energy density, discontinuous, of the degree
-    that they have.
+def _stress_fields(solution: Solution) -> tuple[fem.Function, ...]:
+    """Stress, (xx, yy, xy) in the plane and a tensor in space, shear energy density, and in space the stress of von
+    Mises; discontinuous, of the degree that they have.
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
@@ -217,8 +221,11 @@ def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
     degree = max(solution.scene.element.degree, 1)
     plane = d.tagged.dimension == 2
     vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,) if plane else (3, 3))), name="stress")
-    scalar = fem.Function(fem.functionspace(mesh, ("DG", degree)), name="shear_energy_density")
+    broken = fem.functionspace(mesh, ("DG", degree))
+    scalar = fem.Function(broken, name="shear_energy_density")
+    mises = () if plane else ((fem.Function(broken, name="von_mises"), ufl.sqrt(6 * d.lame[1] * density)),)
     for function, expression in (
+        *mises,
         (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])) if plane else sigma),
         (scalar, density),
     ):
@@ -226,7 +233,7 @@ def _stress_fields(solution: Solution) -> tuple[fem.Function, fem.Function]:
         with compiling():
             compiled = fem.Expression(expression, points, dtype=default_scalar_type)
         function.interpolate(compiled)
-    return vector, scalar
+    return vector, scalar, *(function for function, _ in mises)
 
 
 def _size_of_fields(solution: Solution) -> float:
@@ -247,16 +254,14 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
         Names of the files.
     """
     comm = solution.comm
-    stress_field, density = _stress_fields(solution)
+    stress_field, density, *mises = _stress_fields(solution)
     if compat.has_vtx():
-        for name, functions in (
-            ("displacement", [solution.displacement]),
-            ("stress", [stress_field]),
-            ("density", [density]),
-        ):
-            with io.VTXWriter(comm, folder / f"{name}.bp", functions, engine="BP4") as file:
+        fields = {"displacement": solution.displacement, "stress": stress_field, "density": density}
+        fields |= {function.name: function for function in mises}
+        for name, function in fields.items():
+            with io.VTXWriter(comm, folder / f"{name}.bp", [function], engine="BP4") as file:
                 file.write(0.0)
-        return ["displacement.bp", "stress.bp", "density.bp"]
+        return [f"{name}.bp" for name in fields]
     mesh = solution.discretisation.tagged.mesh
     dim = solution.discretisation.tagged.dimension
     nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), name="displacement")

@@ -16,6 +16,7 @@ import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
+from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationRecord, OuterRecord
 from signorini_fx.results.certificate import JUDGED
@@ -46,6 +47,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         else sum(record.factorised for record in history.iterations),
         "outer_iterations": len(history.outer),
         "events": history.events,
+        "dimension": solution.discretisation.tagged.dimension,
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,
         "linear_algebra": solution.linear_algebra,
@@ -116,7 +118,21 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
-        **({"zones": zones} if table.chains else {"areas": contact.areas}),
+        **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
+    }
+
+
+def _in_space(contact: ContactState) -> dict[str, Any]:
+    """What a contact surface has in place of zones along a curve: areas; moments, and where the contact force acts."""
+    moments = contact.moments
+    force = contact.forces[0]
+    size = float(force @ force)
+    through = np.cross(force, moments[0]) / size if size > 0 else None
+    return {
+        "areas": contact.areas,
+        "contact_moment": [float(m) + 0.0 for m in moments[0]],
+        "friction_moment": [float(m) + 0.0 for m in moments[1]],
+        "contact_force_through": None if through is None else [float(x) + 0.0 for x in through],
     }
 
 
@@ -197,6 +213,11 @@ def render(summary: dict[str, Any]) -> str:
             f"  largest pressure {summary['max_pressure']:.6g}",
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
+            *(
+                f"  {name:16s} ({', '.join(f'{m:.6g}' for m in summary[key])}), about the origin"
+                for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
+                if key in summary
+            ),
         ]
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",

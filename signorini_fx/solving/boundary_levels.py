@@ -78,7 +78,7 @@ def start_from_few_nodes(task: Task) -> Start:
         outcome = run(coarse, coarse.start if start is None else coarse.start.begin_from(*start))
         status, start = outcome.status, None
         if status is Status.CONVERGED:
-            start = carry_over(coarse.contact(outcome, level.law), fine.boundary)
+            start = carry_over(coarse.contact(outcome, coarse.start), fine.boundary)
         solves = f"{history.linear_solves} linear solves"
         task.history.add(f"{level.boundary.size} contact nodes first: {solves}, {status.value}")
     return task.start if start is None else task.start.begin_from(*start)

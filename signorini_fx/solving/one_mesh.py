@@ -89,7 +89,7 @@ def solve_contact(
             outcome = run(task, start)
         with timings.phase("certify"):
             displacement = from_rest(discretisation, task.rest, outcome.displacement())
-            contact = task.contact(outcome, start.law)
+            contact = task.contact(outcome, start)
             certificate = certify(
                 scene,
                 discretisation.tagged,

@@ -103,7 +103,7 @@ def sweep(
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
         outcome = run(task, start)
-        contact, promised = task.contact(outcome, start.law), task.promised(outcome)
+        contact, promised = task.contact(outcome, start), task.promised(outcome)
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)

@@ -152,8 +152,14 @@ class Task:
         """The iterates, which the algorithms share."""
         return Iterate(self)
 
-    def contact(self, outcome: Outcome, law: FrictionLaw | None) -> ContactState:
-        """The contact nodes of this rank as an answer has them, displacements from where the body was at first."""
+    def contact(self, outcome: Outcome, start: Start) -> ContactState:
+        """The contact nodes of this rank as an answer has them, displacements from where the body was at first.
+
+        Args:
+            outcome: how the load step ended.
+            start: where it started, from where its slip counts.
+        """
+        law, origin = start.law, start.data.slip_origin
         problem = outcome.problem
         sets, data = problem.sets, problem.data
         u_n, u_t = problem.traces(outcome.newton.x)
@@ -172,7 +178,7 @@ class Task:
             direction=sets.direction,
             has_friction=data.has_friction,
             bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
-            slip_length=slip_of(u_t, data),
+            slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
         )
 
