@@ -33,7 +33,10 @@ def answer_of(solution: Solution) -> Answer:
         outcome=solution.status.value,
         place=space.tabulate_dof_coordinates()[:, :2].copy(),
         displacement=solution.displacement.x.array.reshape(-1, 2).copy(),
-        steps=[Step(table.columns) for table in tables],
+        steps=[
+            Step(table.columns, step.certificate.law.regularised)
+            for table, step in zip(tables, solution.steps, strict=True)
+        ],
         gamma=(told.get("gamma_n", np.inf), told.get("gamma_t", np.inf)),
         events=tuple(map(str, solution.history.events)),
         regularisation_error=told.get("regularisation_error"),
