@@ -340,26 +340,29 @@ def _linear_solves(scene: Scene, nodes: int, *, steps: int | None = None, levels
 
 
 def _cost(d: Body) -> Cost:
-    """Nested dissection in two dimensions: n log n entries, n^1.5 operations, as measured with CHOLMOD and MUMPS."""
+    """Nested dissection as measured with CHOLMOD and MUMPS: n log n entries and n^1.5 operations in two dimensions,
+    n^(4/3) and n^2 in three.
+    """
     comm = d.comm
     n = d.dofs
     nodes = _contact_nodes(d)
-    entries = n * max(15.0, 7.6 * (math.log2(n) - 5.1))
-    factorisation = 1e-6 * n + 3e-9 * n**1.5
+    dim = d.tagged.dimension
+    entries = n * max(15.0, 7.6 * (math.log2(n) - 5.1)) if dim == 2 else n * max(40.0, 9.0 * n ** (1 / 3))
+    factorisation = 1e-6 * n + (3e-9 * n**1.5 if dim == 2 else 4e-10 * n**2)
     solves = _linear_solves(d.scene, nodes)
     wanted, dense = d.scene.solver.linear_algebra, 0
     reason, once, each = "one factorisation for all load steps", factorisation, 0.1 * factorisation
     if wanted == "krylov":
         reason, once, each, entries = "Krylov", 0.0, _KRYLOV_SECONDS * n, 0.0
     elif d.boundary is not None:
-        against = choice.against_condensing(d, 2 * nodes)
+        against = choice.against_condensing(d, dim * nodes)
         if comm.size == 1 and wanted != "full" and (against is None or wanted == "condensed"):
-            dense = 2 * nodes
+            dense = dim * nodes
             reason, once, each = "condensed", 1.4 * factorisation, dense**3 / 3 / _DENSE_SPEED + 1e-4
         else:
             reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
-    matrix = 12.0 * 18 * n
+    matrix = 12.0 * (18 if dim == 2 else 81) * n
     return Cost(
         unknowns=free,
         contact_nodes=nodes,
