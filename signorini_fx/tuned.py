@@ -198,18 +198,19 @@ MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
 # What a later load step, which starts from the sets of the one before, takes at least; and what a finer mesh, which
 # starts from those of the coarser one, takes from and to.  No record.
 SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
-# Entries of a sparse factor, n times the larger of the first and the second times (log2 n - the third); seconds of the
-# factorisation, the first times n and the second times n^1.5.  Nested dissection in two dimensions.
-# Tuned with CHOLMOD and MUMPS on one core; tests/test_cost_model.py holds them against what MUMPS counts.
-FACTOR_ENTRIES = (15.0, 7.6, 5.1)
-FACTOR_SECONDS = (1e-6, 3e-9)
+# Entries of a sparse factor by dimension: n times the larger of the first and, in the plane, the second times (log2 n -
+# the third), in space the second times n^third.  Seconds of the factorisation: the first times n and the second times
+# n^1.5, in space n^2.  Nested dissection.
+# Tuned with CHOLMOD and MUMPS on one core; tests/test_cost_model.py holds those of the plane against what MUMPS counts.
+FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
+FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
 # Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
 BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
 # Dense Cholesky, operations a second, and seconds of the least step; a solve by CG with algebraic multigrid, seconds an
 # unknown.  No record.
 DENSE_SPEED, DENSE_STEP_SECONDS, KRYLOV_SECONDS = 2e10, 1e-4, 1e-5
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
-# the stiffness matrix.  Source: 18 is that of Q1.  No record of the bytes.
-BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, 18
+# the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
+BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
 # Share of the machine's memory from which on a scene is said to need too much.  Choice.
 MEMORY_SHARE = 0.8

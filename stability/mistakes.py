@@ -1596,8 +1596,8 @@ MUTANTS = (
     ),
     Mutant(
         "check/cost",
-        "FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5",
-        "100 * (FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5)",
+        "FACTOR_SECONDS[dim][0] * n",
+        "100 * FACTOR_SECONDS[dim][0] * n",
         "factorisation time times 100",
         tests=("cost_model",),
     ),

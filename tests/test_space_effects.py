@@ -5,12 +5,15 @@ Every scene is solved a second time with the tangents turned at random at every 
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
 from signorini_fx.body import contact_boundary
+from signorini_fx.check.checks import check_scene
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.sweep import sweep
 
 OSCILLATING = "0.3 + 0.1 * sin(5 * x[0]) * cos(4 * x[1])"
 CONTACT = {"boundary": "bottom", "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001"}
@@ -148,3 +151,39 @@ def test_rigid_block_on_rough_ground():
     solution = alone(scene)
     assert solution.status is Status.CONVERGED
     assert set(solution.table.columns["state"]) <= {"stick", "open"}
+
+
+def test_check_says_what_is_solved():
+    """Effects, linear algebra and a cost, nothing that only the plane has."""
+    scene = block(12, coefficient=0.3)
+    said = check_scene(scene, MPI.COMM_SELF)
+    solution = alone(scene)
+    assert said.cost.contact_nodes == len(solution.table.columns["x"]) == 65
+    assert said.cost.linear_algebra == solution.linear_algebra
+    assert said.cost.linear_solves[0] <= solution.history.linear_solves <= said.cost.linear_solves[1]
+    assert said.effects[0].why == "always; in space"
+    assert list(said.forms) == solution.discretisation.inventory.forms
+
+
+def test_sweep():
+    """One elimination of the body for many coefficients, each with its certificate."""
+    points = sweep(block(12, coefficient=0.3, gamma="auto"), MPI.COMM_SELF, coefficients=[0.1, 0.3, 1.0])
+    forces = [abs(point.contact.forces[1][1]) for point in points]
+    assert forces == sorted(forces)
+    assert all(point.certificate().holds for point in points)
+
+
+def test_without_contact():
+    """One linear solve: a bar that is pulled."""
+    scene = parse_scene(
+        {
+            "mesh": box("hexahedra", (6, 2, 2), size=(3.0, 1.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [{"boundary": name, "normal": 0.0} for name in ("left", "front", "bottom")],
+            "traction": {"boundary": "right", "x": 2.0},
+        }
+    )
+    solution = alone(scene)
+    x = solution.discretisation.space.tabulate_dof_coordinates()
+    found = solution.displacement.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(found[:, 0], 0.002 * x[:, 0], atol=1e-15)

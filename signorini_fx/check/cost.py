@@ -87,13 +87,14 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
 
 
 def estimated_cost(d: Body) -> Cost:
-    """Nested dissection in two dimensions: n log n entries, n^1.5 operations."""
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three."""
     comm = d.comm
     n = d.dofs
     nodes = contact_nodes(d)
-    least, slope, offset = FACTOR_ENTRIES
-    entries = n * max(least, slope * (math.log2(n) - offset))
-    factorisation = FACTOR_SECONDS[0] * n + FACTOR_SECONDS[1] * n**1.5
+    dim = d.tagged.dimension
+    least, slope, offset = FACTOR_ENTRIES[dim]
+    entries = n * max(least, slope * (math.log2(n) - offset) if dim == 2 else slope * n**offset)
+    factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
     kind = friction_kind(d.scene, d.scene.contact)
     solves = linear_solves(d.scene, kind, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
     setting, dense = d.scene.solver.linear_algebra, 0
@@ -101,15 +102,15 @@ def estimated_cost(d: Body) -> Cost:
     if setting == "krylov":
         reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
     elif d.boundary is not None:
-        against = choice.against_condensing(d, 2 * nodes)
+        against = choice.against_condensing(d, dim * nodes)
         if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
-            dense = 2 * nodes
+            dense = dim * nodes
             step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
             reason, once, each = "condensed", CONDENSING * factorisation, step
         else:
             reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
-    matrix = 12.0 * ROW_ENTRIES * n
+    matrix = 12.0 * ROW_ENTRIES[dim] * n
     return Cost(
         unknowns=free,
         contact_nodes=nodes,
