@@ -8,6 +8,7 @@ list that no longer fits the code is an error and no silent success (``python3 -
 from __future__ import annotations
 
 import ast
+import builtins
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,6 +83,9 @@ class Mutant:
             ValueError: the list does not fit the code.
         """
         source = self.path(package).read_text(encoding="utf-8")
+        unknown = syntax.needs(self.new) - syntax.names(source) - set(dir(builtins))
+        if unknown:  # any test would notice that
+            raise ValueError(f"{self.module}: {self.new!r}: the module knows no {', '.join(sorted(unknown))}")
         return syntax.replace(source, self._piece(source), self.new)
 
     def spoil(self, package: Path) -> None:
