@@ -3,14 +3,19 @@
 Every scene is solved a second time with the tangents turned at random at every node: the same counts, the same numbers.
 """
 
+import basix.ufl
 import numpy as np
 import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
 from signorini_fx.body import contact_boundary
 from signorini_fx.check.checks import check_scene
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
@@ -187,3 +192,42 @@ def test_without_contact():
     x = solution.discretisation.space.tabulate_dof_coordinates()
     found = solution.displacement.x.array.reshape(-1, 3)
     np.testing.assert_allclose(found[:, 0], 0.002 * x[:, 0], atol=1e-15)
+
+
+def test_curved_cells():
+    """Hexahedra of the second order on a bowl: refused with linear elements, solved with quadratic ones."""
+    straight = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)).mesh
+    nodes = fem.functionspace(straight, ("Lagrange", 2))
+    x = nodes.tabulate_dof_coordinates().copy()
+
+    def bowl(x):
+        return 0.2 * ((x[0] - 1) ** 2 + (x[1] - 1) ** 2)
+
+    x[:, 2] += bowl(x.T) * (1 - x[:, 2])
+    element = basix.ufl.element("Lagrange", "hexahedron", 2, shape=(3,))
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, nodes.dofmap.list.astype(np.int64), x, element)
+    tagged = tag_boundaries(
+        mesh, {"bottom": lambda x: np.abs(x[2] - bowl(x)) < 1e-9, "top": lambda x: np.abs(x[2] - 1) < 1e-9}
+    )
+
+    def scene(degree):
+        return parse_scene(
+            {
+                "mesh": tagged,
+                "element": {"degree": degree},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": {"boundary": "top", "x": 0.01, "y": 0.005, "z": -0.05},
+                "contact": {
+                    "boundary": "bottom",
+                    "gap": "x[2]",
+                    "direction": [0.0, 0.0, -1.0],
+                    "friction": friction_of(coefficient=0.3),
+                },
+            }
+        )
+
+    with pytest.raises(SceneError, match="curved cells"):
+        alone(scene(1))
+    solution = alone(scene(2))
+    assert solution.certificate.holds
+    assert {"slip", "open"} <= set(solution.table.columns["state"])
