@@ -1591,7 +1591,7 @@ MUTANTS = (
     ),
     Mutant(
         "check/checks",
-        "1e-6 * n + 3e-9 * n**1.5",
+        "3e-9 * n**1.5 if dim == 2 else 4e-10 * n**2",
         "1e-4 * n + 3e-7 * n**1.5",
         "factorisation time times 100",
         tests=("cost_model",),
