@@ -1600,8 +1600,8 @@ MUTANTS = (
     ),
     Mutant(
         "check/cost",
-        "FACTOR_SECONDS[dim][0] * n",
-        "100 * FACTOR_SECONDS[dim][0] * n",
+        "FACTOR_SECONDS[dim][1] * n",
+        "100 * FACTOR_SECONDS[dim][1] * n",
         "factorisation time times 100",
         tests=("cost_model",),
     ),

@@ -72,7 +72,12 @@ class Copy:
     def __init__(self, folder: Path, cache: Path) -> None:
         self.folder, self.cache = folder, folder / "cache"
         (folder / "tmp").mkdir()
-        ignored = shutil.ignore_patterns(".git", "__pycache__", "results", "build", ".*_cache", ".hypothesis")
+        anywhere = shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis")
+
+        def ignored(place: str, names: list[str]) -> set[str]:
+            """What git does not hold; the package has a folder with the name of that of the results."""
+            return anywhere(place, names) | ({"results", "build"} & set(names) if Path(place) == ROOT else set())
+
         shutil.copytree(ROOT, folder / "code", symlinks=True, ignore=ignored)
         # Forms that another mutant began to compile, and did not end, would be waited for.
         for name in ("fenics", "matplotlib"):

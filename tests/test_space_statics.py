@@ -86,6 +86,9 @@ def test_between_the_polygons(law):
     middle = np.pi / 32  # of a side: there the inner polygon is nearest to the centre
     held = pushed(FRICTION[law], middle, 0.998)
     assert held.status is Status.CONVERGED
+    assert any("only the iteration can say" in found.message for found in held.findings)
+    safe = pushed(FRICTION[law], middle, 0.99)
+    assert not any("only the iteration can say" in found.message for found in safe.findings)
 
 
 def torque_of(solution):

@@ -14,7 +14,15 @@ from signorini_fx.body.discretisation import Body
 from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact import data as contact_data
 from signorini_fx.contact.laws import FrictionLaw
-from signorini_fx.contact.statics import ZERO, Reactions, cone, left_over, null_space, reactions
+from signorini_fx.contact.statics import (
+    ZERO,
+    Reactions,
+    certainly_balances,
+    cone,
+    left_over,
+    null_space,
+    reactions,
+)
 from signorini_fx.records import Finding
 
 _Rows = npt.NDArray[np.float64]
@@ -106,7 +114,12 @@ def _equilibrium_of(
     if not pushed and not stuck and not contact.bilateral.any():
         message = f"{text}, but no load presses {it} on its foundation: its position is not determined"
         return Finding("warning", "traction, body_force", message)
-    return Finding("note", "displacement", f"{text}, and the loads press the body on")
+    text = f"{text}, and the loads press the body on"
+    # In space friction is bracketed by polygons: an equilibrium that the inner one does not allow for is not proved.
+    bracketed = contact.tangential.shape[1] > 1 and not contact.bilateral.any()
+    if bracketed and not all(certainly_balances(contact, load, load) for load, _ in loads):
+        text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
+    return Finding("note", "displacement", text)
 
 
 def _runs(steps: list[int]) -> str:
