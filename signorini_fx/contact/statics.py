@@ -175,7 +175,7 @@ def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt
 
 
 def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
-    """Contact reactions against so many motions, one a row.
+    """Contact reactions against so many motions, one per row.
 
     Returns:
         Generators, of length 1, of a cone that holds all that pressure and Coulomb friction can balance (a cap is not
@@ -198,7 +198,7 @@ def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
 
 
 def null_space(rows: Nodal) -> Nodal:
-    """Directions, one a column, across all the rows."""
+    """Directions, one per column, across all the rows."""
     values, vectors = np.linalg.eigh(rows.T @ rows)
     null: Nodal = vectors[:, values <= ZERO**2 * max(float(values[-1]), 1e-300)]
     return null

@@ -25,8 +25,8 @@ from pydantic import (
     model_validator,
 )
 
+from signorini_fx.scene.base import Table
 from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.scene.table import Table
 from signorini_fx.scene.values import (
     Finite,
     NonNegativeValue,
@@ -103,7 +103,7 @@ class _Load(Table):
     """What load steps multiply.
 
     Attributes:
-        factors: one number a load step; None: 1 in every step.
+        factors: one number per load step; None: 1 in every step.
     """
 
     factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None

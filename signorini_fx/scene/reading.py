@@ -11,8 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.messages import problems_of
 from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import kind_of
 
 

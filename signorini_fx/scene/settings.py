@@ -13,7 +13,7 @@ from pydantic import (
     field_validator,
 )
 
-from signorini_fx.scene.table import Table
+from signorini_fx.scene.base import Table
 from signorini_fx.scene.values import (
     Automatic,
     Count,
