@@ -132,3 +132,9 @@ def test_short_forms():
     assert "&lt;b&gt;" in shown
     assert "converged" in shown
     assert solution.table._repr_html_().count("<tr>") == 1 + 13
+
+
+def test_numbers_of_numpy_in_settings():
+    """Where a word would do as well."""
+    settings = sfx.SolverSettings(gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3))
+    assert (settings.gamma_n, settings.gamma_t, settings.inner_iterations) == (1e6, 2e6, 3)

@@ -47,13 +47,14 @@ class MeshFile(Table):
         boundaries: names for boundaries: a number in the cell data, or a rule that all corners of exterior facets obey.
         regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
         data: the cell data that the numbers refer to; None: the only one.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
     """
 
     file: Path
     boundaries: dict[str, Selection] = Field(default={})
     regions: dict[str, Selection] = Field(default={})
     data: str | None = None
-    size: Positive | None = None  # length of the cells of a .step, .stp or .brep; None: a share of the body
+    size: Positive | None = None
 
 
 class MeshGenerator(Table):

@@ -100,6 +100,7 @@ NonNegativeValue = Annotated[
 
 def number_or_auto(given: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
+    given = given.item() if isinstance(given, np.number) else given
     if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
         raise ValueError(f"a positive number or 'auto' is wanted, got {shown(given)}")
     return given if given == "auto" else bounded(given)
@@ -107,6 +108,7 @@ def number_or_auto(given: Any) -> Any:
 
 def count_or_auto(given: Any) -> Any:
     """A positive whole number or the word auto, with one message where it is neither."""
+    given = given.item() if isinstance(given, np.number) else given
     if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
         raise ValueError(f"a positive whole number or 'auto' is wanted, got {shown(given)}")
     return given
