@@ -118,7 +118,7 @@ def test_one_table_instead_of_a_list():
         ("displacement.0.boundary", NOTHING, "displacement[0].boundary", "is missing"),
         ("mesh", {}, "mesh", "file or generator"),
         ("mesh", {"file": "a.msh", "generator": "block"}, "mesh", "file or generator"),
-        ("mesh", 3, "mesh", "wanted"),
+        ("mesh", 3, "mesh", "expected"),
         ("mesh.generator", 3, "mesh.generator", "string"),
         ("material", 3, "material", ""),
         ("material.young", -1.0, "material.young", "greater than 0"),
@@ -165,7 +165,7 @@ def test_one_table_instead_of_a_list():
     ],
 )
 def test_one_mistake(path, value, expected, message):
-    """A mistake is reported once, with the path of its key and what is wanted."""
+    """A mistake is reported once, with the path of its key and what is expected."""
     found = problems(changed((path, value)))
     assert list(found) == [expected]
     assert message in found[expected]

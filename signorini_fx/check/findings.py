@@ -226,7 +226,7 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
 
 
 def _large_displacements(body: Body, moved: float) -> list[Finding]:
-    """Loads under which linear elasticity is not what is wanted; as a rule two units do not agree."""
+    """Loads under which linear elasticity is not what is expected; as a rule two units do not agree."""
     size = body.tagged.size
     if moved < size:
         return []

@@ -27,7 +27,7 @@ from signorini_fx.contact.laws import Nodal, RegularisedData
 ZERO = 1e-8
 # Sides of the polygons: the outer radius is 1 / cos(pi / 32) of the inner one, 1.005.
 _SIDES = 32
-# Friction above this is taken for as much as is wanted.
+# Friction above this is taken for unlimited.
 _ROUGH = 1e6
 
 

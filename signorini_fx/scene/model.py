@@ -317,7 +317,7 @@ class Scene(Table):
                 raise ValueError("give either file or generator")
             return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
         if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
-            message = "a table with file or generator is wanted"
+            message = "a table with file or generator is expected"
             if isinstance(given, str | Path):
                 message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
             elif hasattr(given, "topology"):

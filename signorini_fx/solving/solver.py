@@ -81,7 +81,7 @@ def solve(
 
 def _check_comm(comm: object) -> None:
     if not isinstance(comm, MPI.Comm):
-        raise TypeError(f"a communicator of mpi4py is wanted, such as MPI.COMM_WORLD, not {kind_of(comm)}")
+        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
 
 
 def _solve_nested(
