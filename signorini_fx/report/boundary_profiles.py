@@ -36,8 +36,9 @@ from signorini_fx.report.style import (
 )
 
 # Lightness falls from open to stick, so that the order of the states survives a gray printer.
-_STATES = {
+STATES = {
     "open": ("#f0f0f0", "open"),
+    "slip": (ORANGE, "slip"),  # in space, where it has a direction in place of a sign
     "slip+": (ORANGE, r"slip $+$"),
     "slip-": (BLUE, r"slip $-$"),
     "stick": ("#262626", "stick"),
@@ -71,7 +72,7 @@ class Boundary:
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
 
     def states(self, *, of_friction: bool) -> list[str]:
-        """Keys of ``_STATES``, n of them: the state in the contact, or that of the friction law wherever it acts."""
+        """Keys of ``STATES``, n of them: the state in the contact, or that of the friction law wherever it acts."""
         state, friction = self.columns["state"], self.columns["friction"]
         without = np.where(state == "open", "open", "contact")
         acts = friction != "none"
@@ -137,7 +138,7 @@ def state_patches(states: set[str]) -> list[Patch]:
     """Entries of a legend, in a fixed order, for the states that are seen."""
     return [
         Patch(facecolor=color, edgecolor=MUTED, linewidth=0.5, label=label)
-        for state, (color, label) in _STATES.items()
+        for state, (color, label) in STATES.items()
         if state in states
     ]
 
@@ -233,7 +234,7 @@ def state_strip(axes: Axes, boundary: Boundary, states: list[str], name: str) ->
         start = 0
         for state, run in itertools.groupby(states[first:end]):
             stop = start + len(list(run))
-            axes.axvspan(borders[start], borders[stop], color=_STATES[state][0], linewidth=0)
+            axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
             start = stop
     axes.set(ylim=(0, 1), yticks=[], xlabel=boundary.label)
     axes.spines[:].set_visible(True)

@@ -26,6 +26,7 @@ def iteration_history(
     *,
     title: str = "",
     suffixes: Sequence[str] = BOTH,
+    dimension: int = 2,
 ) -> None:
     """Draw the course of the iteration against the linear solves: sizes of the active sets, changed nodes, residual.
 
@@ -35,6 +36,7 @@ def iteration_history(
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
         title: what to say above the picture.
         suffixes: of the files to write.
+        dimension: of the body; in space slip has no sign, and slip_plus counts all nodes that slip.
 
     Raises:
         ValueError: there are no rows.
@@ -58,7 +60,10 @@ def iteration_history(
         curves: list[tuple[str, str, dict[str, Any]]] = [
             ("active_contact", r"contact $|\mathcal{A}_c|$", {"color": INK, "marker": "o", "lw": 1.3})
         ]
-        if np.any(data["slip_plus"]) or np.any(data["slip_minus"]):
+        if dimension == 3 and np.any(data["slip_plus"]):
+            slip: dict[str, Any] = {"color": ORANGE, "marker": "^", "lw": 1.3, "ls": (0, (4.5, 1.8))}
+            curves.append(("slip_plus", r"slip  $|\mathcal{A}_f|$", slip))
+        elif np.any(data["slip_plus"]) or np.any(data["slip_minus"]):
             plus: dict[str, Any] = {"color": ORANGE, "marker": "^", "lw": 2.2}
             minus: dict[str, Any] = {"color": BLUE, "marker": "v", "lw": 1.1, "ls": (0, (3, 1.5)), "mfc": "white"}
             curves.append(("slip_plus", r"slip $+$  $|\mathcal{A}_{f,+}|$", plus))

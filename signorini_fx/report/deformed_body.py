@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from signorini_fx.report.style import INK, STYLE, Floats, decimal_power, finish, math_number, times_power
+from signorini_fx.report.style import INK, STYLE, Floats, decimal_power, finish, math_number, readable, times_power
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _EDGE = "#9a9a9a"
@@ -25,25 +25,21 @@ def magnification(points: Floats, displacement: Floats) -> float:
     """A factor that makes a displacement visible: the largest becomes about 8 % of the body's diagonal.
 
     Args:
-        points: positions, shape (n, 2).
-        displacement: at the points, shape (n, 2).
+        points: positions, shape (n, d).
+        displacement: at the points, shape (n, d).
 
     Returns:
         1, 2 or 5 times a power of ten; 1 for a body that does not move.
     """
-    largest = float(np.hypot(*np.asarray(displacement, dtype=np.float64).T).max(initial=0.0))
+    largest = float(np.hypot.reduce(np.asarray(displacement, dtype=np.float64), axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > 0):
         return 1.0
     ideal = 0.08 * _diagonal(points) / largest
-    if not ideal > 0:
-        return 1.0
-    decade = math.floor(math.log10(ideal))
-    steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
-    return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
+    return readable(ideal) if ideal > 0 else 1.0
 
 
 def _diagonal(points: Floats) -> float:
-    return float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 0.0
+    return float(np.hypot.reduce(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
 def deformed_mesh(
@@ -99,7 +95,7 @@ def deformed_mesh(
     area = _areas(corners)
     cell_size = math.sqrt(float(np.median(area))) * 72 * width / (high[0] - low[0])
     edged = cell_size >= _VISIBLE_CELL
-    top = _upper_tone(density, area)
+    top = upper_tone(density, area)
     power = decimal_power(top)
 
     with mpl.rc_context(STYLE):
@@ -175,7 +171,7 @@ def _areas(corners: Floats) -> Floats:
     return 0.5 * twice
 
 
-def _upper_tone(density: Floats, area: Floats) -> float:
+def upper_tone(density: Floats, area: Floats) -> float:
     """The density to draw black: the largest, or what 99 % of the area stays below if the largest is far above."""
     finite = np.isfinite(density)
     density, area = density[finite], area[finite]

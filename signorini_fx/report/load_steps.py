@@ -31,6 +31,8 @@ from signorini_fx.report.style import (
     times_power,
 )
 
+_ORDINALS = {"x": "first", "y": "second", "z": "third"}
+
 
 def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes: Sequence[str] = BOTH) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
@@ -41,29 +43,40 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         title: what to say above the picture.
         suffixes: of the files to write.
     """
-    names = ("contact_force_x", "contact_force_y", "friction_force_x", "friction_force_y")
+    in_space = "contact_force_z" in steps
+    count = 3 if in_space else 2
+    names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in "xyz"[:count]]
     forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
     scale = largest_of(*forces.values())
     power = decimal_power(scale)
-    styles = (MULTIPLIER, MULTIPLIER | {"color": MUTED}, MOTION, MOTION | {"color": ORANGE})
-    friction = max(names[2:], key=lambda name: largest_of(forces[name]))
+    pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}]
+    rubbing = [MOTION, MOTION | {"color": ORANGE}]
+    if in_space:  # most foundations are below, and press upwards
+        pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
+        rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
+    friction = max(names[count:], key=lambda name: largest_of(forces[name]))
+    measure, motion_name, which, said = "force per thickness", "mean_tangential_displacement", "", friction
+    if in_space:  # the motion is a vector: its component along the force that is drawn against it
+        measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
+        which = f", {_ORDINALS[friction[-1]]} component"
+        said = f"friction force{which}"
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4, 4.6), layout="constrained")
         upper, lower = figure.subplots(2, 1)
-        for name, style in zip(names, styles, strict=True):
+        for name, style in zip(names, (*pressing, *rubbing), strict=True):
             if largest_of(forces[name]) > 1e-6 * scale:  # what is left by symmetry and round-off is not shown
                 kind, _, axis = name.rpartition("_")
-                label = f"{kind.replace('_', ' ')}, {'first' if axis == 'x' else 'second'} component"
+                label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
                 upper.plot(steps["step"], forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
-        upper.set(xlabel="load step", ylabel=f"force per thickness{times_power(power)}")
+        upper.set(xlabel="load step", ylabel=f"{measure}{times_power(power)}")
         upper.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
-        motion = np.asarray(steps["mean_tangential_displacement"], dtype=np.float64)
+        motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
-            xlabel=f"mean tangential displacement{times_power(out)}",
-            ylabel=f"{friction.replace('_', ' ')}{times_power(power)}",
+            xlabel=f"mean tangential displacement{which}{times_power(out)}",
+            ylabel=f"{said.replace('_', ' ')}{times_power(power)}",
         )
         lower.locator_params(axis="x", nbins=6)
         for axes in (upper, lower):

@@ -40,15 +40,22 @@ def page(folder: Path) -> str:
 
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
-    contact = folder.columns("contact.csv", summary["contact_nodes"]) if "zones" in summary else {}
+    solid = sections.in_space(summary)
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
     found = {
         "Outcome": sections.outcome(summary),
         "Certificate": sections.certificate(summary),
         "Scene and effects": sections.scene(summary),
         "What to do next": tag("ul", *(tag("li", line) for line in sections.next_steps(summary, contact))),
-        "Deformed body": sections.deformed(folder),
+        "Deformed body": sections.deformed(folder, solid=solid),
     }
-    if contact:
+    if contact and solid:
+        from signorini_fx.report import sections_in_space
+
+        facets = folder.facets(summary["contact_nodes"])
+        found["Contact surface"] = sections_in_space.surface(contact, facets)
+        found["Forces and areas"] = sections_in_space.resultants(summary, contact)
+    elif contact:
         found["Contact boundary"] = sections.profiles(contact)
         found["Zones"] = sections.zones(summary)
     if "steps" in summary:
@@ -56,7 +63,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if "price_list" in summary:
         found["Price list"] = sections.price_list(summary["price_list"])
     if contact:
-        found["Iteration"] = sections.history(folder, folder.columns("history.csv", summary["linear_solves"]))
+        columns = folder.columns("history.csv", summary["linear_solves"])
+        found["Iteration"] = sections.history(folder, columns, dimension=3 if solid else 2)
     found["Made with"] = sections.made_with(summary)
     title = summary["title"] or name
     style = Markup(resources.files("signorini_fx.report").joinpath("report.css").read_text(encoding="utf-8"))

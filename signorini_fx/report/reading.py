@@ -55,6 +55,27 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
     return np.array(list(map(as_name, entries)), dtype=np.str_)
 
 
+def read_facets(path: str | Path) -> npt.NDArray[np.int64]:
+    """The facets of a contact surface from contact.vtu: rows of contact.csv in the order of VTK, shape (m, k).
+
+    Raises:
+        ValueError: it is no such file.
+    """
+    # Python's own reader: it follows no reference to another file, and expat stops texts that multiply.
+    from xml.etree import ElementTree
+
+    try:
+        arrays = {array.get("Name"): array.text or "" for array in ElementTree.parse(path).iter("DataArray")}
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: {error}") from None
+    ends = np.array(arrays["offsets"].split(), dtype=np.int64)
+    rows = np.array(arrays["connectivity"].split(), dtype=np.int64)
+    facets = rows.reshape(len(ends), -1) if len(ends) else rows.reshape(0, 3)
+    if facets.size and not np.array_equal(ends, facets.shape[1] * np.arange(1, len(ends) + 1)):
+        raise ValueError(f"{path}: facets of different shapes")
+    return facets
+
+
 def read_summary(folder: Path) -> dict[str, Any]:
     """summary.json of a result folder.
 
@@ -79,8 +100,6 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
         raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
-    if summary.get("dimension") == 3:
-        raise ResultError(f"{folder}: is of a body in space, which has no page yet: open contact.vtu in ParaView")
     return summary
 
 
@@ -105,6 +124,17 @@ class ResultFiles:
         if rows is not None and count != rows:
             raise ValueError(f"{name} has {count} rows, {rows} are expected")
         return found
+
+    def facets(self, rows: int) -> npt.NDArray[np.int64]:
+        """The facets of the contact surface, see ``read_facets``, of a table of so many rows.
+
+        Raises:
+            ValueError: they are of another table.
+        """
+        facets = read_facets(self.path / "contact.vtu")
+        if facets.size and not 0 <= facets.min() <= facets.max() < rows:
+            raise ValueError(f"contact.vtu is of other nodes than contact.csv with its {rows} rows")
+        return facets
 
     def picture(self, name: str) -> bytes | None:
         """A picture that solve drew, None if it drew none."""

@@ -36,7 +36,7 @@ JUDGED: dict[str, tuple[float | None, str]] = {
 _SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
 
 
-def _file_of(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
+def file_of(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
     """The file that a drawing function writes."""
     with tempfile.TemporaryDirectory() as folder:
         if suffix == ".svg":
@@ -44,6 +44,11 @@ def _file_of(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
         else:
             draw(Path(folder) / f"picture{suffix}", *arguments, **options)
         return (Path(folder) / f"picture{suffix}").read_bytes()
+
+
+def in_space(summary: dict[str, Any]) -> bool:
+    """Whether the body is one in space, not in the plane."""
+    return bool(summary.get("dimension") == 3)
 
 
 def outcome(summary: dict[str, Any]) -> Markup:
@@ -72,10 +77,11 @@ def outcome(summary: dict[str, Any]) -> Markup:
         "linear_solves": "linear solves",
     }
     largest = max((abs(f) for key in ("contact_force", "friction_force") for f in summary.get(key, [])), default=0.0)
-    figures = [(label, shown(_clean(summary[key], largest))) for key, label in names.items() if key in summary]
+    figures = [(label, shown(clean(summary[key], largest))) for key, label in names.items() if key in summary]
     figures.append(("seconds", f"{sum(summary['timings'].values()):.3g}"))
     cards = [tag("div", tag("dt", label), tag("dd", value)) for label, value in figures]
-    note = "Forces are per unit thickness, and what the foundation exerts on the body; units are those of the scene."
+    measure = "what" if in_space(summary) else "per unit thickness, and what"
+    note = f"Forces are {measure} the foundation exerts on the body; units are those of the scene."
     return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
 
 
@@ -86,9 +92,9 @@ def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 
-def _clean(value: Any, scale: float) -> Any:
+def clean(value: Any, scale: float) -> Any:
     """Components of a vector that are round-off beside the scale are zero; a single number stays."""
-    return [c if abs(c) > 1e-9 * scale else 0.0 for c in value] if isinstance(value, list) else value
+    return [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
 
 
 def certificate(summary: dict[str, Any]) -> Markup:
@@ -159,12 +165,20 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
     return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
 
 
-def deformed(folder: ResultFiles) -> Markup:
+_PLANE_BODY = "Displacement magnified as the title says; gray: elastic shear energy density; lines: the foundation."
+_SOLID_BODY = (
+    "Displacement magnified as the title says; colour: stress of von Mises, shaded; broken lines: the body at rest; "
+    "gray plane or broken frame: the foundation where it is flat, magnified with the gap."
+)
+
+
+def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
     """The picture of the deformed body, and those of pyvista."""
     data = folder.picture("deformed.png")
     if data is None:
-        return tag("p", "No picture: this was solved with --no-pictures.", class_="note")
-    caption = "Displacement magnified as the title says; gray: elastic shear energy density; lines: the foundation."
+        reason = "this was solved with --no-pictures" + (", or has too many facets to be drawn" if solid else "")
+        return tag("p", f"No picture: {reason}.", class_="note")
+    caption = _SOLID_BODY if solid else _PLANE_BODY
     whole = picture(data, "png", "deformed body on its foundation", caption)
     fields = {caption: folder.picture(f"{stem}.png") for stem, caption in FIELDS.items()}
     others = [picture(data, "png", caption, caption) for caption, data in fields.items() if data is not None]
@@ -180,7 +194,7 @@ def profiles(contact: dict[str, Any]) -> Markup:
     if frictional:
         sides["friction"] = "Shear, its bounds and tangential displacement; below, where friction sticks and slips."
     drawn = [
-        picture(_file_of(".svg", boundary_profiles, contact, sides=[side]), "svg+xml", caption, caption)
+        picture(file_of(".svg", boundary_profiles, contact, sides=[side]), "svg+xml", caption, caption)
         for side, caption in sides.items()
     ]
     signs = "Normal displacement above the foundation is penetration; shear has the sign of the slip."
@@ -193,7 +207,7 @@ def zones(summary: dict[str, Any]) -> Markup:
     rows = []
     for name, runs in summary["zones"].items():
         for first, last in runs:
-            rows.append((name, shown(_clean(first, size)), shown(_clean(last, size)), math.dist(first, last)))
+            rows.append((name, shown(clean(first, size)), shown(clean(last, size)), math.dist(first, last)))
     if not rows:
         return tag("p", "Nothing is in contact.")
     note = "From node to node: the true ends lie up to one element further out. Stick and slip where friction can act."
@@ -207,9 +221,9 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
     parts = []
     if "contact_force_x" in steps:
         caption = "Above: forces of the foundation on the body. Below: friction force against motion."
-        pictures = [picture(_file_of(".svg", load_steps, steps), "svg+xml", caption, caption)]
-        if (folder.path / "contact_steps.csv").is_file():
-            moving = _file_of(".gif", step_animation, folder.columns("contact_steps.csv"))
+        pictures = [picture(file_of(".svg", load_steps, steps), "svg+xml", caption, caption)]
+        if "contact_force_z" not in steps and (folder.path / "contact_steps.csv").is_file():
+            moving = file_of(".gif", step_animation, folder.columns("contact_steps.csv"))
             caption = "Pressure, shear and states along the contact boundary, step by step."
             pictures.append(picture(moving, "gif", caption, caption, "moving"))
         parts.append(tag("div", *pictures, class_="pictures"))
@@ -233,7 +247,7 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
         [
             table([*(name.replace("_", " ") for name in names), ""], shorter, classes),
             tag("p", note, class_="note"),
-            picture(_file_of(".svg", errors_against_time, rows), "svg+xml", caption, caption),
+            picture(file_of(".svg", errors_against_time, rows), "svg+xml", caption, caption),
         ]
     )
 
@@ -243,14 +257,16 @@ def _two_digits(value: float | None) -> Any:
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
-def history(folder: ResultFiles, history: dict[str, Any]) -> Markup:
+def history(folder: ResultFiles, history: dict[str, Any], *, dimension: int = 2) -> Markup:
     """The course of the iteration, and its tables."""
     from signorini_fx.report.convergence import iteration_history
 
     parts = []
     if history:
         caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
-        drawn = _file_of(".svg", iteration_history, history)
+        drawn = file_of(".svg", iteration_history, history, dimension=dimension)
+        if dimension == 3:  # slip has no sign
+            history = {{"slip_plus": "slip"}.get(key, key): c for key, c in history.items() if key != "slip_minus"}
         parts = [
             picture(drawn, "svg+xml", caption, caption),
             long_table("Every linear solve", history, "history.csv"),
@@ -291,14 +307,13 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
             )
     elif contact and "steps" not in summary:
         advice.append(
-            "How accurate this is has not been estimated: solve with --levels 3 (a mesh from a generator), or ask "
+            "How accurate this is has not been estimated: solve on a finer mesh as well, and compare."
+            if in_space(summary)
+            else "How accurate this is has not been estimated: solve with --levels 3 (a mesh from a generator), or ask "
             "for an accuracy, as with --accuracy 0.05."
         )
     if contact:
-        # The arc length starts again with each connected piece, and so with each boundary.
-        piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
-        nodes = zip(piece, contact["state"] != "open", strict=True)
-        runs = [len(list(run)) for (_, touching), run in groupby(nodes) if touching]
+        runs = _zone_sizes(contact)
         if runs and min(runs) < FEW_NODES:
             advice.append(
                 f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
@@ -309,6 +324,16 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     if summary.get("fields"):
         advice.append(f"Look at the fields in ParaView: {', '.join(summary['fields'])}.")
     return advice
+
+
+def _zone_sizes(contact: dict[str, Any]) -> list[int]:
+    """How many nodes are in contact in each zone of a curve, in space on each boundary that touches."""
+    closed = contact["state"] != "open"
+    if "s" not in contact:
+        return [int(count) for count in np.unique(contact["boundary"][closed], return_counts=True)[1]]
+    # The arc length starts again with each connected piece, and so with each boundary.
+    piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
+    return [len(list(run)) for (_, touching), run in groupby(zip(piece, closed, strict=True)) if touching]
 
 
 def _percent(value: float) -> str:

@@ -74,6 +74,13 @@ def decimal_power(largest: float) -> int:
     return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
 
 
+def readable(ideal: float) -> float:
+    """The factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
+    decade = math.floor(math.log10(ideal))
+    steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
+    return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
+
+
 def times_power(power: int) -> str:
     """What follows a label whose figures were multiplied by 10^power."""
     return rf" $\times\,10^{{{power}}}$" if power else ""

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +22,14 @@ from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.machine.terminal import say
 from signorini_fx.records import as_rows
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
-from signorini_fx.results.surface import gather_facets, write_surface
 from signorini_fx.scene.values import kind_of
+
+if TYPE_CHECKING:
+    from signorini_fx.results.outer_surface import OuterSurface
 
 T = TypeVar("T")
 # What the files of fields take on each rank besides their data.
@@ -40,6 +41,7 @@ _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "density.bp", "von_mises.bp", "fields.xdmf", "fields.h5", "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
+    *("contact_surface.png", "contact_surface.pdf"),
     *("field_displacement.png", "field_density.png", "report.html"),
     LAST_LEVEL,
 )
@@ -57,7 +59,7 @@ def write_results(
         solution: what to write, converged or not.
         folder: made if it is not there, or claimed before.
         fields: write the fields for ParaView.
-        pictures: draw the deformed mesh, the boundary profiles and the iteration history.
+        pictures: draw the deformed body, the contact boundary and the iteration history.
 
     Returns:
         The summary.
@@ -79,16 +81,17 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     comm, part = solution.comm, folder.part
     table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
-    axes = ("z",) if solution.discretisation.tagged.dimension == 2 else ()
-    summary["scene"] = describe(solution.scene, axes)
+    plane = solution.discretisation.tagged.dimension == 2
+    # What a scene in the plane, or one in space, does not have.
+    summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
     steps = summary.get("steps", [])
     if fields:
         folder.reserve(_size_of_fields(solution))
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
-    plane = solution.discretisation.tagged.dimension == 2
     gathered = gather_cells(solution) if pictures and plane else None
-    facets = None if plane or solution.contact is None else gather_facets(solution.contact.boundary)
+    outer = _outer_surface(solution) if pictures and not plane else None
+    facets = None if plane else _contact_facets(solution)
 
     def write() -> None:
         try:
@@ -101,13 +104,15 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
             if table is not None and facets is not None:
+                from signorini_fx.results.surface import write_surface
+
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
                 write_csv(part / "contact_steps.csv", along_steps)
-            if pictures and not plane:
-                say("bodies in space are not drawn yet: open the fields in ParaView")
             if gathered is not None:
                 _draw(solution, gathered, table, part)
+            if pictures and not plane:
+                _draw_in_space(solution, outer, table, part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except Exception as error:  # matplotlib fails once more on the file that a full disk has cut off
@@ -117,6 +122,13 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
 
     parallel.on_root(comm, write)
     return summary
+
+
+def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:
+    """The facets of the contact surface, None without contact; collective."""
+    from signorini_fx.results.surface import gather_facets
+
+    return None if solution.contact is None else gather_facets(solution.contact.boundary)
 
 
 def _of_the_system(error: BaseException | None) -> OSError | None:
@@ -170,7 +182,7 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
 
     Args:
         value: the data.
-        without: keys of tables to leave out: components that a scene in the plane does not have.
+        without: keys of tables to leave out: what a scene in the plane, or one in space, does not have.
     """
     if isinstance(value, BaseModel):
         names = (name for name in type(value).model_fields if name not in without)
@@ -322,7 +334,6 @@ def gather_cells(solution: Solution) -> GatheredCells:
 def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
     # matplotlib takes a while to import
     from signorini_fx.report.boundary_profiles import boundary_profiles
-    from signorini_fx.report.convergence import errors_against_time, iteration_history
     from signorini_fx.report.deformed_body import deformed_mesh, magnification
     from signorini_fx.report.pyvista_pictures import draw_fields
     from signorini_fx.report.style import plain
@@ -345,7 +356,62 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
     draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
     if table is not None:
         boundary_profiles(folder / "profiles", table.columns, title=title)
+    _draw_course(solution, folder)
+
+
+def _draw_course(solution: Solution, folder: Path) -> None:
+    """How the solution was approached."""
+    from signorini_fx.report.convergence import errors_against_time, iteration_history
+    from signorini_fx.report.style import plain
+
+    dimension = solution.discretisation.tagged.dimension
     if solution.history.iterations:
-        iteration_history(folder / "history", as_rows(solution.history.iterations))
+        iteration_history(folder / "history", as_rows(solution.history.iterations), dimension=dimension)
     if solution.price_list:
-        errors_against_time(folder / "price_list", as_rows(solution.price_list), title=title)
+        errors_against_time(folder / "price_list", as_rows(solution.price_list), title=plain(solution.scene.title))
+
+
+def _outer_surface(solution: Solution) -> OuterSurface | None:
+    """What is drawn of a body in space, None if that is too much; collective."""
+    from signorini_fx.report.solid_body import MOST_FACETS
+    from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
+
+    count = outer_facets(solution)
+    if count <= MOST_FACETS:
+        return gather_outer_surface(solution)
+    parallel.log_on_root(
+        solution.comm,
+        f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView",
+    )
+    return None
+
+
+def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: ContactTable | None, folder: Path) -> None:
+    from signorini_fx.report.contact_surface import contact_surface
+    from signorini_fx.report.reading import read_facets
+    from signorini_fx.report.solid_body import deformed_solid
+    from signorini_fx.report.style import plain
+
+    title = plain(solution.scene.title)
+    if outer is not None:
+        foundations = foundations_of(table.columns) if table is not None else []
+        deformed_solid(
+            folder / "deformed",
+            outer.points,
+            outer.facets,
+            outer.displacement,
+            outer.mises,
+            foundations=foundations,
+            title=title,
+        )
+    if table is not None:
+        contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
+    _draw_course(solution, folder)
+
+
+def foundations_of(c: Mapping[str, Any]) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    """Nodes of each contact boundary in space and the vectors d n from there to the foundation, both (k, 3)."""
+    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
+    offset = normals * np.asarray(c["gap"])[:, None]
+    where = [c["boundary"] == name for name in dict.fromkeys(c["boundary"])]
+    return [(nodes[rows], offset[rows]) for rows in where]
