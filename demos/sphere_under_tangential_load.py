@@ -18,15 +18,15 @@
 # $$\delta = \frac{3 (2 - \nu) F P}{16\, G a} \Bigl( 1 - \Bigl(1 - \frac{Q}{F P}\Bigr)^{2/3} \Bigr),
 #   \qquad G = \frac{E}{2 (1 + \nu)} .$$
 #
-# **The trap.** They let the push leave the pressure as it is, and the press make no shear. That holds for two equal
-# bodies. On a rigid plane the surface of the sphere, which would move inwards when it is pressed, is held back: Dundurs'
-# constant
+# **The trap.** They assume that the press makes no shear and that the push leaves the pressure as it is. That holds for
+# two equal bodies. On a rigid plane friction holds back the surface of the sphere, which would move inwards when it is
+# pressed. Dundurs' constant
 #
 # $$\beta = \frac{1 - 2\nu}{2 (1 - \nu)}$$
 #
-# says how much. It is 0.29 for $\nu = 0.3$, where friction from the press has used up most of the bound before the push
-# begins, and the formulae fail; it is 0.01 for the $\nu = 0.49$ of this demo. What is left then is that they let every
-# point slip along the push, which is not quite so. So it is a check to 5 % at the best, not a benchmark.
+# says how much. It is 0.29 for $\nu = 0.3$: there the press itself makes two thirds of the contact slip before the push
+# begins, and the formulae fail. It is 0.02 for $\nu = 0.49$, for which they are compared here. They also assume that
+# every point slips along the push, which is not quite so for any $\nu > 0$. So this is a check to 5 %, no benchmark.
 
 # %%
 import os
@@ -168,7 +168,11 @@ if MPI.COMM_WORLD.rank == 0:
         print("   P       a: Hertz  computed   p0: Hertz  computed    Q/FP    c/a: formula  computed  by area")
         names = ("P", "a", "a computed", "p0", "p0 computed", "Q/FP", "c/a", "c/a computed", "c/a by area")
         for row in zip(*(columns[name] for name in names), strict=True):
-            print("{:7.3f}   {:.4f}   {:.4f}     {:7.3f}   {:7.3f}    {:6.3f}      {:.3f}    {:.3f}    {:.3f}".format(*row))
+            print(
+                "{:7.3f}   {:.4f}   {:.4f}     {:7.3f}   {:7.3f}    {:6.3f}      {:.3f}    {:.3f}    {:.3f}".format(
+                    *row
+                )
+            )
     print("displacement of the top: prescribed, by the formula")
     for row in zip(moved[1:], predicted[1:], strict=True):
         print("    {:.5f}   {:.5f}".format(*row))
@@ -182,13 +186,15 @@ if MPI.COMM_WORLD.rank == 0:
         formula = np.sqrt(1 - at**2) - c * np.sqrt(np.maximum(1 - (at / c) ** 2, 0))
         axes[0].plot(at, formula, color="0.75", linewidth=3)
         axes[0].plot(radius, shear, style, markersize=4, label=f"Q = {share[k]:.2f} FP")
-    axes[0].set(xlabel="$r / a$", ylabel=r"$\mu_x / (F p_0)$", xlim=(0, 1.15), ylim=(0, 0.8))
-    axes[0].legend(frameon=False)
+    axes[0].set(xlabel="$r / a$", ylabel=r"$\mu_x / (F p_0)$", xlim=(0, 1.15), ylim=(0, 1.15))
+    axes[0].legend(frameon=False, loc="upper right")
     at = np.linspace(0.0, 1.0, 400)
     axes[1].plot(at, (1 - at) ** (1 / 3), color="0.75", linewidth=3, label="Cattaneo and Mindlin")
     for poisson, style in ((0.49, "k."), (0.3, "kx")):
-        axes[1].plot(table[poisson]["Q/FP"], table[poisson]["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}")
-    axes[1].set(xlabel="$Q / FP$", ylabel="$c / a$", xlim=(0, 1), ylim=(0, 1.05))
+        axes[1].plot(
+            table[poisson]["Q/FP"], table[poisson]["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}"
+        )
+    axes[1].set(xlabel="$Q / (F P)$", ylabel="$c / a$", xlim=(0, 1), ylim=(0, 1.05))
     axes[1].legend(frameon=False, loc="lower left")
     axes[2].plot(predicted, push, color="0.75", linewidth=3, label="Cattaneo and Mindlin")
     axes[2].plot(moved, push[1] / moved[1] * moved, "k:", linewidth=0.8, label="without slip")

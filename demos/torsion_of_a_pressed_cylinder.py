@@ -8,8 +8,8 @@
 # $$\mu = G\varphi\, \frac{r}{H}, \qquad M = \frac{\pi}{2}\, \frac{G \varphi a^4}{H}
 #   \qquad\text{up to}\qquad \varphi_1 = \frac{F p H}{G a},$$
 #
-# where the rim begins to slip. Beyond, the stick radius $c$ moves in; when all of the base slips, friction can give no
-# more than
+# where the rim begins to slip; that is three quarters of the limit below. Beyond, the stick radius $c$ moves in; when
+# all of the base slips, friction can give no more than
 #
 # $$M_{\max} = \int_0^a F p\, r\; 2 \pi r\, \mathrm{d}r = \frac{2}{3}\, F N a, \qquad N = \pi a^2 p .$$
 #
@@ -39,7 +39,7 @@ from signorini_fx import (
 from signorini_fx.contact.table import contact_table
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
-from torsion_oracle import torsion  # noqa: E402
+from torsion_oracle import torsion
 
 CELLS = int(os.environ.get("CELLS", "10"))  # along the radius
 RESULTS = Path("results/demos/torsion_of_a_pressed_cylinder")
@@ -111,11 +111,11 @@ if MPI.COMM_WORLD.rank == 0:
         shares = torque[k] / most[k], oracle[k] / most[k], elastic[k] / most[k]
         print(row.format(turns[k], *shares, 100 * off[k - 1], stick[k] / RADIUS, expected[k].stick))
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-    fine = np.linspace(0.0, turns[-1], 25)
+    fine = np.append(np.linspace(0.9, 2.4, 16), turns[-1])
     curve = np.array([torsion(modulus, HEIGHT, bound, turn * first, nr=30, nz=20).torque for turn in fine])
     left.axhline(1.0, color="0.7", linestyle=":")
     left.text(turns[-1], 0.985, r"$\frac{2}{3} F N a$", ha="right", va="top")
-    left.plot(fine, curve / most[-1], color="0.75", linewidth=4, label="scalar problem")
+    left.plot(np.append(0, fine), np.append(0, curve) / most[-1], color="0.75", linewidth=4, label="scalar problem")
     left.plot(turns, torque / most, "k.", label="computed in space")
     left.plot(turns[:4], elastic[:4] / most[0], "k--", linewidth=0.8, label="if all of it stuck")
     left.set(xlabel=r"$\varphi / \varphi_1$", ylabel=r"$M / M_{\max}$", xlim=(0, None), ylim=(0, 1.08))
