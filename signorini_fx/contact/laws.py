@@ -256,10 +256,12 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
     """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is.
 
-    In the plane these points slip along the tangent, in space without a direction: none is distinguished.
+    In the plane these points slip along the tangent, in space without a direction: none is distinguished.  Where the
+    bound is infinite all stick.
     """
     if data.bound is None:
         return sets
+    sets = sets.sticking(np.isinf(data.bound))
     free = ~(data.bound > 0)
     if data.coupling is not None:
         free &= ~(data.coupling > 0) | ~sets.contact

@@ -158,6 +158,8 @@ class ProblemState(ABC):
         self.data = data
         self._escaping: Any = None
         self._forced_first = first_sets is not None
+        if data.bound is not None:  # sets of the problem before may slip where this one has no limit
+            self.sets = self.sets.sticking(np.isinf(data.bound))
         if first_sets is not None:
             first = release(first_sets, data)
             self.next = NextSets(first, first)
