@@ -31,7 +31,7 @@ from scipy.optimize import minimize
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.contact.table import contact_table
 
-CELLS = int(os.environ.get("CELLS", "20"))  # along the width of the bracket, near the bolt
+CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat
 RESULTS = Path("results/demos/bracket")
 BOLT, RADIUS, SEAT_RADIUS = 37.0, 5.5, 10.0  # of the generator: x[0] of the bolt, hole and seat around it
 
@@ -42,7 +42,7 @@ BOLT, RADIUS, SEAT_RADIUS = 37.0, 5.5, 10.0  # of the generator: x[0] of the bol
 
 # %%
 scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")
-mesh = MeshGenerator(generator="bracket", parameters={"contact_size": 40 / CELLS, "size": 100 / CELLS})
+mesh = MeshGenerator(generator="bracket", parameters={"contact_size": 2 * SEAT_RADIUS / CELLS, "size": 50 / CELLS})
 scene = scene.model_copy(update={"mesh": mesh})
 (friction,) = (contact.friction.coefficient for contact in scene.contact)
 
