@@ -48,9 +48,14 @@ scene = scene.model_copy(update={"mesh": mesh})
 
 
 def loaded(*factors):
-    """The scene with other load steps."""
+    """The scene with other load steps, and without fall-backs, which take long where there is no solution."""
     bolt, pull = scene.traction
-    return scene.model_copy(update={"traction": (bolt, pull.model_copy(update={"factors": factors}))})
+    return scene.model_copy(
+        update={
+            "traction": (bolt, pull.model_copy(update={"factors": factors})),
+            "solver": scene.solver.model_copy(update={"fallbacks": False}),
+        }
+    )
 
 
 # %% [markdown]
