@@ -159,5 +159,6 @@ def test_bracket(run):
     assert found["turning"] == pytest.approx(3.206, rel=0.02)
     assert 0.97 < found["at_limit"] / found["turning"] < 1.03
     assert found["below"].status.value == "converged"
-    assert found["above"].status.value != "converged"
+    assert found["above"].status.value == "maximum outer iterations reached"
+    assert any(event.startswith("slides") for event in found["above"].history.events)
     pictures("bracket/foot")
