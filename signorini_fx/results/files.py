@@ -280,7 +280,7 @@ class GatheredCells:
         points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
         cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, shape (n, 2).
-        density: shear energy density, one value a cell (at its midpoint), shape (m,).
+        density: shear energy density, one value per cell (at its midpoint), shape (m,).
     """
 
     points: npt.NDArray[np.float64]
