@@ -139,6 +139,7 @@ for poisson in (0.3, 0.49):
     rows = [measure(step, poisson) for step in solutions[poisson].steps]
     table[poisson] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
 solution, found = solutions[0.49], table[0.49]
+profiles = [contact_table(step.contact, ["sphere"]).columns for step in solution.steps]
 write_results(solution, RESULTS)
 
 # %% [markdown]
@@ -179,7 +180,7 @@ if MPI.COMM_WORLD.rank == 0:
     figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
     at = np.linspace(0.0, 1.0, 400)
     for k, style in zip((2, 4, 5), ("k.", "kx", "k+"), strict=True):
-        columns = contact_table(solution.steps[k].contact, ["sphere"]).columns
+        columns = profiles[k]
         radius = np.hypot(columns["x"], columns["y"]) / found["a"][k]
         shear = columns["shear_x"] / (FRICTION * found["p0"][k])
         c = found["c/a"][k]

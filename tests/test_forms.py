@@ -12,7 +12,7 @@ from scenes import on_mesh, rectangle
 
 from signorini_fx.body import forms
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.contact.laws import ActiveSets, RegularisedData, trial_shear
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import Timings
@@ -134,6 +134,17 @@ def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
     assert np.abs(residual - reference.residual)[free].max() <= 1e-12 * np.abs(reference.residual).max()
     difference = (jacobian - reference.jacobian)[np.ix_(free, free)]
     assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
+
+
+def test_sets_of_the_problem_before_stick_where_there_is_no_limit():
+    """Before the first solve of a problem whose bound is infinite, as Coulomb friction begins, nothing slips."""
+    problem, y = problem_at_random_state(body("quadrilateral", 1), seed=3)
+    assert problem.sets.slip.any()
+    problem.set_data(replace(problem.data, bound=np.full(problem.boundary.size, np.inf)))
+    vector = problem.system.start.duplicate()
+    vector.setArray(y.x.array)
+    _, shear = problem.multipliers(vector, problem.sets)
+    np.testing.assert_array_equal(shear, trial_shear(problem.traces(vector)[1], problem.data))
 
 
 @pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])
