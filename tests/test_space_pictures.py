@@ -6,10 +6,12 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import pairwise
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
@@ -103,6 +105,19 @@ def test_files(folder):
             assert 400 < image.width < 1600
             assert 300 < image.height < 3000
             assert np.asarray(image.convert("L")).std() > 10
+
+
+def test_nothing_is_cut_off(folder):
+    """Titles, labels and legends are within the picture, also without a title above it."""
+    _, figure = drawn(folder)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    inside = figure.bbox.padded(1.0)
+    for piece in (*figure.axes, *figure.legends):
+        box = piece.get_tightbbox(renderer)
+        assert inside.x0 <= box.x0 < box.x1 <= inside.x1
+        assert inside.y0 <= box.y0 < box.y1 <= inside.y1
 
 
 def test_pressure_is_that_of_the_table(folder):
@@ -333,6 +348,17 @@ def test_colours_of_the_body_are_its_stress():
     (ground,) = figure.axes[0].collections[0].get_paths()  # below, so behind the body
     corners = seen.flat(foundation[0][0])
     assert ground.contains_points(corners).all()
+
+
+def test_lines_of_edges():
+    """All edges once, in as few lines as there are: an open one, a closed one, and three that meet."""
+    edges = np.array([[0, 1], [2, 1], [2, 3], [10, 11], [12, 11], [12, 10], [20, 21], [20, 22], [23, 20]])
+    lines = view.lines_of(edges)
+    steps = {frozenset(step) for line in lines for step in pairwise(line)}
+    assert steps == {frozenset(edge) for edge in edges.tolist()}
+    assert sum(len(line) - 1 for line in lines) == len(edges)
+    assert sorted(len(line) for line in lines) == [2, 2, 2, 4, 4]
+    assert view.lines_of(edges[:0]) == []
 
 
 def test_flat_foundations_only():

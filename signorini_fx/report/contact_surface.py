@@ -212,6 +212,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+    figure.draw_without_rendering()  # the layout needs a second pass where equal axes do not fill their place
     return figure
 
 
