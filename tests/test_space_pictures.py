@@ -154,6 +154,7 @@ def test_states_and_slip_are_those_of_the_table(folders):
     x, y = where[..., 0], where[..., 1]
     pieces = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2
     np.testing.assert_allclose(np.bincount(owner, pieces), side.floats("weight"))
+    assert np.abs(where - side.nodes[owner][:, None]).max() == pytest.approx(0.125)  # half of a facet
     (arrows,) = [c for c in right.collections if isinstance(c, Quiver)]
     factor = float(re.search(r"slip \$\\times\\,(\d+)\$", right.get_title(loc="left")).group(1))
     slips = np.flatnonzero(side.columns["friction"] == "slip")
@@ -443,11 +444,15 @@ def test_moments_and_line_of_action(folders):
     """The line on the page, with the force, has the moment of the summary; the same with the table of nodes."""
     folder = folders["coulomb"]
     summary, contact = summary_of(folder), read_csv(folder / "contact.csv")
+    # A moment about the axis, which pressure on a plane never has.
+    direction = np.array(summary["contact_force"]) / np.linalg.norm(summary["contact_force"])
+    summary["contact_moment"] = list(np.array(summary["contact_moment"]) + 3.0 * direction)
     markup = sections_in_space.resultants(summary, contact)
     line = markup.split("moment about this axis")[1].split("</table>")[0]
     (row,) = re.findall(r"<tr><td[^>]*>\(([^)]*)\)</td><td[^>]*>([^<]*)</td></tr>", line)
     through = np.array([float(c) for c in row[0].split(",")])
     force, moment = np.array(summary["contact_force"]), np.array(summary["contact_moment"])
+    assert float(row[1]) == pytest.approx(3.0, rel=1e-5)
     along = float(row[1]) * force / np.linalg.norm(force)
     np.testing.assert_allclose(np.cross(through, force) + along, moment, rtol=1e-4, atol=1e-4 * np.abs(moment).max())
     by_hand = contact["weight"] * contact["pressure"]
