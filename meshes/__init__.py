@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def _length(given: float) -> float:
     if not SMALLEST < given < LARGEST:
-        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is wanted, got {given:g}")
+        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is expected, got {given:g}")
     return given
 
 
@@ -297,7 +297,7 @@ def cells_of_solid(
 
 
 def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
-    """Leave of a solid of OpenCASCADE around the axis x[2] the part that is wanted.
+    """Leave of a solid of OpenCASCADE around the axis x[2] the part that is expected.
 
     Args:
         drawing: the model, in its own units.

@@ -194,12 +194,12 @@ class History:
     """What happened, in order.
 
     Attributes:
-        iterations: one record a linear solve.
-        outer: one record a regularised problem.
+        iterations: one record per linear solve.
+        outer: one record per regularised problem.
         events: decisions that a user should know of, such as a fall-back.
         observers: called with each new record or event, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
-        kept: whether this limit is one for several meshes, so that none of them gets its own.
+        shared: whether this limit is one for several meshes, so that none of them gets its own.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
@@ -207,7 +207,7 @@ class History:
     events: list[str] = field(default_factory=list)
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
-    kept: bool = False
+    shared: bool = False
 
     def __repr__(self) -> str:
         return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
@@ -219,7 +219,7 @@ class History:
 
     def allow(self, solves: int) -> None:
         """Set the limit to so many more linear solves, unless it is to be kept."""
-        if not self.kept:
+        if not self.shared:
             self.limit = self.linear_solves + solves
 
     def add(self, record: IterationRecord | OuterRecord | str) -> None:

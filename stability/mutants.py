@@ -41,7 +41,7 @@ NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
 _NOT_FOR_COPIES = ("tests/test_mutants.py",)
 # What comes first in the suite: quick, and about everything.
 _FIRST = (
-    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "ladder", "invariances",
+    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "fall_backs", "invariances",
     "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "boundary_levels", "expressions",
 )  # fmt: skip
 # CPU seconds of a process, and wall seconds, by how much is run: a mutant may run for ever.

@@ -10,7 +10,7 @@ from scenes import alone, example1
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
-from signorini_fx.results.claim import Before, Law, Tractions
+from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import one_mesh
 

@@ -389,7 +389,7 @@ def test_sizes_that_cannot_be(tmp_path, drawings):
     with pytest.raises(SceneError, match=r"mesh\.size: the cells of a \.geo have their size"):
         read_file(quarter(tmp_path, "tetra"), size=1.0)
     for size in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(SceneError, match=r"mesh\.size: a positive length is wanted"):
+        with pytest.raises(SceneError, match=r"mesh\.size: a positive length is expected"):
             read_file(drawings / "plain.step", size=size)
 
 

@@ -156,7 +156,7 @@ def test_taylor(cell, degree, friction):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_nodal_rule(degree):
-    """One positive weight a node, and the weights of a boundary add up to its length."""
+    """One positive weight per node, and the weights of a boundary add up to its length."""
     boundary = body("triangle", degree).boundary
     assert (boundary.weight > 0).all()
     lengths = [boundary.weight[boundary.part == part].sum() for part in (0, 1)]

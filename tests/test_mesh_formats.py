@@ -351,7 +351,7 @@ def test_abaqus(tmp_path, kind):
     [
         ("{kind}", "CAX4", "axisymmetric"),
         ("{kind}", "GK3D8", "GK3D8 is neither a plane one nor a solid"),
-        ("{kind}", "CPE3", "3 nodes for each are wanted"),
+        ("{kind}", "CPE3", "3 nodes for each are expected"),
         ("1, 1, 2, 12, 11", "1, 1, 2, 12, 99", "99 is missing"),
         ("1, 1, 2, 12, 11", "2, 1, 2, 12, 11", "element 2 is there twice"),
         (" first,", " second,", "set 'second' is not there"),

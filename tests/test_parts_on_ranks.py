@@ -11,7 +11,7 @@ from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel
-from signorini_fx.accuracy.estimators import StressRecovery
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.descent import _Line, natural_sets
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.refinement import mark, refine

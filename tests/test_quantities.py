@@ -7,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.accuracy import estimators
+from signorini_fx.accuracy import stress_recovery as estimators
 from signorini_fx.body import material
 from signorini_fx.results.files import gather_cells
 from signorini_fx.scene.model import LinearElastic

@@ -29,7 +29,7 @@ from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.report import load_steps, markup, pyvista_pictures, sections
 from signorini_fx.report import page as report
-from signorini_fx.report.result_files import read_csv
+from signorini_fx.report.reading import read_csv
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.model import UnilateralContact
@@ -247,7 +247,7 @@ def test_escapes(folders):
 
 
 def test_animation(folders):
-    """One frame a load step, each different."""
+    """One frame per load step, each different."""
     (data,) = (data for kind, data in pictures(Page(folders["steps"])) if kind == "gif")
     frames = []
     with Image.open(io.BytesIO(data)) as image:

@@ -8,7 +8,7 @@ import dolfinx
 import pytest
 
 from signorini_fx import cli, compat
-from signorini_fx.cli.endings import EXIT_BAD_INPUT
+from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine import requirements
 

@@ -165,7 +165,7 @@ def test_one_table_instead_of_a_list():
     ],
 )
 def test_one_mistake(path, value, expected, message):
-    """A mistake is reported once, with the path of its key and what is wanted."""
+    """A mistake is reported once, with the path of its key and what is expected."""
     found = problems(changed((path, value)))
     assert list(found) == [expected]
     assert message in found[expected]

@@ -26,7 +26,7 @@ from signorini_fx import cli
 from signorini_fx.errors import ResultError
 from signorini_fx.report import contact_surface, load_steps, page, sections_in_space, solid_body, view
 from signorini_fx.report.boundary_profiles import STATES
-from signorini_fx.report.result_files import read_csv, read_facets
+from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import outer_surface
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene

@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algorithms import ladder
+from signorini_fx.algorithms import fall_backs
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
@@ -37,7 +37,7 @@ def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
         np.testing.assert_array_equal(start, starts[0])
 
 
-def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
+def test_the_path_to_gamma_keeps_the_ratio_of_gammas():
     """Both grow together, from a ten thousandth to what is asked for."""
 
     class Newton:
@@ -54,7 +54,7 @@ def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
     newton = Newton()
-    assert ladder._path(newton, task.start.data, None, lambda: None, descend=False) is Status.CONVERGED
+    assert fall_backs._path(newton, task.start.data, None, lambda: None, descend=False) is Status.CONVERGED
     normal, tangential = np.array(newton.stages).T
     np.testing.assert_allclose(normal, 1e6 * np.logspace(-4, 0, 5), rtol=1e-12)
     np.testing.assert_allclose(tangential, normal / 5, rtol=1e-12)

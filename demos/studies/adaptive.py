@@ -30,7 +30,7 @@ COLOURS = {"P1": "#0072b2", "P2": "#d55e00"}
 
 
 def curves(reference) -> dict[tuple[str, str], np.ndarray]:
-    """Unknowns, true and estimated error, peak pressure: one row a mesh, for each element and refinement."""
+    """Unknowns, true and estimated error, peak pressure: one row per mesh, for each element and refinement."""
     found = {}
     for element, (factors, target) in ELEMENTS.items():
         uniform = one_after_the_other([on_mesh(scene_of(SCENE), factor, element, {}) for factor in factors])

@@ -64,7 +64,7 @@ def as_asked(scene, target: float, **goal) -> tuple[list[Solved], list]:
 
 
 def compare(name: str, found: list[Solved], prices: list, true: list[dict], own: dict) -> list[dict]:
-    """One row a mesh and a quantity."""
+    """One row per mesh and a quantity."""
     rows = []
     for solved, price, errors in zip(found, prices, true, strict=False):
         for column in COLUMNS:

@@ -46,7 +46,7 @@ def levels_of(name: str) -> None:
 
 
 def measured(name: str) -> list[dict]:
-    """One row a mesh that could be predicted."""
+    """One row per mesh that could be predicted."""
     from signorini_fx.accuracy.price_list import Price, predict
 
     command = [sys.executable, __file__, "--levels-of", name]

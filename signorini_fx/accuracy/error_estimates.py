@@ -10,8 +10,8 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.data_error import contact_cells, data_error
-from signorini_fx.accuracy.estimators import StressRecovery
 from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pressure_square
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import POLLUTION

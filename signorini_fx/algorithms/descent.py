@@ -58,7 +58,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
             status = Status.CONVERGED
             break
         if not problem.holds(sets, data):
-            sets, held = _tied(newton, sets, u_n, u_t, data)
+            sets, held = _constrained(newton, sets, u_n, u_t, data)
         start = newton.x.copy()
         status = newton.attempt(held, sets, max_iterations=1)
         if status not in (Status.CONVERGED, Status.MAX_ITERATIONS, Status.CYCLING):
@@ -78,23 +78,23 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     return status
 
 
-def _tied(
+def _constrained(
     newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 ) -> tuple[ActiveSets, RegularisedData]:
     """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
     bound = np.zeros_like(u_n) if data.bound is None else data.bound
     excess = length(trial_shear(u_t, data)) - bound
-    along, across = newton.problem.ties(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
-    tied = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
+    along, across = newton.problem.constraints(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
+    constrained = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
     if data.has_friction:
         origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
-        tied = replace(
-            tied,
+        constrained = replace(
+            constrained,
             mu_hat=np.where(across[:, None], at_bound(sets, bound), data.mu_hat),
             slip_origin=np.where(across[:, None], u_t, origin),
         )
     contact = replace(sets, contact=sets.contact | along)
-    return contact.sticking(across), tied
+    return contact.sticking(across), constrained
 
 
 @dataclass(frozen=True)

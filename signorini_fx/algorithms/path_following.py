@@ -7,7 +7,7 @@ substitution each, with the factor of the last linear solve:
 
 with C the contact blocks of the sets at gamma = 1.  One pole, y(gamma) = y_inf - c / (E + gamma), is fitted to them; it
 says both how far y is from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and at which gamma that distance
-will be what is wanted.  Nothing is left to tune: the start comes from the body, the goal from the scene.
+will be what is expected.  Nothing is left to tune: the start comes from the body, the goal from the scene.
 """
 
 from __future__ import annotations

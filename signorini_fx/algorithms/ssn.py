@@ -32,7 +32,7 @@ _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 # (newton, data, first sets, how it failed, measure) -> how it ended then.
-Climb = Callable[
+FallBacks = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
     Status,
 ]
@@ -53,7 +53,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not where the friction bound follows the pressure.
-        climb: what solves problems that this iteration does not, see ``algorithms.ladder``; None: nothing.
+        try_fall_backs: what solves problems that this iteration does not, see ``algorithms.fall_backs``; None: nothing.
         limited: whether the user has set the number of linear solves, so that it is an end and no failure.
 
     Attributes:
@@ -68,7 +68,7 @@ class SemismoothNewton:
         history: History,
         *,
         symmetric: bool = True,
-        climb: Climb | None = None,
+        try_fall_backs: FallBacks | None = None,
         limited: bool = False,
     ) -> None:
         self.problem = problem
@@ -77,7 +77,7 @@ class SemismoothNewton:
         self._residual = x.duplicate()
         self._start_time = time.perf_counter()
         self.max_iterations = max_iterations
-        self._climb = climb
+        self._fall_backs = try_fall_backs
         self._limited = limited
         generator = np.random.default_rng(problem.system.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
@@ -134,10 +134,10 @@ class SemismoothNewton:
         )
         # A friction bound that follows the pressure has no energy, and a fall-back of its own.
         given = max_iterations is None and data.coupling is None
-        if self._climb is not None and given and (status is Status.CYCLING or self._ran_on(status)):
-            status = self._climb(self, data, first_sets, status, measure)
+        if self._fall_backs is not None and given and (status is Status.CYCLING or self._ran_on(status)):
+            status = self._fall_backs(self, data, first_sets, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
+        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
 
     def solve_once(
         self,
@@ -286,7 +286,7 @@ class SemismoothNewton:
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
             if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
-                balanced = problem.accept(self.x, problem.next.wanted, snes.getTolerances()[0])
+                balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)

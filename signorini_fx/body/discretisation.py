@@ -254,13 +254,13 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points an axis."""
     degree, kind = scene.element.degree, mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
-    wanted = scene.element.volumetric
-    if wanted == "reduced" and not has_form:
+    requested = scene.element.volumetric
+    if requested == "reduced" and not has_form:
         plane = kind == "triangle"
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(m.poisson >= LOCKING_POISSON and m.hypothesis == "plane strain" for m in scene.material)
-    if wanted == "full" or not has_form or (wanted == "auto" and not nearly):
+    if requested == "full" or not has_form or (requested == "auto" and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

@@ -29,7 +29,7 @@ class AppliedLoad:
     """The loads and prescribed displacements that share one list of load factors, as the scene has them.
 
     Attributes:
-        factors: one number a load step.
+        factors: one number per load step.
         name: of the form, empty without.
         form: the compiled terms of L, None if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
@@ -58,7 +58,7 @@ class LoadCase:
     """The right-hand side that an ``AppliedLoad`` becomes.
 
     Attributes:
-        factors: one number a load step.
+        factors: one number per load step.
         load: L minus what its prescribed displacements contribute; E times their value in their rows.
         start: zero, with its prescribed displacements put in.
         resultant: what ``load`` does on the rigid motions of each piece of the body, forces, shape (m pieces,).

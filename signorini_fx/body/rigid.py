@@ -40,7 +40,7 @@ class RigidMotions:
         piece: number of the piece that each of these nodes is in, shape (nodes,); where pieces are pinned any of them.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
         length: size of each piece, by which its rotations are made comparable with translations, shape (p,).
-        free: combinations of the motions of each piece (see ``rigid_modes``), one a column, shape (m p, k); a column
+        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
             moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
     """
@@ -104,9 +104,9 @@ class RigidMotions:
             stick: the nodes that stick, shape (n,).
             turned: directions of slip across which nodes resist, too, shape (n, d - 1), zero where they do not.
         """
-        loose = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
+        unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
         if self.free.shape[1] == 0:
-            return loose
+            return unresisted
         modes = self.at(boundary.nodes) * boundary.free[:, :, None]
         tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
         found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
@@ -122,8 +122,8 @@ class RigidMotions:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # What the nodes resist of how far they move: below that it is the round-off of their positions.
             real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
-            loose[number] = not (real and values[0] > _HELD * values[-1] > 0)
-        return loose
+            unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
+        return unresisted
 
     def held_by(
         self,

@@ -38,7 +38,7 @@ from signorini_fx.scene.model import (
     friction_acts,
 )
 
-# What ``estimators.StressRecovery`` compiles.
+# What ``stress_recovery.StressRecovery`` compiles.
 _RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
 
 

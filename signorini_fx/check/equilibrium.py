@@ -132,7 +132,7 @@ def load_on(body: Body, step: int) -> tuple[_Rows, _Rows]:
 
 
 def _motions(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
-    """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one a column."""
+    """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one per column."""
     found = []
     for piece in members:
         own = moved[motions.each * piece : motions.each * (piece + 1)]
@@ -150,7 +150,7 @@ _SLIGHT = 1e-6
 
 
 def _names(motions: _Rows, centre: _Rows, length: float) -> str:
-    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one a column."""
+    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column."""
     dim = centre.size
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > 1e-6))

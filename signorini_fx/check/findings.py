@@ -226,7 +226,7 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
 
 
 def _large_displacements(body: Body, moved: float) -> list[Finding]:
-    """Loads under which linear elasticity is not what is wanted; as a rule two units do not agree."""
+    """Loads under which linear elasticity is not what is expected; as a rule two units do not agree."""
     size = body.tagged.size
     if moved < size:
         return []
@@ -258,7 +258,7 @@ def _displacement_scale(body: Body, step: int) -> float:
 
 
 def friction_indication(material: LinearElastic) -> float:
-    """The friction coefficient above which several solutions are to be reckoned with: sqrt(3 - 4 nu) / (2 - 2 nu).
+    """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
 
     An indication, no theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential displacement,
     and this the pressure; for every k, the fixed point that Coulomb friction is contracts below this coefficient

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from signorini_fx.cli import commands
-from signorini_fx.cli.endings import on_one_process, on_ranks
+from signorini_fx.cli.exit_codes import on_one_process, on_ranks
 from signorini_fx.cli.options import parser
 from signorini_fx.machine import terminal
 

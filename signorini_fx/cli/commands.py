@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.cli.endings import EXIT_NO_SOLUTION, EXIT_OK
+from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import overrides
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 
@@ -57,7 +57,7 @@ def solve(options: argparse.Namespace) -> int:
         observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
     try:
         with ResultFolder(comm, path) as folder:
-            solution = solver.solve(scene, comm, check=False, observers=observers, keep=write_level)
+            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
             progress.solved = True
             summary = files.write_results(
                 solution, folder, fields=not options.no_fields, pictures=not options.no_pictures

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
-from signorini_fx.cli.endings import EXIT_BAD_INPUT
+from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root

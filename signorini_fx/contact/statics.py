@@ -27,7 +27,7 @@ from signorini_fx.contact.laws import Nodal, RegularisedData
 ZERO = 1e-8
 # Sides of the polygons: the outer radius is 1 / cos(pi / 32) of the inner one, 1.005.
 _SIDES = 32
-# Friction above this is taken for as much as is wanted.
+# Friction above this is taken for as much as is expected.
 _ROUGH = 1e6
 
 
@@ -175,7 +175,7 @@ def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt
 
 
 def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
-    """Contact reactions against so many motions, one a row.
+    """Contact reactions against so many motions, one per row.
 
     Returns:
         Generators, of length 1, of a cone that holds all that pressure and Coulomb friction can balance (a cap is not
@@ -198,7 +198,7 @@ def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
 
 
 def null_space(rows: Nodal) -> Nodal:
-    """Directions, one a column, across all the rows."""
+    """Directions, one per column, across all the rows."""
     values, vectors = np.linalg.eigh(rows.T @ rows)
     null: Nodal = vectors[:, values <= ZERO**2 * max(float(values[-1]), 1e-300)]
     return null

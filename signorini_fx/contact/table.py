@@ -23,7 +23,7 @@ class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
     Attributes:
-        columns: name -> one entry a node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
+        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
             (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space
             they are lengths of vectors, whose components follow as ``u_t_x`` and so on.

@@ -139,8 +139,8 @@ class FullSystem:
             self.inexact = moved is not None and moved > 0
             ksp.setTolerances(rtol=INEXACT_TOLERANCE if self.inexact else KRYLOV_TOLERANCE)
             return moved == 0
-        kept = moved is not None and moved <= LAGGED_NODES
-        if kept and moved != 0:
+        retained = moved is not None and moved <= LAGGED_NODES
+        if retained and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
             # The residual itself, against the forces: the preconditioned norm does not tell whether Newton ends.
             if not self._symmetric:
@@ -150,7 +150,7 @@ class FullSystem:
         else:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.setNormType(PETSc.KSP.NormType.NONE)
-        return kept
+        return retained
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""

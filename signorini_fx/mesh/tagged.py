@@ -27,8 +27,8 @@ from signorini_fx.mesh.files.arrays import Selection
 from signorini_fx.mesh.files.gmsh_files import CAD
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.messages import plain_message
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
+from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of
 
 # Dimension of the body, boundaries and regions.

@@ -112,11 +112,11 @@ class ExactProblem(ProblemState):
         constrained[:, 1:] = ~sets.slip[:, None] & self.data.has_friction
         constrained &= self._free
         origin = 0.0 if self.data.slip_origin is None else self.data.slip_origin
-        wanted = np.empty(self._free.shape)
-        wanted[:, 0], wanted[:, 1:] = self.data.gap, origin
+        target = np.empty(self._free.shape)
+        target[:, 0], target[:, 1:] = self.data.gap, origin
         # All normal ones first: a node of two boundaries has the values of the later one.
         order = constrained.T
-        return self._unknown.T[order], (self._sign * wanted).T[order]
+        return self._unknown.T[order], (self._sign * target).T[order]
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
@@ -139,8 +139,8 @@ class ExactProblem(ProblemState):
 
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
-        wanted = self.next.wanted if self._forced_first else self._classify(x)
-        self._hold(wanted, *self.multipliers(x, self.sets))
+        trial = self.next.trial if self._forced_first else self._classify(x)
+        self._hold(trial, *self.multipliers(x, self.sets))
         sets = self.next.sets
         dofs, values = self._constraints(sets)
         shear = np.zeros((self.boundary.size, self._unknown.shape[1] - 1))

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.contact.holding import fewest_ties, hold
+from signorini_fx.contact.holding_sets import fewest_constraints, hold
 from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
@@ -38,13 +38,13 @@ class NextSets:
 
     Attributes:
         sets: what the next linear solve takes.
-        wanted: what the iterate asks for; ``sets`` differ from them where those would not hold the body.
+        trial: what the iterate asks for; ``sets`` differ from them where those would not hold the body.
         repaired: whether they do.
         escapes: how the body gets away whatever the sets are; None: it does not.
     """
 
     sets: ActiveSets
-    wanted: ActiveSets
+    trial: ActiveSets
     repaired: bool = False
     escapes: Status | None = None
 
@@ -106,10 +106,10 @@ class ContactProblem(Protocol):
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
 
-    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
-        """Nodes that would hold the body if they were tied, see ``holding.fewest_ties``; collective."""
+    def constraints(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
+        """Nodes that would hold the body if they were tied, see ``holding_sets.fewest_ties``; collective."""
 
-    def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
+    def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
@@ -192,11 +192,11 @@ class ProblemState(ABC):
         stick = ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
         return self._motions.held_by(self.boundary, sets.contact, stick, sets.turned if data.has_friction else None)
 
-    def ties(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
+    def constraints(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
         """See ``ContactProblem``."""
-        return fewest_ties(sets, opening, slipping, self.boundary, self._motions)
+        return fewest_constraints(sets, opening, slipping, self.boundary, self._motions)
 
-    def drowned(self, x: PETSc.Vec, tolerance: float) -> bool:
+    def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
         """See ``ContactProblem``."""
         data = self.data
         if not np.isfinite(data.gamma_n):
@@ -220,7 +220,7 @@ class ProblemState(ABC):
         if jacobian.handle in self._definite:
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
-    def _hold(self, wanted: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
+    def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
         """Take sets that hold the body for the next ones, or note how it gets away."""
         boundary, motions, resultant = self.boundary, self._motions, self.system.resultant
 
@@ -230,9 +230,9 @@ class ProblemState(ABC):
             return self._escaping
 
         sets, escapes, repaired = hold(
-            wanted, self.sets, pressure, shear, self.data, boundary, motions, resultant, escaping
+            trial, self.sets, pressure, shear, self.data, boundary, motions, resultant, escaping
         )
-        self.next = NextSets(sets, wanted, repaired, escapes)
+        self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take the size of the forces A x as the scale of the residual."""
@@ -268,8 +268,8 @@ class RegularisedProblem(ProblemState):
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
         u_n, u_t = self.traces(x)
-        wanted = self.next.wanted if self._forced_first else classify(self.sets, u_n, u_t, self.data)
-        self._hold(wanted, *multipliers(self.sets, u_n, u_t, self.data))
+        trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
+        self._hold(trial, *multipliers(self.sets, u_n, u_t, self.data))
         self._imbalance(x, self.next.sets, f)
 
     def _imbalance(self, x: PETSc.Vec, sets: ActiveSets, f: PETSc.Vec) -> None:

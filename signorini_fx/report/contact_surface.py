@@ -20,7 +20,7 @@ from matplotlib.tri import Triangulation
 from signorini_fx.report import view
 from signorini_fx.report.boundary_profiles import STATES, state_patches
 from signorini_fx.report.deformed_body import upper_tone
-from signorini_fx.report.result_files import Table
+from signorini_fx.report.reading import Table
 from signorini_fx.report.style import (
     BOTH,
     INK,

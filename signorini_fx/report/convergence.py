@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
-from signorini_fx.report.result_files import Table
+from signorini_fx.report.reading import Table
 from signorini_fx.report.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
 
 

@@ -15,7 +15,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from signorini_fx.report.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
-from signorini_fx.report.result_files import Table
+from signorini_fx.report.reading import Table
 from signorini_fx.report.style import (
     BOTH,
     LIMIT,

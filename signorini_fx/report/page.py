@@ -15,7 +15,7 @@ from signorini_fx import __version__
 from signorini_fx.errors import ResultError, cannot_be_written
 from signorini_fx.report import sections
 from signorini_fx.report.markup import Markup, tag
-from signorini_fx.report.result_files import ResultFiles, read_summary
+from signorini_fx.report.reading import ResultFiles, read_summary
 
 PAGE = "report.html"
 

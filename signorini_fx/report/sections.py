@@ -15,7 +15,7 @@ import numpy as np
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, Status
 from signorini_fx.report.markup import Markup, is_number, joined, long_table, picture, shown, table, tag
 from signorini_fx.report.pyvista_pictures import FIELDS
-from signorini_fx.report.result_files import ResultFiles
+from signorini_fx.report.reading import ResultFiles
 
 # Every figure of the certificate: its limit, None where it is reported only, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {

@@ -30,8 +30,8 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.results.claim import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.nodal_forces import NodalForces, hooke
+from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
 

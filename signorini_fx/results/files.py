@@ -292,7 +292,7 @@ class GatheredCells:
         points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
         cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, shape (n, 2).
-        density: shear energy density, one value a cell (at its midpoint), shape (m,).
+        density: shear energy density, one value per cell (at its midpoint), shape (m,).
     """
 
     points: npt.NDArray[np.float64]
@@ -388,7 +388,7 @@ def _outer_surface(solution: Solution) -> OuterSurface | None:
 
 def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: ContactTable | None, folder: Path) -> None:
     from signorini_fx.report.contact_surface import contact_surface
-    from signorini_fx.report.result_files import read_facets
+    from signorini_fx.report.reading import read_facets
     from signorini_fx.report.solid_body import deformed_solid
     from signorini_fx.report.style import plain
 

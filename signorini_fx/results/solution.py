@@ -59,7 +59,7 @@ class Solution:
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the conditions of the problem, checked anew after the solve.
-        steps: one result a load step, as far as it went.
+        steps: one result per load step, as far as it went.
         history: every linear solve and every regularised problem.
         parameters: gamma_n, gamma_t, sigma in force.
         timings: wall seconds by phase, on this rank.

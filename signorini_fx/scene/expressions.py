@@ -165,7 +165,7 @@ def _expect(kind: Kind, *nodes: ast.expr) -> Kind:
     for node in nodes:
         found = _check(node)
         if found != kind:
-            raise ValueError(f"a {kind} is wanted where '{ast.unparse(node)}' stands, which is a {found}")
+            raise ValueError(f"a {kind} is expected where '{ast.unparse(node)}' stands, which is a {found}")
     return kind
 
 

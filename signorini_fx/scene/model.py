@@ -25,8 +25,8 @@ from pydantic import (
     model_validator,
 )
 
+from signorini_fx.scene.base import Table
 from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.scene.table import Table
 from signorini_fx.scene.values import (
     Finite,
     NonNegativeValue,
@@ -103,7 +103,7 @@ class _Load(Table):
     """What load steps multiply.
 
     Attributes:
-        factors: one number a load step; None: 1 in every step.
+        factors: one number per load step; None: 1 in every step.
     """
 
     factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
@@ -316,7 +316,7 @@ class Scene(Table):
                 raise ValueError("give either file or generator")
             return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
         if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
-            message = "a table with file or generator is wanted"
+            message = "a table with file or generator is expected"
             if isinstance(given, str | Path):
                 message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
             elif hasattr(given, "topology"):

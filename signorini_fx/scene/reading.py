@@ -11,8 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.messages import problems_of
 from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import kind_of
 
 
@@ -96,7 +96,7 @@ def read_scene(path: str | Path) -> Scene:
         TypeError: what is given is no path.
     """
     if not isinstance(path, str | Path):
-        raise TypeError(f"the path of a scene file is wanted, not {kind_of(path)}")
+        raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")
     path = Path(path)
     return parse_scene_text(read_scene_text(path), path)
 
@@ -115,4 +115,4 @@ def as_scene(given: object) -> Scene:
             return read_scene(given)
         case Mapping():
             return parse_scene(given)
-    raise TypeError(f"a Scene or the path of a scene file is wanted, not {kind_of(given)}")
+    raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(given)}")

@@ -13,7 +13,7 @@ from pydantic import (
     field_validator,
 )
 
-from signorini_fx.scene.table import Table
+from signorini_fx.scene.base import Table
 from signorini_fx.scene.values import (
     Automatic,
     Count,
@@ -42,7 +42,7 @@ class Box(Table):
     @classmethod
     def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
         if not given[0] <= given[1]:
-            raise ValueError(f"an interval [low, high] is wanted, got {list(given)}")
+            raise ValueError(f"an interval [low, high] is expected, got {list(given)}")
         return given
 
 

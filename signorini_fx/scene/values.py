@@ -65,7 +65,7 @@ def bounded(number: float) -> float:
 def value(given: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(given, bool):
-        raise ValueError("a number or an expression of the position is wanted, not true or false")
+        raise ValueError("a number or an expression of the position is expected, not true or false")
     given = plain_number(given) if isinstance(given, np.number | np.ndarray) else given
     if isinstance(given, int | float):
         try:
@@ -79,7 +79,7 @@ def value(given: Any) -> Any:
         return Expression(given)
     if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
         return given
-    raise ValueError(f"a number or an expression of the position is wanted, not {kind_of(given)}")
+    raise ValueError(f"a number or an expression of the position is expected, not {kind_of(given)}")
 
 
 def not_negative(given: Any) -> Any:
@@ -101,14 +101,14 @@ NonNegativeValue = Annotated[
 def number_or_auto(given: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
     if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
-        raise ValueError(f"a positive number or 'auto' is wanted, got {shown(given)}")
+        raise ValueError(f"a positive number or 'auto' is expected, got {shown(given)}")
     return given if given == "auto" else bounded(given)
 
 
 def count_or_auto(given: Any) -> Any:
     """A positive whole number or the word auto, with one message where it is neither."""
     if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
-        raise ValueError(f"a positive whole number or 'auto' is wanted, got {shown(given)}")
+        raise ValueError(f"a positive whole number or 'auto' is expected, got {shown(given)}")
     return given
 
 
@@ -130,7 +130,7 @@ def selection(given: Any) -> Any:
         return given
     if isinstance(given, str):
         return Expression(given)
-    raise ValueError(f"a whole number or an expression of the position is wanted, not {kind_of(given)}")
+    raise ValueError(f"a whole number or an expression of the position is expected, not {kind_of(given)}")
 
 
 Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema({"type": ["integer", "string"]})]

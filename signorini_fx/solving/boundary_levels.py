@@ -33,7 +33,7 @@ Entries = tuple[Indices, Indices, Nodal]
 
 @dataclass(frozen=True)
 class _Level:
-    """A contact problem on some of the contact nodes; ``kept`` are their rows in the next finer boundary."""
+    """A contact problem on some of the contact nodes; ``retained`` are their rows in the next finer boundary."""
 
     system: ElasticSystem
     boundary: ContactBoundary
@@ -41,7 +41,7 @@ class _Level:
     law: FrictionLaw | None
     first_sets: ActiveSets | None
     chains: list[Indices]
-    kept: Indices
+    retained: Indices
 
 
 def worthwhile(task: Task) -> bool:
@@ -98,7 +98,7 @@ def _coarser(fine: _Level) -> _Level:
     unknowns, _ = system.contact.entries()
     _, first, node_of, counts = np.unique(unknowns[:, 0], return_index=True, return_inverse=True, return_counts=True)
     shared = counts[node_of.ravel()] > 1
-    kept: list[Indices] = []
+    retained: list[Indices] = []
     ranges: list[Indices] = []
     pieces: list[Entries] = []
     before = 0
@@ -108,10 +108,10 @@ def _coarser(fine: _Level) -> _Level:
         places: Indices = np.flatnonzero(stay)
         own: Indices = np.arange(before, before + places.size)
         before += places.size
-        kept.append(chain[places])
+        retained.append(chain[places])
         ranges.append(own)
         pieces += _linear(chain, places, own, boundary.x[chain])
-    rows = np.concatenate(kept)
+    rows = np.concatenate(retained)
     interpolation = _matrix(pieces, (boundary.size, before))
     # From entries to nodes, which entries of two boundaries share.
     coarse_nodes, coarse_first, coarse_of = np.unique(node_of.ravel()[rows], return_index=True, return_inverse=True)
@@ -177,7 +177,7 @@ def _matrix(entries: list[Entries], shape: tuple[int, int]) -> sp.csr_matrix:
 def _of_dofs(
     nodal: sp.csr_matrix,
     dofs: Indices,
-    kept: Indices,
+    retained: Indices,
     fixed: npt.NDArray[np.bool_],
 ) -> sp.csr_matrix:
     """Both components; a prescribed one is interpolated from nothing, and nothing from it."""
@@ -185,6 +185,6 @@ def _of_dofs(
     rows = dofs[entries.row].ravel()
     columns = (2 * entries.col[:, None] + np.arange(2)).ravel()
     values = np.repeat(entries.data, 2)
-    wanted = (kept[columns] == rows) | ~(fixed[rows] | fixed[kept[columns]])
-    shape = (fixed.size, kept.size)
-    return sp.csr_matrix((values[wanted], (rows[wanted], columns[wanted])), shape=shape)
+    requested = (retained[columns] == rows) | ~(fixed[rows] | fixed[retained[columns]])
+    shape = (fixed.size, retained.size)
+    return sp.csr_matrix((values[requested], (rows[requested], columns[requested])), shape=shape)

@@ -11,14 +11,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.accuracy.estimators import StressRecovery
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.contact.resting import Rest, resting_place
+from signorini_fx.contact.resting_place import Rest, resting_place
 from signorini_fx.contact.state import ContactState, functionals
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.choice import choose_system
@@ -27,8 +27,8 @@ from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.claim import Before, Tractions
 from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.promised_law import Before, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import boundary_levels
@@ -161,7 +161,7 @@ def _findings(
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
-    """A scene without contact: one factorisation, one solve a load step, no SNES."""
+    """A scene without contact: one factorisation, one solve per load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
         krylov = discretisation.scene.solver.linear_algebra == "krylov" or not can_factorise(
@@ -257,8 +257,8 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
 
 def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
     """What path-following may leave at an iterate of the system, in the energy norm."""
-    wanted = discretisation.scene.solver.regularisation_error
-    if discretisation.scene.solver.algorithm == "path-following" and wanted == "auto":
+    requested = discretisation.scene.solver.regularisation_error
+    if discretisation.scene.solver.algorithm == "path-following" and requested == "auto":
         recovery = StressRecovery(discretisation)
         allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
         return lambda x: allowed * recovery.error(system.displacement(x))
@@ -267,7 +267,7 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
 
     def share(x: PETSc.Vec) -> float:
         displacement = discretisation.function(system.displacement(x))
-        return float(wanted * np.sqrt(2 * forces.strain_energy(displacement)))
+        return float(requested * np.sqrt(2 * forces.strain_energy(displacement)))
 
     return share
 

@@ -37,7 +37,7 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
-    keep: Callable[[Solution], object] = lambda solution: None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve a scene.
 
@@ -46,7 +46,8 @@ def solve(
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
-        keep: called with the solution on each mesh but the last, when the next one is about to be solved; collective.
+        on_level: called with the solution on each mesh but the last, when the next one is about to be solved;
+            collective.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
@@ -66,13 +67,13 @@ def solve(
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
             return solve_level(scene, comm, history, state, level)
 
-        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, keep, history.add)
+        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
         solution, task, _ = solve_mesh(scene, comm, history, None)
         if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
             solution = _from_coarser(scene, comm, history, solution)
     else:
-        solution = _solve_nested([*coarse, scene], comm, history, keep)
+        solution = _solve_nested([*coarse, scene], comm, history, on_level)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
@@ -80,14 +81,14 @@ def solve(
 
 def _check_comm(comm: object) -> None:
     if not isinstance(comm, MPI.Comm):
-        raise TypeError(f"a communicator of mpi4py is wanted, such as MPI.COMM_WORLD, not {kind_of(comm)}")
+        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
 
 
 def _solve_nested(
     scenes: Sequence[Scene],
     comm: MPI.Comm,
     history: History,
-    keep: Callable[[Solution], object] = lambda solution: None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve on one mesh after the other, each from the contact state of the one before."""
     base_memory = peak_memory(comm)
@@ -99,7 +100,7 @@ def _solve_nested(
         if solution.converged:
             state = solution.contact
             if number + 1 < len(scenes):
-                keep(solution)
+                on_level(solution)
         if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # a generator may not get it any coarser
                 levels.pop()
@@ -140,7 +141,7 @@ def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Soluti
         coarse = coarser_scenes(scene, 1 + HELPING_MESHES)
         history.add(f"{failed.status.value}: nested iteration on {HELPING_MESHES} coarser meshes")
         history.allow(PROBLEMS_PER_STEP * scene.solver.max_iterations)
-        history.kept = True
+        history.shared = True
         solution = _solve_nested([*coarse, scene], comm, history)
     except (SceneError, MeshError) as error:
         history.add(f"no coarser meshes: {str(error).splitlines()[0]}")

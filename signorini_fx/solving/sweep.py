@@ -12,14 +12,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.body.discretisation import Discretisation, discretise
-from signorini_fx.contact.resting import Rest
+from signorini_fx.contact.resting_place import Rest
 from signorini_fx.contact.state import ContactState
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.problem.regularised import ContactProblem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.claim import Law, Tractions
+from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, Scene
 from signorini_fx.scene.reading import as_scene

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algorithms.ladder import climb
+from signorini_fx.algorithms.fall_backs import try_fall_backs
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
@@ -21,14 +21,14 @@ from signorini_fx.contact.laws import (
     slip_multiplier,
     slip_of,
 )
-from signorini_fx.contact.resting import Rest
+from signorini_fx.contact.resting_place import Rest
 from signorini_fx.contact.state import ContactState
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.problem.regularised import ContactProblem, RegularisedProblem
 from signorini_fx.records import History, Status
-from signorini_fx.results.claim import UNREGULARISED, Law
+from signorini_fx.results.promised_law import UNREGULARISED, Law
 from signorini_fx.scene.settings import SolverSettings
 
 
@@ -213,7 +213,7 @@ class Iterate:
             settings.max_iterations,
             self._task.history,
             symmetric=symmetric,
-            climb=climb if settings.fallbacks else None,
+            try_fall_backs=try_fall_backs if settings.fallbacks else None,
             limited=_limited(settings, "max_iterations"),
         )
 

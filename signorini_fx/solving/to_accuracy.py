@@ -90,8 +90,8 @@ def solve_to_accuracy(
     goal: Accuracy,
     comm: MPI.Comm,
     solve_on: Callable[[Scene, ContactState | None, int], Solved],
-    keep: Callable[[Solution], object],
-    say: Callable[[str], object],
+    on_level: Callable[[Solution], object],
+    notify: Callable[[str], object],
 ) -> Solution:
     """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
 
@@ -102,13 +102,13 @@ def solve_to_accuracy(
         goal: what is asked for.
         comm: the ranks that share the work.
         solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
-        keep: called with the solution on each mesh but the last; collective.
-        say: told what a user should know, such as that other elements than the scene's are used.
+        on_level: called with the solution on each mesh but the last; collective.
+        notify: told what a user should know, such as that other elements than the scene's are used.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
     meshes = Meshes(scene, goal, comm)
     if meshes.replaced:
-        say(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
+        notify(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
     rates = expected_rates(meshes.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
@@ -120,7 +120,7 @@ def solve_to_accuracy(
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         if last is not None and solution.status in _TOO_FINE:
             # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
-            say(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
+            notify(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
@@ -146,7 +146,7 @@ def solve_to_accuracy(
             return solution
         hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
         if hopeless:
-            say(f"accuracy: {hopeless}")
+            notify(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
         meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
         allowed = goal.target * (1 - REGULARISATION_SHARE)
@@ -158,7 +158,7 @@ def solve_to_accuracy(
                     jump = max(jump / 2, SMALLEST_JUMP)
                 if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
                     return replace(solution, status=Status.BUDGET)
-            keep(solution)
+            on_level(solution)
             meshes.refine(solved, excess, jump)
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)

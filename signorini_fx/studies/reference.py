@@ -16,8 +16,8 @@ from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.accuracy.estimators import StressRecovery
 from signorini_fx.accuracy.price_list import interpolated, zone_ends
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.material import stress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on

@@ -139,7 +139,7 @@ class _Reader:
         kind, count = _kind(parameters["TYPE"].upper())
         words = [int(word) for row in rows for word in row]
         if len(words) % (count + 1):
-            raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes for each are wanted")
+            raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes for each are expected")
         table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
         for row, (number, *_) in enumerate(table):
             if number in self.elements:

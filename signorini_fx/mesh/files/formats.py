@@ -73,7 +73,7 @@ def read_file(
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     if size is not None and not 0 < size < math.inf:
-        raise SceneError([("mesh.size", f"a positive length is wanted, got {size:g}")])
+        raise SceneError([("mesh.size", f"a positive length is expected, got {size:g}")])
     if size is not None and file.suffix.lower() not in gmsh_files.CAD:
         known = ", ".join(gmsh_files.CAD)
         raise SceneError([("mesh.size", f"the cells of a {file.suffix} have their size: it is for {known}")])

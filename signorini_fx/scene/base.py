@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.messages import problems_of
+from signorini_fx.scene.validation import problems_of
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass

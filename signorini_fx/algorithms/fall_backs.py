@@ -1,7 +1,7 @@
 """What to try, in which order, where a regularised problem is not solved by full steps.
 
-One rung after the other, each noted in the history, until one of them ends with a solution of the very problem that
-was asked for:
+One fall-back after the other, each noted in the history, until one of them ends with a solution of the very problem
+that was asked for:
 
 1. *through stick*: with a finite sigma, the same iteration with an infinite one, which lets no node jump from one slip
    set to the other;
@@ -28,41 +28,41 @@ from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
-from signorini_fx.tuned import LADDER_FIRST_SHARE, LADDER_GROWTH
+from signorini_fx.tuned import FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
 
 # A gap below this share of the largest one is none.
 _CLOSED = 1e-6
 
-Rung = tuple[str, Callable[[], Status]]
+FallBack = tuple[str, Callable[[], Status]]
 
 
-def climb(
+def try_fall_backs(
     newton: SemismoothNewton,
     data: RegularisedData,
     first_sets: ActiveSets | None,
     failed: Status,
     measure: Callable[[], float | None],
 ) -> Status:
-    """Try the rungs in order; the status of the first that solves the problem, else the one that it failed with."""
+    """Try the fall-backs in order; the status of the first that solves the problem, else the one it failed with."""
     start = newton.checkpoint()
     reason = failed
-    for name, rung in _rungs(newton, data, first_sets, measure):
+    for name, fall_back in _in_order(newton, data, first_sets, measure):
         newton.history.add(f"{reason.value}: {name}")
-        status = rung()
+        status = fall_back()
         if status is Status.CONVERGED:
             return status
         reason = status
-    newton.problem.set_data(data)  # not those of the last rung
+    newton.problem.set_data(data)  # not those of the last fall-back
     newton.restore(start)
     return failed
 
 
-def _rungs(
+def _in_order(
     newton: SemismoothNewton,
     data: RegularisedData,
     first_sets: ActiveSets | None,
     measure: Callable[[], float | None],
-) -> Iterator[Rung]:
+) -> Iterator[FallBack]:
     if np.isinf(data.gamma_n):  # elimination has no penalty to soften, and no energy to descend on
         return
     through = replace(data, sigma=np.inf)
@@ -94,8 +94,8 @@ def _path(
     *,
     descend: bool,
 ) -> Status:
-    """From a small gamma to the given one; a stage that fails leaves its iterate to the next rung, or descends."""
-    share = LADDER_FIRST_SHARE
+    """From a small gamma to the given one; a stage that fails leaves its iterate to the next fall-back, or descends."""
+    share = FALL_BACK_FIRST_SHARE
     while True:
         share = min(share, 1.0)
         stage = replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t)
@@ -104,5 +104,5 @@ def _path(
             status = energy_descent(newton, stage, measure)
         if status is not Status.CONVERGED or share == 1.0:
             return status
-        share *= LADDER_GROWTH
+        share *= FALL_BACK_GROWTH
         first_sets = newton.continued_sets(replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t))

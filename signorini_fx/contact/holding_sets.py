@@ -48,8 +48,8 @@ def hold(
     Returns:
         The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
     """
-    loose = motions.unheld(boundary, following.contact, _stick(following, data))
-    if not loose.any():
+    unresisted = motions.unheld(boundary, following.contact, _stick(following, data))
+    if not unresisted.any():
         return following, None, False
     bound = data.friction_bound(pressure)
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
@@ -57,7 +57,7 @@ def hold(
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
     assembly = motions.assembly_of(boundary.nodes)
-    leaving = escaping() & loose
+    leaving = escaping() & unresisted
     if leaving.any():
         here = leaving[assembly]
         pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
@@ -65,10 +65,10 @@ def hold(
         pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
     # In space a slipping node, too, resists what would turn its slip.
-    loose = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
-    if not loose.any():
+    unresisted = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
+    if not unresisted.any():
         return following, None, False
-    here = loose[assembly]  # what the sets hold is left to them
+    here = unresisted[assembly]  # what the sets hold is left to them
     slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
@@ -87,7 +87,7 @@ def hold(
     return sets, None, True
 
 
-def fewest_ties(
+def fewest_constraints(
     sets: ActiveSets,
     opening: Nodal,
     slipping: Nodal,
@@ -113,12 +113,12 @@ def fewest_ties(
     across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
     most = max(_count(boundary, along), _count(boundary, across))
     while True:
-        tied_along, tied_across = ((places >= 0) & (places < count) for places in (along, across))
-        for pair in (nothing, tied_across), (tied_along, nothing), (tied_along, tied_across):
+        fixed_along, fixed_across = ((places >= 0) & (places < count) for places in (along, across))
+        for pair in (nothing, fixed_across), (fixed_along, nothing), (fixed_along, fixed_across):
             if motions.held_by(boundary, normal | pair[0], stick | pair[1], sets.turned):
                 return pair
         if count >= most:
-            return tied_along, tied_across
+            return fixed_along, fixed_across
         count *= 2
 
 

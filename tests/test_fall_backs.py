@@ -1,4 +1,4 @@
-"""Where full steps do not solve a problem, one rung of a ladder after the other is tried; the history says which."""
+"""Where full steps do not solve a problem, one fall-back after the other is tried; the history says which."""
 
 from dataclasses import replace
 
@@ -7,10 +7,10 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx.algorithms import descent, ladder
+from signorini_fx.algorithms import descent, fall_backs
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact import resting
+from signorini_fx.contact import resting_place as resting
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
@@ -62,7 +62,7 @@ def pulled(coefficient, **settings):
     return parse_scene(data)
 
 
-def rungs(solution):
+def fall_backs_of(solution):
     """What was tried, in order."""
     return [event.split(": ", 1)[1] for event in solution.history.events if ": " in event]
 
@@ -75,7 +75,7 @@ def same(ours, theirs, rtol=1e-9):
 
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
 def test_the_plain_way_stays_plain(law):
-    """Where nothing goes wrong there is no event, and no solve more than without the ladder."""
+    """Where nothing goes wrong there is no event, and no solve more than without fall-backs."""
     ours, without = (alone(example1(**law, nx=60, ny=20, fallbacks=on)) for on in (True, False))
     assert ours.history.events == []
     assert ours.history.linear_solves == without.history.linear_solves
@@ -86,7 +86,7 @@ def test_the_plain_way_stays_plain(law):
 def test_through_stick(gamma):
     """sigma = 1 / gamma_2 cycles; an infinite one does not, and comes to its solution."""
     ours = alone(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH))
-    assert rungs(ours) == ["through stick"]
+    assert fall_backs_of(ours) == ["through stick"]
     assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
     same(ours, alone(example1(bound=1.5, gamma=gamma, patch=PATCH)))
 
@@ -94,7 +94,7 @@ def test_through_stick(gamma):
 def test_smaller_gamma():
     """A path of problems with growing gamma leads past the cycle, to the gamma that was asked for."""
     ours = alone(jumping())
-    assert rungs(ours) == ["contact where the body rests", "smaller gamma"]
+    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma"]
     summary = summarise(ours, ours.table)
     assert summary["events"] == ours.history.events
     assert "fall-backs       active sets cycle: contact where the body rests" in render(summary)
@@ -106,7 +106,7 @@ def test_smaller_gamma():
 def test_descent():
     """Elements that lock make the path cycle as well; steps that lower the energy do not."""
     ours = alone(example1(bound=1.5, poisson=0.4999, gamma="auto", nx=60, ny=20, degree=2))
-    assert rungs(ours) == ["contact where the body rests", "smaller gamma", "descent"]
+    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma", "descent"]
     assert ours.certificate.holds
     assert abs(ours.functionals.relative_gap) < 1e-8
 
@@ -150,7 +150,7 @@ def test_descent_from_anywhere(seed):
 def test_monolithic_where_the_fixed_point_does_not_contract():
     """And without fall-backs the outcome has its name."""
     ours = alone(pulled(5.0))
-    assert rungs(ours) == ["monolithic Newton from the same start"]
+    assert fall_backs_of(ours) == ["monolithic Newton from the same start"]
     assert ours.algorithm == "coulomb-newton"
     same(ours, alone(pulled(5.0, algorithm="alm", coulomb="newton")), rtol=1e-3)
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
@@ -160,38 +160,38 @@ def test_damping(monkeypatch):
     """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
     monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
     ours = alone(pulled(5.0))
-    assert rungs(ours)[-1] == "fixed point damped by 0.5 from the same start"
+    assert fall_backs_of(ours)[-1] == "fixed point damped by 0.5 from the same start"
     monkeypatch.undo()
     same(ours, alone(pulled(5.0, coulomb="newton")), rtol=1e-5)
 
 
 @pytest.fixture
-def no_rungs(monkeypatch):
+def no_fall_backs(monkeypatch):
     """No help for single problems, so that what comes after is needed."""
-    monkeypatch.setattr(task, "climb", lambda newton, data, sets, failed, measure: failed)
+    monkeypatch.setattr(task, "try_fall_backs", lambda newton, data, sets, failed, measure: failed)
 
 
-@pytest.mark.usefixtures("no_rungs")
+@pytest.mark.usefixtures("no_fall_backs")
 def test_augmentation():
     """A much smaller gamma, and multipliers: the limit without regularisation."""
     ours = alone(jumping(tolerance=1e-10))
-    assert [rung.split(" with")[0] for rung in rungs(ours)] == ["augmented Lagrangian"]
+    assert [fall_back.split(" with")[0] for fall_back in fall_backs_of(ours)] == ["augmented Lagrangian"]
     exact = alone(jumping(algorithm="exact", gamma_n=1e5, gamma_t=1e5))
     same(ours, exact, rtol=1e-6)
 
 
-@pytest.mark.usefixtures("no_rungs")
+@pytest.mark.usefixtures("no_fall_backs")
 def test_nested_iteration(monkeypatch):
     """When nothing else has helped, coarser meshes make the start."""
     monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
     ours = alone(jumping())
-    assert rungs(ours) == ["nested iteration on 2 coarser meshes"]
+    assert fall_backs_of(ours) == ["nested iteration on 2 coarser meshes"]
     assert len(ours.levels) == 3
     monkeypatch.undo()
     same(ours, alone(jumping()))
 
 
-@pytest.mark.usefixtures("no_rungs")
+@pytest.mark.usefixtures("no_fall_backs")
 def test_giving_up(monkeypatch):
     """At last the outcome is the one that the plain iteration had."""
     monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
@@ -200,13 +200,13 @@ def test_giving_up(monkeypatch):
     assert ours.status is Status.CYCLING
 
 
-def test_a_ladder_that_fails_restores_the_start(monkeypatch):
-    """No half-way iterate is left for what comes after, nor the problem of a rung."""
+def test_fall_backs_that_fail_restores_the_start(monkeypatch):
+    """No half-way iterate is left for what comes after, nor the problem of a fall-back."""
     seen = []
 
     def failing(newton, data, sets, failed, measure):
         before, sets_before = newton.x.getArray().copy(), newton.problem.sets
-        status = ladder.climb(newton, data, sets, failed, measure)
+        status = fall_backs.try_fall_backs(newton, data, sets, failed, measure)
         problem = newton.problem
         assert problem.data is data
         assert not problem.sets.changed(sets_before).any()
@@ -220,13 +220,13 @@ def test_a_ladder_that_fails_restores_the_start(monkeypatch):
 
         return iter([("nothing", softer)])
 
-    monkeypatch.setattr(task, "climb", failing)
-    monkeypatch.setattr(ladder, "_rungs", no_help)
+    monkeypatch.setattr(task, "try_fall_backs", failing)
+    monkeypatch.setattr(fall_backs, "_in_order", no_help)
     alone(jumping(), check=False)
     assert seen[0] == (Status.CYCLING, True)
 
 
-@pytest.mark.usefixtures("no_rungs")
+@pytest.mark.usefixtures("no_fall_backs")
 def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
     """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
     monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
@@ -257,11 +257,11 @@ def test_augmentation_leaves_no_regularisation_error(monkeypatch):
 def test_the_same_solution_on_every_number_of_ranks(make):
     """Decisions are taken from sums over the ranks, so that none waits for the others, and the solution is the same.
 
-    The block that slips everywhere has sets that are equal but for round-off: it may take another rung.
+    The block that slips everywhere has sets that are equal but for round-off: it may take another fall-back.
     """
     ours, reference = solver.solve(make(), MPI.COMM_WORLD), alone(make())
     if make is jumping:
-        assert rungs(ours) == rungs(reference)
+        assert fall_backs_of(ours) == fall_backs_of(reference)
     assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
     ours_force, force = (np.sum(solution.contact.forces, axis=0) for solution in (ours, reference))
     np.testing.assert_allclose(ours_force, force, rtol=0, atol=1e-6)
