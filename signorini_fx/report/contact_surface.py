@@ -46,6 +46,7 @@ _POLYGONS = {
 }
 _PRESSURES = "cividis"
 _UNTOUCHED = "#f0f0f0"
+_TURNED = 0.3  # length of a mean normal below which a boundary is as good as closed
 _ARROWS = 28  # so many beside each other along the longer side
 _LONGEST = 0.06  # length of the longest arrow, over that of the longer side
 _MARGIN = 0.08  # around the boundary, over the longer side: room for arrows
@@ -62,12 +63,14 @@ class Side:
         columns: of its nodes in ``contact.csv``, each of shape (n,).
         polygons: of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4).
         view: along the outward normal, so from within the body.
+        hidden: whether there are facets that face the other way, none of them in contact, which are not shown.
     """
 
     name: str
     columns: Table
     polygons: Rows
     view: view.View
+    hidden: bool = False
 
     def floats(self, name: str) -> Floats:
         """A numeric column, shape (n,)."""
@@ -109,10 +112,10 @@ class Side:
 
 
 def sides_of(table: Table, facets: Rows) -> list[Side]:
-    """The contact boundaries in their order, each as seen along its mean normal.
+    """The contact boundaries in their order, each as seen along the mean normal of what is in contact.
 
     A boundary that is bent so far that parts of it face the other way, as the wall of a hole, is seen from a second
-    side as well.
+    side as well, if anything is in contact there.
 
     Args:
         table: columns of ``contact.csv``.
@@ -134,16 +137,16 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
         own = number[polygons[names[polygons[:, 0]] == name]]
         normal = np.column_stack([np.asarray(columns[f"n_{axis}"], dtype=np.float64) for axis in "xyz"])
         weight = np.asarray(columns["weight"], dtype=np.float64)
-        sight = weight @ normal / weight.sum()
-        if np.linalg.norm(sight) < 0.3:  # as good as closed: the coordinate axis that it faces most
-            sight = np.eye(3)[np.argmax(weight @ normal**2)]
-        facing = view.along(sight)
-        forth = -(normal[own].mean(axis=1) @ facing.toward) >= -1e-6
-        found += [
-            Side(plain(name), columns, own[seen], view.along(turn * sight))
-            for turn, seen in ((1, forth), (-1, ~forth))
-            if np.any(seen)
-        ]
+        touching = weight * (columns["state"] != "open")
+        sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
+        # As good as closed: the coordinate axis that it faces most.
+        sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
+        sight = next(sight for sight in sights if np.linalg.norm(sight) > _TURNED)
+        forth = normal[own].mean(axis=1) @ -view.along(sight).toward >= -1e-6
+        both = bool(np.any(touching[own[~forth]] > 0))
+        found.append(Side(plain(name), columns, own[forth], view.along(sight), bool(np.any(~forth)) and not both))
+        if both:
+            found.append(Side(plain(name), columns, own[~forth], view.along(-sight)))
     return found
 
 
@@ -198,6 +201,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
         for one in axes:
             _frame(one, side, low, high)
         sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
+        sight += ", the other side is open" if side.hidden and not part else ""
         _pressure_panel(figure, axes[0], side, low, high, f"{side.name}, {sight}")
         if friction and side.has_friction:
             seen.update(_state_panel(axes[1], side, low, high, f"{side.name}: state"))
@@ -208,6 +212,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+    figure.draw_without_rendering()  # the layout needs a second pass where equal axes do not fill their place
     return figure
 
 
@@ -308,7 +313,7 @@ def _state_panel(axes: Axes, side: Side, low: Floats, high: Floats, heading: str
     text = heading
     longest = float(np.linalg.norm(slip[moving], axis=1).max(initial=0.0))
     if longest > 0:
-        factor = readable(_LONGEST * _size(low, high) / longest)
+        factor = readable(0.8 * _LONGEST * _size(low, high) / longest)
         _arrows(axes, side, slip, moving, low, high, factor)
         text += f"\narrows: slip $\\times\\,{math_number(factor)}$"
     elif np.any(side.touching):

@@ -105,9 +105,8 @@ def solid_figure(
         _draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
     power = decimal_power(largest_of(mises))
     _draw_body(figure, axes, seen, moved, facets, mises * 10.0**power, 72 * inch, power)
-    at_rest = _edges(points, facets, seen)
-    rest = LineCollection(list(seen.flat(points[at_rest])), colors=MUTED, linewidths=0.6, linestyles=(0, (4, 2.5)))
-    rest.set(zorder=3, alpha=0.8, rasterized=len(at_rest) > 5000)
+    at_rest = [seen.flat(points[line]) for line in view.lines_of(_edges(points, facets, seen))]
+    rest = LineCollection(at_rest, colors=MUTED, linewidths=0.6, linestyles=[(0, (4, 2.5))], zorder=3, alpha=0.8)
     axes.add_collection(rest, autolim=False)
     _draw_coordinates(axes, seen, points, low, high)
     return figure, factor

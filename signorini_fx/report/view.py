@@ -94,3 +94,26 @@ def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.i
     _, where, count = np.unique(key, return_index=True, return_counts=True)
     once = where[count == 1]
     return np.column_stack((a[once], b[once]))
+
+
+def lines_of(edges: npt.NDArray[np.int64]) -> list[list[int]]:
+    """Edges of shape (e, 2) as lines, each the points along it: dashes go on from one edge to the next.
+
+    A line begins and ends where there is not exactly one other edge to go on with; the rest are closed.
+    """
+    rest: dict[int, list[int]] = {}
+    for a, b in ((int(a), int(b)) for a, b in edges):
+        rest.setdefault(a, []).append(b)
+        rest.setdefault(b, []).append(a)
+    ends = [point for point, near in rest.items() if len(near) != 2]
+    inner = set(rest) - set(ends)
+    lines = []
+    for start in [*ends, *rest]:
+        while rest[start]:
+            line = [start]
+            while rest[line[-1]] and (len(line) == 1 or line[-1] in inner):
+                following = rest[line[-1]].pop()
+                rest[following].remove(line[-1])
+                line.append(following)
+            lines.append(line)
+    return lines
