@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.mesh import TaggedMesh, generate_mesh
-from signorini_fx.quantities import ContactState
-from signorini_fx.scene import Scene, parse_scene
-from signorini_fx.solution import Solution
+from signorini_fx.contact.state import ContactState
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene
 
 Floats = npt.NDArray[np.float64]
 

@@ -18,8 +18,9 @@ import example1
 import linear
 from mpi4py import MPI
 
-from signorini_fx import TaggedMesh, parallel, solve, solver
-from signorini_fx.price_list import peak_memory
+from signorini_fx import TaggedMesh, parallel, solve
+from signorini_fx.accuracy.price_list import peak_memory
+from signorini_fx.solving import solver
 
 _WARM = 96  # cells along the bottom of the solve that loads and compiles everything
 

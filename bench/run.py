@@ -2,7 +2,7 @@
 
     ./env python3 bench/run.py [--quick] [--only NAME,...] [--out DIR]        (make bench)
 
-Every contestant gets the same mesh in memory, the same problem, tolerance and BLAS, and one thread a rank; all forms
+Every contestant gets the same mesh in memory, the same problem, tolerance and BLAS, and one thread per rank; all forms
 are compiled before any clock starts, and all must have come to the same pressure and the same sets.  Runs are
 interleaved, a ratio is taken within each round, and the median of the rounds counts.  What is not reached is said.
 """

@@ -1,16 +1,16 @@
-"""Draw docs/images/architecture.svg: the layers of the package, from its imports.
+"""Draw docs/images/architecture.svg: the packages of signorini_fx as layers, from its folders and imports.
 
     ./env python3 docs/architecture.py
 
-Every module is in one layer; imports point down or stay within a layer, and never run in a circle.  A test holds all
-of this, and that the picture is of today.
+A package is a layer, and says what it does in the first sentence of its ``__init__``.  Imports point down or stay
+within a package, and never run in a circle, those for type checking counted too.  A test holds all of this, and that
+the picture is of today.
 """
 
 from __future__ import annotations
 
 import ast
 import html
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -18,175 +18,35 @@ DOCS = Path(__file__).resolve().parent
 PACKAGE = DOCS.parent / "signorini_fx"
 PICTURE = DOCS / "images" / "architecture.svg"
 
-
-@dataclass(frozen=True)
-class Layer:
-    """Modules with one responsibility.
-
-    Attributes:
-        name: of the layer.
-        does: its responsibility.
-        modules: names as in ``signorini_fx.NAME``; ``linalg`` alone is the protocol in its ``__init__``.
-    """
-
-    name: str
-    does: str
-    modules: tuple[str, ...]
-
-
-# From the top down.  Two layers on one level know nothing of each other.
-LEVELS: tuple[tuple[Layer, ...], ...] = (
-    (Layer("Command line", "words in, exit code out", ("__main__", "cli")),),
-    (
-        Layer(
-            "Before and after",
-            "what a scene will do; files, pictures, reports, studies",
-            (
-                "template",
-                "checks",
-                "summary",
-                "io",
-                "result_folder",
-                "plots",
-                "pyvista_pictures",
-                "report",
-                "parameter_sweep",
-                "work_precision",
-                "reference",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "Solve",
-            "the one entry point: scene in, solution out",
-            (
-                "solver",
-                "findings",
-                "strategy",
-                "task",
-                "nested",
-                "boundary_levels",
-                "exact",
-                "price_list",
-                "accuracy",
-                "solution",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "Algorithms",
-            "which regularised problem comes next",
-            (
-                "algorithms",
-                "algorithms.ssn",
-                "algorithms.alm",
-                "algorithms.augmentation",
-                "algorithms.fp",
-                "algorithms.continuation",
-                "algorithms.path_following",
-                "algorithms.coulomb_newton",
-                "algorithms.ladder",
-                "algorithms.descent",
-            ),
-        ),
-        Layer(
-            "Linear algebra",
-            "how its linear systems are solved",
-            (
-                "linalg.choice",
-                "linalg.full",
-                "linalg.condensed",
-                "linalg.schur",
-                "linalg.transformed",
-                "linalg.rotated",
-                "linalg.coarsened",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "The regularised problem",
-            "active sets, residual and tangent; what is measured after",
-            (
-                "complementarity",
-                "problem",
-                "linalg",
-                "contact_data",
-                "contact_map",
-                "holding",
-                "resting",
-                "quantities",
-                "certificate",
-                "nodal_forces",
-                "contact_table",
-                "estimators",
-                "data_error",
-                "pressure_error",
-                "error_estimates",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "Discretisation",
-            "forms of the effects that a scene names, assembled once",
-            (
-                "discretisation",
-                "forms",
-                "material",
-                "loads",
-                "supports",
-                "boundary",
-                "pieces",
-                "rigid",
-                "deformation",
-                "assembly",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "Scene and mesh",
-            "what is to be solved, validated",
-            (
-                "scene",
-                "expressions",
-                "mesh",
-                "mesh_arrays",
-                "mesh_halving",
-                "mesh_formats",
-                "gmsh_files",
-                "_gmsh_process",
-                "mesh_info",
-                "abaqus",
-                "refinement",
-            ),
-        ),
-    ),
-    (
-        Layer(
-            "Ground",
-            "errors, outcomes, ranks, versions",
-            (
-                "errors",
-                "magnitudes",
-                "csv_text",
-                "compilation",
-                "requirements",
-                "results",
-                "parallel",
-                "terminal",
-                "launcher",
-                "options",
-                "petsc_start",
-                "compat",
-                "petsc_c",
-            ),
-        ),
-    ),
+# From the top down.  What is no folder is a set of modules of the top level; a folder may have some beside it.
+LAYERS = (
+    "cli",
+    "studies",
+    "solving",
+    "check",
+    "results",
+    "report",
+    "accuracy",
+    "algorithms",
+    "problem",
+    "linalg",
+    "contact",
+    "body",
+    "mesh",
+    "scene",
+    "ground",
+    "machine",
+    "errors",
 )
+TOP_LEVEL = {
+    "cli": ("__main__",),
+    "ground": ("compat", "csv_text", "display", "parallel", "petsc_start", "records", "tuned"),
+    "errors": ("errors",),
+}
+SAYS = {
+    "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx, tuned constants.",
+    "errors": "The ways in which a request can fail.",
+}
 # Packages of others, as the picture names them.
 OUTSIDE = (
     "dolfinx",
@@ -204,7 +64,7 @@ OUTSIDE = (
 
 
 def files() -> dict[str, Path]:
-    """The modules of the package by name, without the package itself."""
+    """The modules of the package by name, without the package itself and the generators of ``meshes/``."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
@@ -214,20 +74,32 @@ def files() -> dict[str, Path]:
     return found
 
 
+def packages() -> list[str]:
+    """The layers that are folders."""
+    return [layer for layer in LAYERS if (PACKAGE / layer).is_dir()]
+
+
+def layer_of(module: str) -> str:
+    """The layer of a module: its package, or the set of modules of the top level that it belongs to.
+
+    Raises:
+        KeyError: it is in none.
+    """
+    package = module.partition(".")[0]
+    if package in packages():
+        return package
+    return {name: layer for layer, modules in TOP_LEVEL.items() for name in modules}[module]
+
+
 @cache
 def imports(path: Path) -> frozenset[str]:
-    """Full names of all that a file imports, anywhere but for type checking."""
+    """Full names of all that a file imports, anywhere in it."""
     found: set[str] = set()
-    todo: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
-    while todo:
-        node = todo.pop()
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            continue
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-        todo += ast.iter_child_nodes(node)
     return frozenset(found)
 
 
@@ -244,16 +116,35 @@ def graph() -> dict[str, set[str]]:
     return {name: {m for n in names if (m := module(n)) is not None and m != name} for name, names in own.items()}
 
 
-def outside(layer: Layer) -> list[str]:
+def modules_of(layer: str) -> list[str]:
+    """The modules of a layer; a package itself only where it is more than its opening paragraph."""
+    known = files()
+    found = [name for name in known if layer_of(name) == layer]
+    return [name for name in found if known[name].stem != "__init__" or _holds_code(known[name])]
+
+
+def _holds_code(path: Path) -> bool:
+    return len(ast.parse(path.read_text(encoding="utf-8")).body) > 1
+
+
+def says(layer: str) -> str:
+    """What a layer does, in one sentence."""
+    if layer in SAYS:
+        return SAYS[layer]
+    text = ast.get_docstring(ast.parse((PACKAGE / layer / "__init__.py").read_text(encoding="utf-8"))) or ""
+    return text.split("\n\n")[0].replace("\n", " ")
+
+
+def outside(layer: str) -> list[str]:
     """The packages of others that a layer imports."""
     known = files()
-    used = {name.partition(".")[0] for module in layer.modules for name in imports(known[module])}
+    used = {name.partition(".")[0] for module in modules_of(layer) for name in imports(known[module])}
     return [name for name in OUTSIDE if name in used]
 
 
 # --- the picture -----------------------------------------------------------------------------------------------------
 
-_WIDTH, _MARGIN, _GAP = 900, 12, 10
+_WIDTH, _MARGIN, _GAP = 900, 12, 8
 _LETTER = 7.3  # width of a letter of a module's name
 _CHIP, _HEAD = 24, 40
 
@@ -263,44 +154,48 @@ def _text(x: float, y: float, text: str, **style: str) -> str:
     return f'<text x="{x:.0f}" y="{y:.0f}"{given}>{html.escape(text)}</text>'
 
 
-def _layer(layer: Layer, left: float, top: float, width: float) -> tuple[list[str], float]:
-    """What is in a box, and its height."""
+def _box(layer: str, left: float, top: float, width: float) -> tuple[list[str], float]:
+    """What is in the box of a layer, and its height."""
+    name = f"{layer}/" if layer in packages() else layer
     parts = [
-        _text(left + 12, top + 20, layer.name, font_weight="700", font_size="15"),
-        _text(left + 12, top + 36, layer.does, fill="#555", font_size="12"),
+        _text(left + 12, top + 20, name, font_weight="700", font_size="15"),
+        _text(left + 12, top + 36, says(layer), fill="#555", font_size="12"),
     ]
     x, y = left + 12, top + _HEAD + 6
-    for module in layer.modules:
-        wide = _LETTER * len(module) + 14
+    for module in modules_of(layer):
+        short = module.removeprefix(f"{layer}.")
+        wide = _LETTER * len(short) + 14
         if x + wide > left + width - 8:
             x, y = left + 12, y + _CHIP + 6
         chip = f'x="{x:.0f}" y="{y:.0f}" width="{wide:.0f}" height="{_CHIP}" rx="4" fill="#fff" stroke="#8aa4b8"'
-        parts += [f"<rect {chip}/>", _text(x + 7, y + 16, module, font_family="monospace", font_size="12")]
+        parts += [f"<rect {chip}/>", _text(x + 7, y + 16, short, font_family="monospace", font_size="12")]
         x += wide + 6
     others = ", ".join(outside(layer))
     if others:
-        y += _CHIP + 6
-        parts.append(_text(left + 12, y + 12, f"uses {others}", fill="#555", font_size="11.5", font_style="italic"))
-        y -= 4
-    height = y + _CHIP + 4 - top
-    return parts, height
+        uses = f"uses {others}"
+        parts.append(
+            _text(
+                left + width - 12,
+                top + 20,
+                uses,
+                fill="#555",
+                font_size="11.5",
+                font_style="italic",
+                text_anchor="end",
+            )
+        )
+    return parts, y + _CHIP + 8 - top
 
 
 def drawn() -> str:
     """The picture as SVG."""
     body: list[str] = []
     top = float(_MARGIN)
-    arrow = 34
-    inner = _WIDTH - 2 * _MARGIN - arrow
-    for level in LEVELS:
-        width = (inner - _GAP * (len(level) - 1)) / len(level)
-        boxes = [_layer(layer, _MARGIN + k * (width + _GAP), top, width) for k, layer in enumerate(level)]
-        height = max(height for _, height in boxes)
-        for k, (parts, _) in enumerate(boxes):
-            box = (
-                f'x="{_MARGIN + k * (width + _GAP):.0f}" y="{top:.0f}" width="{width:.0f}" height="{height:.0f}" rx="6"'
-            )
-            body += [f'<rect {box} fill="#eef3f7" stroke="#c3d0da"/>', *parts]
+    width = _WIDTH - 2 * _MARGIN - 34
+    for layer in LAYERS:
+        parts, height = _box(layer, _MARGIN, top, width)
+        box = f'x="{_MARGIN}" y="{top:.0f}" width="{width}" height="{height:.0f}" rx="6"'
+        body += [f'<rect {box} fill="#eef3f7" stroke="#c3d0da"/>', *parts]
         top += height + _GAP
     x, low = _WIDTH - _MARGIN - 12, top - _GAP
     body += [

@@ -1,9 +1,10 @@
 """Mesh generators.
 
 Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
-With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``triangles(parameters)``, for bodies
-with straight sides, its cells can be divided where the error is, as an accuracy asks for.  The functions here are what
-several generators share; they get the initialised module gmsh, so that nothing heavy is imported.
+With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``simplices(parameters)``, for bodies
+with straight sides, it makes triangles or tetrahedra that can be divided where the error is, as an accuracy asks for.
+The functions here are what several generators share; they get the initialised module gmsh, so that nothing heavy is
+imported.  Bodies in space have the axis x[2] upwards, the foundation below.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import AfterValidator
 
-from signorini_fx.errors import SceneError
-from signorini_fx.magnitudes import LARGEST, SMALLEST
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,13 +29,19 @@ if TYPE_CHECKING:
 
 def _length(given: float) -> float:
     if not SMALLEST < given < LARGEST:
-        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is wanted, got {given:g}")
+        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is expected, got {given:g}")
     return given
 
 
 Length = Annotated[float, AfterValidator(_length)]
+# Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
+Part = Literal["whole", "half", "quarter"]
+# Truth values of points of shape (3, n): which of them are on a surface.
+Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 # More facets than this along the zone of small cells, or along the body, are a slip of the pen.
 _MOST_FACETS = 5000
+# Points of a drawing that are closer than this to a surface are on it; drawings measure some units.
+_NEAR = 1e-6
 # What a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.
 _BYTES_PER_CELL = 1000.0
 
@@ -110,14 +120,22 @@ class Drawing:
     Attributes:
         gmsh: the initialised module.
         unit: length of the model's unit.
+        upright: the plane that points are drawn in is that of x[0] and x[2], as of the section of a body in space.
     """
 
     gmsh: Any
     unit: float
+    upright: bool = False
+
+    def length(self, length: float) -> float:
+        """A length in the model's unit, the same number in all units of the scene: tetrahedra follow each last bit."""
+        return float(f"{length / self.unit:.12g}")
 
     def point(self, x: float, y: float) -> int:
         """A point at a position in units of the scene."""
-        tag: int = self.gmsh.model.geo.addPoint(x / self.unit, y / self.unit, 0.0)
+        across, up = x / self.unit, y / self.unit
+        place = (across, 0.0, up) if self.upright else (across, up, 0.0)
+        tag: int = self.gmsh.model.geo.addPoint(*place)
         return tag
 
 
@@ -176,6 +194,18 @@ class Sizes:
     zone: float
     reach: float
 
+    def at(self, distance: Any) -> Any:
+        """Length at distances from the places."""
+        ends = [self.zone, max(self.reach, self.zone * (1 + 1e-9))]
+        return np.interp(distance, ends, [min(self.near, self.far), self.far])
+
+
+def _refuse_short(sizes: Sizes, fine: float) -> None:
+    """Refuse facets that are too short for the zone where they are fine, or for the body."""
+    for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
+        if long / short > _MOST_FACETS:
+            refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
+
 
 def mesh_surface(
     drawing: Drawing,
@@ -203,10 +233,7 @@ def mesh_surface(
     Raises:
         SceneError: the facets are so short that no machine could mesh the body.
     """
-    fine = max(sizes.reach, sizes.zone) if curves else sizes.zone
-    for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
-        if long / short > _MOST_FACETS:
-            refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
+    _refuse_short(sizes, max(sizes.reach, sizes.zone) if curves else sizes.zone)
     gmsh, unit = drawing.gmsh, drawing.unit
     geo, fields = gmsh.model.geo, gmsh.model.mesh.field
     surfaces = list(bodies)
@@ -244,3 +271,170 @@ def mesh_surface(
     gmsh.model.mesh.generate(2)
     if order > 1:
         gmsh.model.mesh.setOrder(order)
+
+
+# --- bodies in space -------------------------------------------------------------------------------------------------
+
+
+def cells_of_solid(
+    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
+) -> float:
+    """About how many cells of such sizes fill a body.
+
+    Args:
+        sizes: lengths of their edges.
+        within: the volume of the body up to distances from the places where they are small.
+        cell: ``tetrahedron`` or ``hexahedron``.
+    """
+    _refuse_short(sizes, sizes.zone)
+    far = max(sizes.reach, sizes.zone)
+    r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
+    h = sizes.at(r)
+    # As counted: a tetrahedron has less than the regular one's 0.12 h^3, four hexahedra have that of 2 h.
+    own = 0.15 if cell == "hexahedron" else 0.075
+    with np.errstate(over="ignore"):
+        return float((np.diff(within(r)) / (own * (0.5 * (h[1:] + h[:-1])) ** 3)).sum())
+
+
+def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
+    """Leave of a solid of OpenCASCADE around the axis x[2] the part that is expected.
+
+    Args:
+        drawing: the model, in its own units.
+        body: the solid.
+        part: what is left of it.
+        extent: no point of the solid is farther from the origin.
+
+    Returns:
+        The names of the planes of symmetry, ``symmetry_y`` at x[1] = 0 and ``symmetry_x`` at x[0] = 0.
+    """
+    if part == "whole":
+        return {}
+    low = 0.0 if part == "quarter" else -2 * extent
+    box = drawing.gmsh.model.occ.addBox(low, 0.0, -2 * extent, 2 * extent - low, 2 * extent, 4 * extent)
+    drawing.gmsh.model.occ.intersect([(3, body)], [(3, box)])
+    planes: dict[str, Surface] = {"symmetry_y": plane(1, 0.0)}
+    return planes | ({"symmetry_x": plane(0, 0.0)} if part == "quarter" else {})
+
+
+def plane(axis: int, at: float) -> Surface:
+    """The points where x[axis] is ``at``, in units of the drawing."""
+    return lambda x: np.abs(x[axis] - at) < _NEAR
+
+
+def mesh_solid(
+    drawing: Drawing,
+    boundaries: Mapping[str, Surface],
+    sizes: Sizes,
+    distance: Callable[[float, float, float], float],
+    *,
+    cell: str = "tetrahedron",
+    order: int = 1,
+) -> None:
+    """Mesh the solids of OpenCASCADE, fine near some places, and name their surfaces.
+
+    Args:
+        drawing: the model, not yet synchronised.
+        boundaries: name -> which points are on it, in units of the drawing; of several the first counts.
+        sizes: lengths of the edges, in units of the scene.
+        distance: of a position from the places where they are small, in units of the drawing.
+        cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
+        order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
+    """
+    gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
+    gmsh.model.occ.synchronize()
+    drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))
+
+    def size(_dim: int, _tag: int, x: float, y: float, z: float, wanted: float) -> float:
+        return min(wanted, stretch * float(drawn.at(distance(x, y, z))))
+
+    for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
+        gmsh.option.setNumber(f"Mesh.{option}", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 10)
+    if cell == "hexahedron":
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
+    gmsh.model.mesh.setSizeCallback(size)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.removeSizeCallback()
+    if order > 1:
+        _curve(gmsh, order)
+    named: dict[str, list[int]] = {}
+    for _, tag in gmsh.model.getEntities(2):
+        _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
+        points = np.asarray(x).reshape(-1, 3).T
+        names = [name for name, holds in boundaries.items() if holds(points).all()]
+        if names:
+            named.setdefault(names[0], []).append(tag)
+    _name_solids(gmsh, named)
+
+
+def mesh_extruded(
+    drawing: Drawing,
+    sections: Sequence[int],
+    sides: Mapping[str, Sequence[int]],
+    along: tuple[float, float, float],
+    layers: int,
+    ends: tuple[str, str],
+    *,
+    cell: str = "hexahedron",
+    order: int = 1,
+) -> None:
+    """Mesh what plane sections sweep, in layers, and name its surfaces.
+
+    Args:
+        drawing: the model, not yet synchronised, with transfinite sections.
+        sections: plane surfaces.
+        sides: name -> curves of the sections; the surfaces that they sweep have it.
+        along: where the sections are moved to, in units of the scene.
+        layers: cells along it.
+        ends: names of the surfaces where the sections begin and end.
+        cell: ``hexahedron`` or ``tetrahedron``.
+        order: degree of the geometry.
+    """
+    gmsh, geo = drawing.gmsh, drawing.gmsh.model.geo
+    if cell == "hexahedron":
+        for section in sections:
+            geo.mesh.setRecombine(2, section)
+    vector = [value / drawing.unit for value in along]
+    found = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
+    geo.synchronize()
+    # Centres of arcs would become nodes of no cell, which dolfinx cannot distribute.
+    points = gmsh.model.getEntities(0)
+    gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
+    named = {ends[0]: list(sections), ends[1]: []}
+    for before, (dim, _) in pairwise(found):
+        if dim == 3:  # the end of the section comes before its solid
+            named[ends[1]].append(before[1])
+    swept = {frozenset(_curves(gmsh, tag)): tag for _, tag in gmsh.model.getEntities(2)}
+    for name, curves in sides.items():
+        own = {abs(curve) for curve in curves}
+        named[name] = [tag for around, tag in swept.items() if around & own and tag not in sections]
+    gmsh.model.mesh.generate(3)
+    if order > 1:
+        _curve(gmsh, order)
+    _name_solids(gmsh, named)
+
+
+def _curve(gmsh: Any, order: int) -> None:
+    """Give solids nodes between their corners, on the surfaces, and no cell that is turned inside out.
+
+    Raises:
+        MeshError: the cells are too large for the arcs.
+    """
+    mesh = gmsh.model.mesh
+    mesh.setOrder(order)
+    # gmsh could move the nodes, but ends the whole process where it finds no place for them.
+    cells = [mesh.getElementsByType(kind)[0] for kind in mesh.getElementTypes(3)]
+    if not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells):
+        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
+
+
+def _curves(gmsh: Any, surface: int) -> list[int]:
+    return [abs(tag) for _, tag in gmsh.model.getBoundary([(2, surface)], oriented=False)]
+
+
+def _name_solids(gmsh: Any, named: Mapping[str, Sequence[int]]) -> None:
+    """Name surfaces, and all solids together ``body``."""
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="body")
+    for name, tags in named.items():
+        gmsh.model.addPhysicalGroup(2, list(tags), name=name)

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse
 
 Angle = Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)]

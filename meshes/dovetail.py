@@ -27,7 +27,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Corner, Drawing, Length, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
 
 Angle = Annotated[float, Field(ge=10, le=80, allow_inf_nan=False)]

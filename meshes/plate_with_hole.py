@@ -20,7 +20,7 @@ from typing import Any, Literal
 from mpi4py import MPI
 from pydantic import ConfigDict, validate_call
 
-from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse
 
 

@@ -77,6 +77,6 @@ def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     return coarser_grid(generate, parameters, factor, ("facets", "ny"))
 
 
-def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
     """The parameters for triangles; see ``generate``."""
     return parameters | {"cell": "triangle"}

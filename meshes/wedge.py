@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
-from signorini_fx.mesh import gmsh_mesh
+from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, coarser_grid
 
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
@@ -81,6 +81,6 @@ def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
     return coarser_grid(generate, parameters, factor)
 
 
-def triangles(parameters: dict[str, Any]) -> dict[str, Any]:
+def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
     """The parameters for triangles; see ``generate``."""
     return parameters | {"cell": "triangle"}

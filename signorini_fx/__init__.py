@@ -12,7 +12,6 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "errors": (
-        "ConvergenceError",
         "InstallationError",
         "MachineError",
         "MeshError",
@@ -20,14 +19,13 @@ _PUBLIC = {
         "SceneError",
         "SignoriniError",
     ),
-    "mesh": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
-    "results": ("Status",),
-    "io": ("write_results",),
-    "scene": (
-        "Accuracy",
+    "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
+    "records": ("Status",),
+    "results.files": ("write_results",),
+    "results.solution": ("ConvergenceError", "Solution"),
+    "scene.model": (
         "BilateralContact",
         "BodyForce",
-        "Box",
         "CoulombFriction",
         "Discretised",
         "LinearElastic",
@@ -36,21 +34,20 @@ _PUBLIC = {
         "NoFriction",
         "PrescribedDisplacement",
         "Scene",
-        "SolverSettings",
         "SurfaceTraction",
         "TrescaFriction",
         "UnilateralContact",
-        "read_scene",
     ),
-    "solution": ("Solution",),
-    "solver": ("solve",),
-    "parameter_sweep": ("SweepPoint", "sweep"),
+    "scene.settings": ("Accuracy", "Box", "SolverSettings"),
+    "scene.reading": ("read_scene",),
+    "solving.solver": ("solve",),
+    "solving.sweep": ("SweepPoint", "sweep"),
 }
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 
 if TYPE_CHECKING:
-    from signorini_fx.errors import ConvergenceError as ConvergenceError
-    from signorini_fx.solver import solve as solve
+    from signorini_fx.results.solution import ConvergenceError as ConvergenceError
+    from signorini_fx.solving.solver import solve as solve
 
 __all__ = sorted(_MODULE_OF)
 
@@ -61,8 +58,12 @@ def __getattr__(name: str) -> Any:
             return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
         except ModuleNotFoundError as error:
             failure = error
-        from signorini_fx.requirements import check_fenicsx
+        from signorini_fx.machine.requirements import check_fenicsx
 
         check_fenicsx()
         raise failure
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

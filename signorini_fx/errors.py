@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from signorini_fx.solution import Solution
-
-
 # What a terminal shows of a message: a file or a mistake may be of any length, and there may be any number of them.
 _MOST_LINES, _LONGEST_LINE = 20, 1_000
 
@@ -59,19 +53,6 @@ class MeshError(SignoriniError):
     """The mesh cannot be read or generated, or lacks something that the scene needs."""
 
 
-class ConvergenceError(SignoriniError):
-    """No solution was reached.
-
-    Attributes:
-        solution: the last iterate with its status, history and certificate.
-    """
-
-    def __init__(self, solution: Solution) -> None:
-        self.solution = solution
-        warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
-        super().__init__(f"{solution.status.value}: {solution.status.advice}{''.join(warnings)}")
-
-
 class OptionsError(SignoriniError):
     """PETSc does not take an option that the user has set."""
 
@@ -82,6 +63,11 @@ class MachineError(SignoriniError):
 
 class OutputError(SignoriniError):
     """A result cannot be written."""
+
+
+def cannot_be_written(path: object, error: Exception) -> OutputError:
+    """The error of a file or folder that takes no more, with the system's reason."""
+    return OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}")
 
 
 class ResultError(SignoriniError):

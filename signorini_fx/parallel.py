@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx import terminal
 from signorini_fx.errors import SignoriniError
+from signorini_fx.machine import terminal
 
 T = TypeVar("T")
 

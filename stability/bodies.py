@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.results import Status
-from signorini_fx.solution import Solution
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import REGULARISED, difference, found, solved, worst
 from stability.scenes import LAWS, example1
@@ -194,10 +194,10 @@ def solved_load(scene: dict[str, Any]) -> float:
     """The resultant of the load as the mesh integrates it."""
     from mpi4py import MPI
 
-    from signorini_fx.discretisation import discretise
-    from signorini_fx.mesh import load_mesh
-    from signorini_fx.results import Timings
-    from signorini_fx.scene import parse_scene
+    from signorini_fx.body.discretisation import discretise
+    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.records import Timings
+    from signorini_fx.scene.reading import parse_scene
 
     parsed = parse_scene(scene)
     applied = discretise(parsed, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied

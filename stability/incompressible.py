@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.solution import Solution
+from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import found, solved
 from stability.scenes import LAWS, example1

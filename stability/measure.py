@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.boundary import ContactBoundary
-from signorini_fx.complementarity import ActiveSets, Nodal
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Timings
-from signorini_fx.scene import Scene, parse_scene
-from signorini_fx.solution import Solution
-from signorini_fx.solver import contact_task, solve, solve_contact
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets, Nodal
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import contact_task, solve_contact
+from signorini_fx.solving.solver import solve
 from stability.case import Finding
 
 
@@ -44,15 +46,18 @@ def solved_from(
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
     assert discretisation.boundary is not None
     task = contact_task(discretisation, discretisation.boundary, History())
+    begin = task.start
     if sets is not None:
-        task.first_sets, task.first_iteration = sets(discretisation.boundary), 1
+        begin = replace(begin, sets=sets(discretisation.boundary), iteration=1)
     if start is not None:
-        task.start = start(discretisation.boundary)
+        begin = replace(begin, multipliers=start(discretisation.boundary))
     if motion is not None:
-        x = discretisation.space.tabulate_dof_coordinates()[: task.x.getLocalSize() // 2, :2]
-        task.x.getArray()[:] = np.where(discretisation.fixed, task.x.getArray(readonly=True), motion(x).ravel())
-        task.first_sets = None
-    return solve_contact(discretisation, task, timings)
+        first = task.iterate.x
+        x = discretisation.space.tabulate_dof_coordinates()[: first.getLocalSize() // 2, :2]
+        first.getArray()[:] = np.where(discretisation.fixed, first.getArray(readonly=True), motion(x).ravel())
+        begin = replace(begin, sets=None)
+    solution, _ = solve_contact(discretisation, task, begin, timings)
+    return solution
 
 
 # What gamma = auto may leave of the displacement.

@@ -41,7 +41,7 @@ NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
 _NOT_FOR_COPIES = ("tests/test_mutants.py",)
 # What comes first in the suite: quick, and about everything.
 _FIRST = (
-    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "ladder", "invariances",
+    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "fall_backs", "invariances",
     "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "boundary_levels", "expressions",
 )  # fmt: skip
 # CPU seconds of a process, and wall seconds, by how much is run: a mutant may run for ever.
@@ -72,7 +72,12 @@ class Copy:
     def __init__(self, folder: Path, cache: Path) -> None:
         self.folder, self.cache = folder, folder / "cache"
         (folder / "tmp").mkdir()
-        ignored = shutil.ignore_patterns(".git", "__pycache__", "results", "build", ".*_cache", ".hypothesis")
+        anywhere = shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis")
+
+        def ignored(place: str, names: list[str]) -> set[str]:
+            """What git does not hold; the package has a folder with the name of that of the results."""
+            return anywhere(place, names) | ({"results", "build"} & set(names) if Path(place) == ROOT else set())
+
         shutil.copytree(ROOT, folder / "code", symlinks=True, ignore=ignored)
         # Forms that another mutant began to compile, and did not end, would be waited for.
         for name in ("fenics", "matplotlib"):

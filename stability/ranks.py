@@ -10,10 +10,10 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene
-from signorini_fx.solution import Solution
-from signorini_fx.solver import solve
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 from stability.case import Case, Finding
 from stability.measure import counts, difference, found
 from stability.scenes import LAWS, example1

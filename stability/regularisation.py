@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from functools import cache, partial
 
-from signorini_fx.results import Status
-from signorini_fx.solution import Solution
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
 from stability.case import CONVERGED, Case, Finding
 from stability.measure import apart, found, solved
 from stability.scenes import LAWS, example1

@@ -92,7 +92,7 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
 
 
 def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
-    """One line a group, one mark a case: its error over what is allowed."""
+    """One line a group, one mark per case: its error over what is allowed."""
     axes.set_title("Error over what is allowed (cross: no solution, named; bar: certificate only)")
     for place, group in enumerate(groups):
         own = [row for row in rows if row.group == group]

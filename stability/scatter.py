@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import SceneError
-from signorini_fx.results import Status
-from signorini_fx.solution import Solution
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
 from stability.case import CONVERGED, Case, Finding
 from stability.measure import found, solved
 

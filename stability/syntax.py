@@ -90,3 +90,27 @@ def _runs(node: ast.AST, scope: str, length: int) -> Iterator[tuple[str, tuple[N
             if isinstance(child, ast.AST):
                 name = f"{scope}.{child.name}".lstrip(".") if isinstance(child, _SCOPES) else scope
                 yield from _runs(child, name, length)
+
+
+def needs(text: str) -> set[str]:
+    """The names that a piece of code reads and does not set itself."""
+    nodes = [node for part in parse(text) for node in ast.walk(part)]
+    read = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+    own = {node.id for node in nodes if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)}
+    return read - own - {node.arg for node in nodes if isinstance(node, ast.arg)}
+
+
+def names(source: str) -> set[str]:
+    """The names that a module sets, defines or imports anywhere."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name):
+                found.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                found.add(name)
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                found |= {(alias.asname or alias.name).partition(".")[0] for alias in aliases}
+            case ast.MatchAs(name=str(name)):
+                found.add(name)
+    return found

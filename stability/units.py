@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
 
-from signorini_fx.solution import Solution
+from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import apart, counts, found, solved
 from stability.scenes import LAWS, example1

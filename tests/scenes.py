@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
-from signorini_fx.contact_table import contact_table
-from signorini_fx.mesh import generate_mesh
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.contact.table import contact_table
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}
 PATCH_AT_THE_END = {"x": [0.0, 0.5]}

@@ -8,15 +8,17 @@ import random_scenes
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import accuracy, compat
-from signorini_fx.checks import check_scene
+from signorini_fx import compat
+from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import generate_mesh
-from signorini_fx.mesh_formats import read_file, write_file
-from signorini_fx.reference import Reference, divided
-from signorini_fx.results import Status
-from signorini_fx.scene import Accuracy, parse_scene, read_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving import to_accuracy
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies.reference import Reference, divided
 from tests.scenes import example1, on_mesh, rectangle
 
 SCENES = Path(__file__).parent.parent / "demos" / "scenes"
@@ -47,9 +49,9 @@ def test_pressure(reference, target):
 
 
 @pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
-def test_true_error_on_the_meshes_that_the_program_chooses(overkill, of, targets):
+def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
     """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
-    friction, fine = overkill
+    friction, fine = with_reference
     for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
         solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
         assert fine.errors(solution)[of] <= target
@@ -57,7 +59,7 @@ def test_true_error_on_the_meshes_that_the_program_chooses(overkill, of, targets
 
 
 @pytest.fixture(scope="module", params=sorted(FRICTION))
-def overkill(request):
+def with_reference(request):
     """A reference of much higher accuracy, of displacement too."""
     scene = example1(**FRICTION[request.param], nx=120, ny=40)
     return request.param, Reference(divided(scene, 2.0, 60_000)[-1])
@@ -76,7 +78,7 @@ def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
         scene = example1(bound=1.5, nx=nx, ny=ny)
-        meshes = accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
+        meshes = to_accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
         assert meshes.scene.mesh.parameters["nx"] == coarse_nx
         assert meshes.scene.mesh.parameters["ny"] == coarse_ny
 
@@ -109,9 +111,9 @@ def test_uniform_meshes_jump_to_what_is_needed():
 
 
 @pytest.mark.parametrize("of", ["energy", "pressure"])
-def test_own_triangles(overkill, of):
+def test_own_triangles(with_reference, of):
     """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
-    friction, fine = overkill
+    friction, fine = with_reference
     scene = asked(friction, target=1e-2, of=of)
     generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
     own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)

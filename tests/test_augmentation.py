@@ -10,12 +10,11 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(FEW, max_examples=300)
@@ -151,7 +150,7 @@ def begun(scene, comm=MPI.COMM_SELF):
     """The contact problem of a scene, solved once without shifts."""
     d = discretise(scene, load_mesh(scene, comm), Timings())
     task = contact_task(d, d.boundary, History())
-    assert task.newton.solve(task.data, task.first_sets) is Status.CONVERGED
+    assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
     return task
 
 
@@ -159,14 +158,14 @@ def begun(scene, comm=MPI.COMM_SELF):
 def test_what_is_left_after_one_problem(gammas):
     """Penetration, slip of nodes that stick, and how far the multipliers may be from those of the limit."""
     task = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
-    augmentation, newton, boundary = Augmentation(task.newton, 1e8, 1e-9), task.newton, task.boundary
-    assert augmentation.measure(task.data) == pytest.approx(1.0)
+    augmentation, newton, boundary = Augmentation(task.iterate.newton, 1e8, 1e-9), task.iterate.newton, task.boundary
+    assert augmentation.measure(task.start.data) == pytest.approx(1.0)
     u_n, u_t = newton.problem.traces(newton.x)
     pressure, shear = newton.multipliers()
     sticks = np.abs(shear) < 0.2
     assert sticks.any()
     assert not sticks.all()
-    moved = max((u_n - task.data.gap)[pressure > 0].max(), np.abs(u_t)[sticks].max())
+    moved = max((u_n - task.start.data.gap)[pressure > 0].max(), np.abs(u_t)[sticks].max())
     assert augmentation.violation == pytest.approx(moved / max(np.abs(u_n).max(), np.abs(u_t).max()), rel=1e-6)
     diagonal = task.system.matrix.getDiagonal().getArray()
     stiffness = diagonal[task.system.contact.entries()[0]].max(axis=1) / boundary.weight
@@ -179,7 +178,7 @@ def test_what_is_left_after_one_problem(gammas):
 def test_settled_is_both():
     """Multipliers that no longer change are not enough, nor is a displacement that meets the limit."""
     task = begun(example1(bound=1.5, nx=12, ny=4))
-    augmentation = Augmentation(task.newton, 1e8, 1e-3)
+    augmentation = Augmentation(task.iterate.newton, 1e8, 1e-3)
     for left, violation, settled in ((0.0, 0.0, True), (0.0, 2e-3, False), (2e-3, 0.0, False)):
         augmentation.left, augmentation.violation = left, violation
         assert augmentation.settled is settled
@@ -188,7 +187,7 @@ def test_settled_is_both():
 @pytest.mark.parametrize("gammas", [(1e13, 1e3), (1e3, 1e13), (1e13, 1e13)])
 def test_no_more_gamma_than_digits(gammas):
     """Each of the two is lowered to ten times the natural one."""
-    data = begun(example1(bound=1.5, nx=12, ny=4)).data
+    data = begun(example1(bound=1.5, nx=12, ny=4)).start.data
     lowered = with_enough_digits(replace(data, gamma_n=gammas[0], gamma_t=gammas[1]), 1e5)
     assert (lowered.gamma_n, lowered.gamma_t) == tuple(min(gamma, 1e6) for gamma in gammas)
 
@@ -219,6 +218,6 @@ def test_nodes_that_a_support_presses_are_no_measure():
 def test_every_rank_judges_alike():
     """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
     task = begun(example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured"), MPI.COMM_WORLD)
-    augmentation = Augmentation(task.newton, 1e8, 1e-9)
-    augmentation.measure(task.data)
+    augmentation = Augmentation(task.iterate.newton, 1e8, 1e-9)
+    augmentation.measure(task.start.data)
     assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))

@@ -21,13 +21,20 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx import cli, compilation, io, magnitudes, options, petsc_start, plots, report, requirements, terminal
+from signorini_fx import cli, petsc_start
+from signorini_fx.cli.options import parsed_accuracy, parsed_budget
 from signorini_fx.csv_text import as_name, as_text
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
-from signorini_fx.mesh_formats import read_file
-from signorini_fx.result_folder import ResultFolder
-from signorini_fx.scene import parse_scene_text
-from signorini_fx.solver import solve
+from signorini_fx.linalg import options
+from signorini_fx.machine import compilation, requirements, terminal
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.report import deformed_body, page
+from signorini_fx.report import reading as result_files
+from signorini_fx.results import files
+from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scene import magnitudes
+from signorini_fx.scene.reading import parse_scene_text
+from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
 SCENE = """
@@ -179,7 +186,7 @@ def test_all_magnitudes(tmp_path_factory, young, gap, load, gamma, length):
         solution = solve(scene, MPI.COMM_SELF, check=False)
     except (SceneError, MeshError):
         return
-    io.write_results(solution, folder, fields=False, pictures=False)
+    files.write_results(solution, folder, fields=False, pictures=False)
     summary = json.loads((folder / "summary.json").read_text(), parse_constant=pytest.fail)
     assert summary["status"] == solution.status.value
 
@@ -211,22 +218,22 @@ def test_keys_of_many_parts(text, copies):
 )
 def test_budget(text, key, value):
     """Seconds, minutes, hours; megabytes, gigabytes."""
-    assert cli._budget(text) == (key, pytest.approx(value, rel=1e-15))
+    assert parsed_budget(text) == (key, pytest.approx(value, rel=1e-15))
 
 
 @pytest.mark.parametrize("text", ["", "60", "s", "60 parsecs", "-1s", "1e3s", "1.2.3s", "infs", "4gb"])
 def test_no_budget(text):
     """What is neither is refused."""
     with pytest.raises(argparse.ArgumentTypeError, match="5min or 2h, or a memory like 500MB"):
-        cli._budget(text)
+        parsed_budget(text)
 
 
 def test_accuracy_in_per_cent(run):
     """2% is 0.02; what is no number is refused."""
-    assert cli._accuracy("2%") == cli._accuracy("0.02") == cli._accuracy(" 2 %") == 0.02
+    assert parsed_accuracy("2%") == parsed_accuracy("0.02") == parsed_accuracy(" 2 %") == 0.02
     code, errors = run("solve", "scene.toml", "--accuracy", "2 per cent")
     assert code == 2
-    assert "a number like 0.05 or 5% is wanted, got '2 per cent'" in errors
+    assert "a number like 0.05 or 5% is expected, got '2 per cent'" in errors
 
 
 # --- PETSc options ---------------------------------------------------------------------------------------------------
@@ -480,20 +487,20 @@ def test_report_of_a_field_without_end(tmp_path):
     """The csv module has errors of its own."""
     (tmp_path / "contact.csv").write_text("x,y\n1," + "1" * 200_000)
     with pytest.raises(ValueError, match=r"contact\.csv, line 2: field larger"):
-        plots.read_csv(tmp_path / "contact.csv")
+        result_files.read_csv(tmp_path / "contact.csv")
     with pytest.raises(ResultError):
-        report.write_report(tmp_path)
+        page.write_report(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-1", "@SUM(A1)", "\tx", "'=x", "'", "-", "bottom"])
 def test_formula(tmp_path, name):
     """A spreadsheet takes it for text, our own reader for the name; numbers are as they were."""
     rows = [{"x": -1.5, "boundary": name, "count": -3, "u": np.float64(-2e-300)}]
-    io.write_csv(tmp_path / "a.csv", rows)
+    files.write_csv(tmp_path / "a.csv", rows)
     (row,) = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
     assert not row["boundary"].startswith(("=", "+", "-", "@", "\t", "\r"))
     assert (row["x"], row["count"], row["u"]) == ("-1.5", "-3", "-2e-300")
-    assert plots.read_csv(tmp_path / "a.csv")["boundary"].tolist() == [name]
+    assert result_files.read_csv(tmp_path / "a.csv")["boundary"].tolist() == [name]
 
 
 @given(st.text("=+-@'\tab"))
@@ -513,7 +520,7 @@ def test_full_disk_while_pictures_are_drawn(tmp_path):
             try:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
                 try:
-                    io.write_results(solution, tmp_path / "out", fields=False)
+                    files.write_results(solution, tmp_path / "out", fields=False)
                 except OutputError as error:
                     code = 0 if "cannot be written: File too large" in str(error) else 2
             finally:
@@ -535,13 +542,13 @@ def test_errors_of_the_system_under_others(tmp_path, monkeypatch):
         closing(object())
 
     solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
-    monkeypatch.setattr(plots, "deformed_mesh", draw)
+    monkeypatch.setattr(deformed_body, "deformed_mesh", draw)
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
-        io.write_results(solution, tmp_path / "out", fields=False)
+        files.write_results(solution, tmp_path / "out", fields=False)
     assert not (tmp_path / "out").exists()
-    monkeypatch.setattr(plots, "deformed_mesh", lambda *arguments, **options: 1 / 0)
+    monkeypatch.setattr(deformed_body, "deformed_mesh", lambda *arguments, **options: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        io.write_results(solution, tmp_path / "out", fields=False)
+        files.write_results(solution, tmp_path / "out", fields=False)
     assert not (tmp_path / "out").exists()
 
 

@@ -5,13 +5,12 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle, table_of
 
-from signorini_fx import boundary_levels
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import boundary_levels
+from signorini_fx.solving.one_mesh import contact_task
 
 LONG = {"nx": 600, "ny": 12, "linear_algebra": "condensed"}
 
@@ -72,7 +71,7 @@ def test_a_body_that_only_contact_holds(friction):
     task = task_of(scene("auto"))
     assert task.rest is not None
     assert np.abs(task.rest.u_n).max() > 0.01
-    assert task.data.slip_origin is not None
+    assert task.start.data.slip_origin is not None
     plain, nested = (alone(scene(start)) for start in ("all", "auto"))
     assert sum("contact nodes first" in event and "converged" in event for event in nested.history.events) == 3
     assert nested.history.linear_solves < plain.history.linear_solves / 2

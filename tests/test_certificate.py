@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
-from signorini_fx import solver
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.certificate import Before, Law, certify
-from signorini_fx.results import CERTIFICATE_TOLERANCE, Status
-from signorini_fx.scene import parse_scene
+from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import one_mesh
 
 
 def wedge(**solver):
@@ -54,7 +55,7 @@ def judged(solution, displacement=None, scene=None, **changes):
     moved = solution.displacement.copy()
     if displacement is not None:
         moved.x.array[:] = displacement(moved.x.array.copy())
-    tractions = solution.contact.tractions
+    tractions = Tractions.of(solution.contact)
     for name, change in changes.items():
         tractions = replace(tractions, **{name: change(getattr(tractions, name).copy())})
     tagged = solution.discretisation.tagged
@@ -125,9 +126,9 @@ def test_one_node_of_many(algorithm):
 
 
 KINDS = {
-    "shear the other way": ({"shear": lambda c: -c.tractions.shear}, ("equilibrium", "wrong_way_slip")),
-    "no shear": ({"shear": lambda c: 0 * c.tractions.shear}, ("equilibrium",)),
-    "beyond the bound": ({"shear": lambda c: c.tractions.shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
+    "shear the other way": ({"shear": lambda c: -Tractions.of(c).shear}, ("equilibrium", "wrong_way_slip")),
+    "no shear": ({"shear": lambda c: 0 * Tractions.of(c).shear}, ("equilibrium",)),
+    "beyond the bound": ({"shear": lambda c: Tractions.of(c).shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
     "tension": ({"pressure": lambda c: c.pressure - 0.1 * c.pressure.max()}, ("negative_pressure",)),
     "pressure without contact": ({"pressure": lambda c: c.pressure + 0.01 * c.pressure.max()}, ("equilibrium",)),
 }
@@ -189,9 +190,9 @@ def test_the_law_itself_does_not_allow_for_gamma():
     solution = alone(example1(coefficient=0.6, nx=30, ny=10, gamma=1e6))
     assert solution.certificate.law == Law(1e6, 1e6)
     contact, tagged = solution.contact, solution.discretisation.tagged
-    certificate = certify(solution.scene, tagged, solution.displacement, contact.tractions)
+    certificate = certify(solution.scene, tagged, solution.displacement, Tractions.of(contact))
     refused(certificate, "entered", "slip_below_bound")
-    half = certify(solution.scene, tagged, solution.displacement, contact.tractions, law=Law(2e6, 2e6))
+    half = certify(solution.scene, tagged, solution.displacement, Tractions.of(contact), law=Law(2e6, 2e6))
     refused(half, "entered", "slip_below_bound")
 
 
@@ -202,7 +203,7 @@ def test_a_body_that_sinks_unhindered_is_refused():
     scene = scene.model_copy(update={"displacement": clamped})
     contact = alone(scene).contact
     free = alone(scene.model_copy(update={"contact": ()}))
-    nothing = replace(contact.tractions, pressure=0 * contact.pressure, shear=0 * contact.tractions.shear)
+    nothing = replace(Tractions.of(contact), pressure=0 * contact.pressure, shear=0 * Tractions.of(contact).shear)
     certificate = certify(scene, free.discretisation.tagged, free.displacement, nothing)
     assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
     assert certificate.entered > 0.1
@@ -245,8 +246,8 @@ def test_load_steps_build_on_the_step_before():
     first = alone(scene.model_copy(update={"traction": (*scene.traction, push.model_copy(update={"factors": None}))}))
     tagged = solution.discretisation.tagged
     given = {"law": solution.certificate.law, "step": 1}
-    tractions = solution.contact.tractions
-    before = Before(first.displacement, first.contact.tractions)
+    tractions = Tractions.of(solution.contact)
+    before = Before(first.displacement, Tractions.of(first.contact))
     assert certify(solution.scene, tagged, solution.displacement, tractions, before=before, **given).holds
     refused(certify(solution.scene, tagged, solution.displacement, tractions, **given))
     farther = first.displacement.copy()
@@ -258,7 +259,7 @@ def test_load_steps_build_on_the_step_before():
 def test_tractions_of_other_nodes():
     """Nodes that are not those of the contact boundary are a mistake of the caller."""
     solution = solved("Coulomb", "ssn")
-    tractions = replace(solution.contact.tractions, nodes=solution.contact.boundary.nodes[::-1] + 1)
+    tractions = replace(Tractions.of(solution.contact), nodes=solution.contact.boundary.nodes[::-1] + 1)
     with pytest.raises(ValueError, match="contact nodes"):
         certify(solution.scene, solution.discretisation.tagged, solution.displacement, tractions)
 
@@ -361,14 +362,14 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no resting place": (solver, "from_rest", without_resting_place),
-    "rotation dropped": (solver, "from_rest", with_turned_rest),
-    "wrong row of the stiffness": (solver, "discretise", stiffer),
-    "wrong weight": (solver, "discretise", of_the_boundary(weight=at_one_node(0.001))),
-    "wrong normals": (solver, "discretise", of_the_boundary(normal=tilted)),
-    "wrong gap": (solver, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
-    "wrong coefficient": (solver, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
-    "wrong load": (solver, "discretise", heavier),
+    "no resting place": (one_mesh, "from_rest", without_resting_place),
+    "rotation dropped": (one_mesh, "from_rest", with_turned_rest),
+    "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
+    "wrong weight": (one_mesh, "discretise", of_the_boundary(weight=at_one_node(0.001))),
+    "wrong normals": (one_mesh, "discretise", of_the_boundary(normal=tilted)),
+    "wrong gap": (one_mesh, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
+    "wrong coefficient": (one_mesh, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
+    "wrong load": (one_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }
 

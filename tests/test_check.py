@@ -16,13 +16,17 @@ from petsc4py import PETSc
 from pydantic import BaseModel
 from scenes import alone, example1
 
-from signorini_fx import cli, findings, parallel, scene, template
-from signorini_fx.checks import check_scene
+from signorini_fx import cli, parallel
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.findings import friction_indication
+from signorini_fx.contact.statics import left_over
 from signorini_fx.errors import SceneError
-from signorini_fx.findings import friction_indication
-from signorini_fx.results import Status
-from signorini_fx.scene import LinearElastic, parse_scene, parse_scene_text, read_scene
-from signorini_fx.summary import render, summarise
+from signorini_fx.records import Status
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene import model as scene
+from signorini_fx.scene import settings, template
+from signorini_fx.scene.model import LinearElastic
+from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
 BLOCK = {
@@ -209,7 +213,7 @@ def test_too_little_memory(monkeypatch):
     assert "use a coarser mesh" in said(block())["mesh"]
 
 
-# --- what hurts ------------------------------------------------------------------------------------------------------
+# --- what may go wrong ------------------------------------------------------------------------------------------------
 
 QUIET = {
     "plain": block(),
@@ -411,11 +415,11 @@ def test_the_unbalanced_part_of_a_load(seed):
     rng = np.random.default_rng(seed)
     generators = rng.standard_normal((rng.integers(1, 40), 3)) + np.array([0.0, 1.5, 0.0])
     load = rng.standard_normal(3)
-    rest = findings._unbalanced(generators, load)
+    rest = left_over(generators, load)
     assert (generators @ rest <= 1e-7).all()
     assert (load - rest) @ rest == pytest.approx(0.0, abs=1e-7)
     inside = generators.T @ rng.random(len(generators))
-    assert np.abs(findings._unbalanced(generators, inside)).max() < 1e-6 * np.abs(inside).max()
+    assert np.abs(left_over(generators, inside)).max() < 1e-6 * np.abs(inside).max()
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------
@@ -578,7 +582,7 @@ def keys_by_table():
 
 
 MODELS = {
-    ".accuracy": [scene.Accuracy],
+    ".accuracy": [settings.Accuracy],
     "element": [scene.Discretised],
     "material": [scene.LinearElastic],
     "displacement": [scene.PrescribedDisplacement],
@@ -586,7 +590,7 @@ MODELS = {
     "body_force": [scene.BodyForce],
     "contact": [scene.UnilateralContact],
     "contact.friction": [scene.TrescaFriction, scene.CoulombFriction],
-    "solver": [scene.SolverSettings],
+    "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
 }
 
@@ -599,7 +603,7 @@ def test_the_template_names_every_key():
     assert named[""] | {t for t in named if t and "." not in t} == set(scene.Scene.model_fields)
 
 
-@pytest.mark.parametrize(("table", "model"), [("element", scene.Discretised), ("solver", scene.SolverSettings)])
+@pytest.mark.parametrize(("table", "model"), [("element", scene.Discretised), ("solver", settings.SolverSettings)])
 def test_the_template_shows_the_defaults(table, model):
     """Where all keys have one."""
     assert model.model_validate(tomllib.loads(TEMPLATE)[table]) == model()
@@ -611,7 +615,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
     key = re.match(r"#([a-z_]+) =", line)[1]
     text = TEMPLATE.replace(line, line[1:], 1)
     before = TEMPLATE[: TEMPLATE.index(line)]
-    if key in ("boundaries", "regions", "data"):  # they go with a file
+    if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
     instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"]}.get(key, [])
     table = before.rfind("\n[") + 1
@@ -702,7 +706,7 @@ MISTAKES = [
     {"contact": {"boundary": "bottom", "friction": {"coefficient": 0.3}}},
     {"contact": {"boundary": "bottom", "friction": {"law": "tresca", "coefficient": 0.3}}},
     {"contact": [{"boundary": "bottom", "kind": "sticky"}]},
-    {"contact": {"boundary": "bottom", "direction": [0.0, 1.0, 0.0]}},
+    {"contact": {"boundary": "bottom", "direction": [0.0, 1.0, 0.0, 0.0]}},
     {"solver": {"algorithm": "magic"}},
     {"solver": {"max_iterations": 0}},
     {"element": {"degree": 3}},
@@ -731,8 +735,9 @@ def test_the_schema_knows_the_generators():
 
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
-    models = {m.__name__ for m in vars(scene).values() if isinstance(m, type) and issubclass(m, BaseModel)}
-    internal = {"BaseModel", "Scene", "_Model", "_Load", "_Contact"}
+    classes = {**vars(scene), **vars(settings)}.values()
+    models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
+    internal = {"BaseModel", "Scene", "Table", "_Load", "_Vector", "_Contact"}
     assert models - internal == set(template.scene_schema()["$defs"])
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx.complementarity import (
+from signorini_fx.contact.laws import (
     ActiveSets,
     FrictionLaw,
     RegularisedData,
@@ -20,6 +20,7 @@ from signorini_fx.complementarity import (
     natural_sets,
     next_sets,
     onto_disc,
+    release,
     tangent,
     transmitting,
     unit,
@@ -122,6 +123,13 @@ def test_multipliers():
     pressure, shear = multipliers(states, np.array([0.5, 9.0, 0.0]), column(0.25, 9.0, 9.0), problem)
     assert pressure.tolist() == [1 + 16 * 0.25, 0.0, 1 - 16 * 0.25]
     assert shear[:, 0].tolist() == [0.5 + 64 * 0.25, 3.0, -3.0]
+
+
+def test_nothing_slips_without_a_limit():
+    """Slip that a start brings along from another problem sticks where the bound is infinite."""
+    before = in_plane([True, False, True], [PLUS, MINUS, STICK])
+    assert signs(release(before, data(3, bound=math.inf))) == [STICK] * 3
+    assert signs(release(before, data(3))) == [PLUS, MINUS, STICK]
 
 
 def test_tangent():

@@ -7,11 +7,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx.checks import check_scene
-from signorini_fx.discretisation import discretise
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.check.checks import check_scene
 from signorini_fx.linalg.full import has_package
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Timings
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
 
 # What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering takes most of the
 # time, to large ones that run at the speed of a dense product.

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
-from signorini_fx import solver, strategy
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import solver, strategy
+from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
 
@@ -133,13 +134,13 @@ def test_every_scene_ends(seed):
     """Whatever is tried, it ends with a name, after no more solves than twice the limit of a load step."""
     solution = alone(capped(seed), check=False)
     assert solution.status in (Status.CONVERGED, Status.OUTER_MAX_ITERATIONS, Status.MAX_ITERATIONS, Status.CYCLING)
-    assert solution.history.linear_solves <= 2 * strategy.PROBLEMS * solution.scene.solver.max_iterations
+    assert solution.history.linear_solves <= 2 * PROBLEMS_PER_STEP * solution.scene.solver.max_iterations
 
 
 def test_the_limit_is_an_end(monkeypatch):
     """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
-    monkeypatch.setattr(strategy, "PROBLEMS", 1)
-    monkeypatch.setattr(solver, "PROBLEMS", 1)
+    monkeypatch.setattr(strategy, "PROBLEMS_PER_STEP", 1)
+    monkeypatch.setattr(solver, "PROBLEMS_PER_STEP", 1)
     begin = time.process_time()
     solution = alone(capped(3), check=False)
     assert not solution.converged

@@ -121,3 +121,44 @@ def test_friction_sweep(run):
     assert found["drag"][-1] == pytest.approx(1.14, rel=0.03)
     assert np.mean(found["solves"]) < 5
     pictures("friction_sweep/sweep")
+
+
+def test_sphere_under_tangential_load(run):
+    """Hertz's radius and peak for the force; Cattaneo's stick radius and Mindlin's displacement, where nu = 0.49."""
+    found = run("sphere_under_tangential_load", 3)
+    columns = found["table"][0.49]
+    np.testing.assert_allclose(columns["a computed"], columns["a"], rtol=5e-3)
+    np.testing.assert_allclose(columns["p0 computed"], columns["p0"], rtol=0.04)
+    assert columns["Q/FP"][-1] == pytest.approx(0.895, abs=5e-3)
+    np.testing.assert_allclose(columns["c/a computed"], columns["c/a"], rtol=0.06)
+    np.testing.assert_allclose(columns["c/a by area"], columns["c/a"], rtol=0.07)
+    np.testing.assert_allclose(found["predicted"][1:], found["moved"][1:], rtol=0.02)
+    # Where the press makes a shear of its own the formula must not hold.
+    columns = found["table"][0.3]
+    assert (columns["c/a by area"] < columns["c/a"] - 0.14).all()
+    pictures("sphere_under_tangential_load/push")
+
+
+def test_torsion_of_a_pressed_cylinder(run):
+    """The torque of the scalar problem, the stick radius to half a cell, the limit."""
+    found = run("torsion_of_a_pressed_cylinder", 5)
+    assert found["off"].max() < 2e-3
+    sticking = [step.stick for step in found["expected"]]
+    np.testing.assert_allclose(found["stick"], sticking, rtol=0, atol=0.5 / 5)
+    assert (np.diff(found["stick"][2:5]) < -0.2).all()
+    assert found["torque"][-1] == pytest.approx(2 / 3 * 0.3 * 10.0 * np.pi, rel=2e-3)
+    pictures("torsion_of_a_pressed_cylinder/torque")
+
+
+def test_bracket(run):
+    """The pressure acts where statics says; the foot is held up to the limit of a rigid foot, and no further."""
+    found = run("bracket", 6)
+    np.testing.assert_allclose(found["through"], found["statics"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6)
+    assert found["simple"] == pytest.approx(6.70, rel=0.01)
+    assert found["turning"] == pytest.approx(3.206, rel=0.02)
+    assert 0.97 < found["at_limit"] / found["turning"] < 1.03
+    assert found["below"].status.value == "converged"
+    assert found["above"].status.value == "maximum outer iterations reached"
+    assert any(event.startswith("slides") for event in found["above"].history.events)
+    pictures("bracket/foot")

@@ -24,13 +24,15 @@ from pydantic import BaseModel
 from scenes import alone, example1
 
 import signorini_fx
-from signorini_fx import cli, meshes, scene
-from signorini_fx.certificate import JUDGED, REPORTED
-from signorini_fx.checks import check_scene
-from signorini_fx.io import write_results
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene, read_scene
-from signorini_fx.template import starting_scene
+from signorini_fx import cli, meshes
+from signorini_fx.check.checks import check_scene
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import JUDGED, REPORTED
+from signorini_fx.results.files import write_results
+from signorini_fx.scene import model as scene
+from signorini_fx.scene import settings
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.template import starting_scene
 
 ROOT = Path(__file__).parent.parent
 README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"
@@ -159,7 +161,7 @@ def separately(command):
 def test_synopsis():
     """The README lists the commands with all their options, and the guide those of ``solve``."""
     (synopsis,) = (block.text for block in BLOCKS if block.page == README and block.language == "text")
-    (commands,) = (action.choices for action in cli._parser()._actions if isinstance(action.choices, dict))
+    (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
     lines = synopsis.replace("\n  ", "").splitlines()
     shown = {line.split()[1]: set(re.findall(r"--\w[\w-]*", line)) for line in lines}
     known = {
@@ -232,7 +234,7 @@ def test_everything_is_shipped():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     package = ROOT / "signorini_fx"
     others = [file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
-    data = {file.name for file in others if file.suffix != ".py"}
+    data = {str(file.relative_to(package)) for file in others if file.suffix != ".py"}
     assert "py.typed" in data
     assert set(settings["package-data"]["signorini_fx"]) == data
     folders = {".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")}
@@ -291,9 +293,9 @@ MODELS = {
     ("`[body_force]`", "key"): [scene.BodyForce],
     ("`[[contact]]`", "key"): [scene.UnilateralContact, scene.BilateralContact],
     ("`[[contact]]`", "key of `friction`"): [scene.NoFriction, scene.TrescaFriction, scene.CoulombFriction],
-    ("`[solver]`", "key"): [scene.SolverSettings],
-    ("`[solver]`", "key of a box"): [scene.Box],
-    ("`[accuracy]`", "key"): [scene.Accuracy],
+    ("`[solver]`", "key"): [settings.SolverSettings],
+    ("`[solver]`", "key of a box"): [settings.Box],
+    ("`[accuracy]`", "key"): [settings.Accuracy],
 }
 
 
@@ -366,7 +368,7 @@ def test_generators():
 def test_how_to_choose(key):
     """Every word of these keys has a line that says when to take it."""
     shown = set(re.findall(r"\w[\w-]*", " ".join(row[0] for row in table(GUIDE, f"`{key}`"))))
-    assert literals_in(scene.SolverSettings.model_fields[key].annotation) <= shown
+    assert literals_in(settings.SolverSettings.model_fields[key].annotation) <= shown
 
 
 def test_public_names():

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import on_mesh, rectangle
 
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 
 PETSc.Log.begin()
 # A stage of its own: an error inside an event, as other tests provoke, leaves PETSc's count of it open for good.

@@ -8,14 +8,15 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from scipy.integrate import quad
 
-from signorini_fx.contact_table import ContactTable
-from signorini_fx.data_error import data_error
-from signorini_fx.discretisation import discretise
-from signorini_fx.error_estimates import FAR, estimate_errors
-from signorini_fx.mesh import load_mesh
-from signorini_fx.pressure_error import interval_squares, on_facets
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
+from signorini_fx.accuracy.data_error import data_error
+from signorini_fx.accuracy.error_estimates import estimate_errors
+from signorini_fx.accuracy.pressure_error import interval_squares, on_facets
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.tuned import POLLUTION
 
 NX = 4
 JUMP = 1.1
@@ -93,7 +94,7 @@ def test_what_is_missed_is_part_of_the_estimates():
     body = total["energy"] - errors.data**2
     assert errors.energy == pytest.approx(np.sqrt(body) + errors.data)
     boundary = (errors.pressure - errors.data) ** 2
-    assert total["pressure"] == pytest.approx(boundary + FAR**2 * body**2 + errors.data**2)
+    assert total["pressure"] == pytest.approx(boundary + POLLUTION**2 * body**2 + errors.data**2)
 
 
 def straight(s, pressure):

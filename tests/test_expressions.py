@@ -10,7 +10,7 @@ from mpi4py import MPI
 from ufl.algorithms.analysis import extract_constants
 
 from signorini_fx.compat import interpolation_points
-from signorini_fx.expressions import Expression, sample
+from signorini_fx.scene.expressions import Expression, sample
 
 X = np.array([[-1.5, 0.0, 0.25, 1.0, 2.0], [0.5, -2.0, 0.25, 1.0, 3.0], [0.0] * 5])
 x0, x1 = X[0], X[1]
@@ -68,7 +68,7 @@ def test_numpy_and_compiled_ufl_agree():
         "1 +",
         "y",
         "x",
-        "x[2]",
+        "x[3]",
         "x[-1]",
         "x[1.0]",
         "x[True]",

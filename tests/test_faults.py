@@ -19,13 +19,14 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import io, parallel
+from signorini_fx import parallel
 from signorini_fx.errors import OutputError, SceneError
 from signorini_fx.linalg import choice, full
-from signorini_fx.mesh import generate_mesh
-from signorini_fx.result_folder import ResultFolder
-from signorini_fx.scene import read_scene_text
-from signorini_fx.solver import solve
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.results import files
+from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scene.reading import read_scene_text
+from signorini_fx.solving.solver import solve
 
 SELF = MPI.COMM_SELF
 
@@ -64,7 +65,7 @@ def test_killed_at_every_step(tmp_path, solutions):
     first, second = solutions
     seen = set()
     for steps in range(200):
-        io.write_results(first, tmp_path / "out", fields=False, pictures=False)
+        files.write_results(first, tmp_path / "out", fields=False, pictures=False)
 
         def write_and_die(steps=steps):
             left = steps
@@ -77,7 +78,7 @@ def test_killed_at_every_step(tmp_path, solutions):
                         os.kill(os.getpid(), signal.SIGKILL)
 
             sys.addaudithook(count)
-            io.write_results(second, tmp_path / "out", fields=False, pictures=False)
+            files.write_results(second, tmp_path / "out", fields=False, pictures=False)
 
         status = in_a_child(write_and_die)
         seen.add(whole(tmp_path / "out"))
@@ -94,13 +95,13 @@ def test_killed_at_every_step(tmp_path, solutions):
 def test_no_space(tmp_path, solutions, fields):
     """Where a file may not grow there is one error, the older result stays, and nothing is left behind."""
     first, second = solutions
-    io.write_results(first, tmp_path, fields=False, pictures=False)
+    files.write_results(first, tmp_path, fields=False, pictures=False)
     before = sorted(tmp_path.rglob("*"))
 
     def write():
         resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
         with pytest.raises(OutputError, match="cannot be written: File too large"):
-            io.write_results(second, tmp_path, fields=fields, pictures=False)
+            files.write_results(second, tmp_path, fields=fields, pictures=False)
 
     assert in_a_child(write) == 0
     assert whole(tmp_path) == 7
@@ -110,14 +111,14 @@ def test_no_space(tmp_path, solutions, fields):
 def test_second_run_into_the_same_folder(tmp_path, solutions):
     """While one run holds a folder another one is refused; after it nothing of the first result is left."""
     first, second = solutions
-    io.write_results(first, tmp_path, fields=True, pictures=True)
+    files.write_results(first, tmp_path, fields=True, pictures=True)
     assert (tmp_path / "deformed.png").exists()
     (tmp_path / "notes.txt").write_text("mine")
     mine = ResultFolder(SELF, tmp_path)
     with pytest.raises(OutputError, match="another run"):
-        io.write_results(second, tmp_path)
+        files.write_results(second, tmp_path)
     assert whole(tmp_path) == 7
-    io.write_results(second, mine, fields=False, pictures=False)
+    files.write_results(second, mine, fields=False, pictures=False)
     assert whole(tmp_path) == 13
     assert {path.name for path in tmp_path.iterdir()} == {
         *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt")
@@ -130,7 +131,7 @@ def test_folder_that_cannot_be(tmp_path, solutions, place):
     (tmp_path / "file").write_text("mine")
     names = {"a file": "file", "under a file": "file/out", "no name": "x" * 300, "a null byte": "a\0b"}
     with pytest.raises(OutputError, match="cannot be written"):
-        io.write_results(solutions[0], tmp_path / names[place])
+        files.write_results(solutions[0], tmp_path / names[place])
     assert (tmp_path / "file").read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
@@ -175,12 +176,12 @@ def test_interrupted(tmp_path, number):
     assert process.returncode == 130
     (line,) = errors.splitlines()
     assert line.startswith("signorini-fx: interrupted after ")
-    assert f"the mesh before is in {tmp_path / 'out' / io.LAST_LEVEL}/" in line
+    assert f"the mesh before is in {tmp_path / 'out' / files.LAST_LEVEL}/" in line
     # The signal may come late: what counts is that the mesh before the one that is named is there.
     mesh = int(re.search(r"on mesh (\d)", line)[1])
     assert mesh >= 3
-    assert whole(tmp_path / "out" / io.LAST_LEVEL) == 200 // 2 ** (5 - mesh) + 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {io.LAST_LEVEL}
+    assert whole(tmp_path / "out" / files.LAST_LEVEL) == 200 // 2 ** (5 - mesh) + 1
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL}
 
 
 def test_killed_between_meshes(tmp_path):
@@ -192,12 +193,12 @@ def test_killed_between_meshes(tmp_path):
                 break
         process.communicate(timeout=120)
     assert whole(tmp_path / "out") is None
-    assert whole(tmp_path / "out" / io.LAST_LEVEL) in (51, 101)
+    assert whole(tmp_path / "out" / files.LAST_LEVEL) in (51, 101)
     with start(tmp_path, cells=16) as process:
         process.communicate(timeout=120)
     assert process.returncode == 0
     assert whole(tmp_path / "out") == 17
-    assert not (tmp_path / "out" / io.LAST_LEVEL).exists()
+    assert not (tmp_path / "out" / files.LAST_LEVEL).exists()
 
 
 def test_output_that_goes_nowhere(tmp_path):

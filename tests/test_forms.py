@@ -10,13 +10,13 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from scenes import on_mesh, rectangle
 
-from signorini_fx import forms
-from signorini_fx.complementarity import ActiveSets, RegularisedData
-from signorini_fx.discretisation import discretise
+from signorini_fx.body import forms
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets, RegularisedData, trial_shear
 from signorini_fx.linalg.full import FullSystem
-from signorini_fx.problem import RegularisedProblem
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
+from signorini_fx.problem.regularised import RegularisedProblem
+from signorini_fx.records import Timings
+from signorini_fx.scene.reading import parse_scene
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 GAMMA_N, GAMMA_T = 2e6, 7e5
@@ -136,6 +136,17 @@ def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
     assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
 
 
+def test_sets_of_the_problem_before_stick_where_there_is_no_limit():
+    """Before the first solve of a problem whose bound is infinite, as Coulomb friction begins, nothing slips."""
+    problem, y = problem_at_random_state(body("quadrilateral", 1), seed=3)
+    assert problem.sets.slip.any()
+    problem.set_data(replace(problem.data, bound=np.full(problem.boundary.size, np.inf)))
+    vector = problem.system.start.duplicate()
+    vector.setArray(y.x.array)
+    _, shear = problem.multipliers(vector, problem.sets)
+    np.testing.assert_array_equal(shear, trial_shear(problem.traces(vector)[1], problem.data))
+
+
 @pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])
 @pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 def test_taylor(cell, degree, friction):
@@ -156,7 +167,7 @@ def test_taylor(cell, degree, friction):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_nodal_rule(degree):
-    """One positive weight a node, and the weights of a boundary add up to its length."""
+    """One positive weight per node, and the weights of a boundary add up to its length."""
     boundary = body("triangle", degree).boundary
     assert (boundary.weight > 0).all()
     lengths = [boundary.weight[boundary.part == part].sum() for part in (0, 1)]

@@ -10,9 +10,9 @@ from mpi4py import MPI
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import read_mesh
-from signorini_fx.scene import parse_scene_text
-from signorini_fx.template import starting_scene
+from signorini_fx.mesh.tagged import read_mesh
+from signorini_fx.scene.reading import parse_scene_text
+from signorini_fx.scene.template import starting_scene
 from stability.case import CONVERGED
 from stability.fuzz import cases
 

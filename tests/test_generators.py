@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
+from test_meshes_in_space import SMALL as IN_SPACE
 
 from signorini_fx import meshes
-from signorini_fx.checks import check_scene
+from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import coarser_parameters, generate_mesh, triangle_parameters
-from signorini_fx.mesh_arrays import quality
-from signorini_fx.refinement import refine
-from signorini_fx.scene import Discretised, parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files.shape import quality
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.scene.model import Discretised
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 
 
 def segment(radius, angle):
@@ -116,8 +118,8 @@ def length(tagged, name):
 
 
 def test_all_are_here():
-    """No generator is without these tests."""
-    assert sorted(SMALL) == sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    """No generator is without these tests, or those in space."""
+    assert sorted([*SMALL, *IN_SPACE]) == sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
 
 
 def check(tagged, whole, lengths, rel):
@@ -205,7 +207,7 @@ def test_coarser(name):
 @each
 def test_triangles_to_divide(name):
     """Bodies with straight sides give triangles for adaptive refinement; those with arcs would lose them."""
-    parameters = triangle_parameters(name, SMALL[name][0])
+    parameters = simplex_parameters(name, SMALL[name][0])
     assert (parameters is None) == (name in CURVED)
     if parameters is not None:
         coarse = generate_mesh(name, parameters, MPI.COMM_SELF)

@@ -6,11 +6,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.discretisation import discretise
+from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import full
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Status, Timings
+from signorini_fx.scene.model import PrescribedDisplacement
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
     scene = example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov")
     direct = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))
     loose, used = alone(scene), iterations[0]
-    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", full._KRYLOV_TOLERANCE)
+    monkeypatch.setattr(full, "INEXACT_TOLERANCE", full.KRYLOV_TOLERANCE)
     iterations[0] = 0
     exact = alone(scene)
     assert used < 0.6 * iterations[0]
@@ -45,7 +45,7 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
 
 def test_cycles_of_loose_solves_are_none(monkeypatch):
     """Where loose solves make the sets come back, exact ones go on from there, and their outcome counts."""
-    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", 0.1)
+    monkeypatch.setattr(full, "INEXACT_TOLERANCE", 0.1)
     scene = example1(bound=1.5, nx=60, ny=20, fallbacks=False, linear_algebra="krylov")
     ours = alone(scene, check=False)
     assert ours.status is Status.CONVERGED
@@ -55,7 +55,7 @@ def test_cycles_of_loose_solves_are_none(monkeypatch):
 
 def test_far_too_loose_is_no_solution(monkeypatch):
     """Solves that are hardly any do not end in a wrong answer."""
-    monkeypatch.setattr(full, "_LOOSE_TOLERANCE", 0.9)
+    monkeypatch.setattr(full, "INEXACT_TOLERANCE", 0.9)
     solution = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov", max_iterations=20), check=False)
     assert solution.status is Status.MAX_ITERATIONS
 

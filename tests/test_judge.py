@@ -169,7 +169,7 @@ def verdict(name, given):
 
 
 def nodes(name, given, wanted=lambda table: table["state"] != "open"):
-    """The contact table of the last step and its rows that are wanted, those that carry most first."""
+    """The contact table of the last step and its rows that are expected, those that carry most first."""
     table = given.steps[-1].table
     rows = np.flatnonzero(wanted(table))
     assert rows.size, name

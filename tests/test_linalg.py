@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, table_of
 
-from signorini_fx.expressions import Expression
 from signorini_fx.linalg import full, schur
-from signorini_fx.parameter_sweep import sweep
-from signorini_fx.scene import parse_scene
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.sweep import sweep
 
 
 @pytest.mark.parametrize("size", [1, 7, 256, 257, 600])
@@ -75,7 +75,7 @@ def test_an_old_factor_serves_where_few_nodes_have_moved(monkeypatch):
         return sum(record.factorised for record in records), len(records), table_of(solution).columns["pressure"]
 
     lagged, solves, pressure = solved()
-    monkeypatch.setattr(full, "_LAG", 0)
+    monkeypatch.setattr(full, "LAGGED_NODES", 0)
     renewed, as_many, wanted = solved()
     assert lagged < renewed <= solves == as_many
     np.testing.assert_allclose(pressure, wanted, rtol=0, atol=1e-7 * wanted.max())

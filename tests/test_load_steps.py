@@ -1,5 +1,6 @@
 """The limit of friction, and load steps: press, push and pull back."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.contact_table import contact_table
-from signorini_fx.results import Status
-from signorini_fx.scene import TrescaFriction, parse_scene, read_scene
+from signorini_fx.contact.table import contact_table
+from signorini_fx.records import Status
+from signorini_fx.scene.model import TrescaFriction
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.solving import strategy
 
 FRICTION, PRESSURE, LENGTH = 0.3, 20.0, 3.0
 LIMIT = FRICTION * PRESSURE * LENGTH  # the largest force that friction can balance
@@ -184,3 +187,36 @@ def test_scene_file():
     assert forces[-16:] == pytest.approx(forces[-32:-16], rel=1e-6, abs=1e-6)
     assert max(forces) > 16.0
     assert min(step.contact.friction_work for step in steps) >= 0
+
+
+@pytest.mark.parametrize("steps", [2, 3])
+def test_elastic_slip_of_earlier_steps_is_no_slip(monkeypatch, steps):
+    """Where augmentation takes a load step over, a body that has stuck all the time goes back to where it was.
+
+    The regularised steps before have crept, by mu / gamma_t: what friction counts from is without that.
+    """
+    last, plain = steps - 1, strategy._given_friction
+    creeping = strategy.Status.CYCLING
+
+    def fails_at_last(task, start, data):
+        outcome = plain(task, start, data)
+        return replace(outcome, status=creeping) if start.step == last else outcome
+
+    monkeypatch.setattr(strategy, "_given_friction", fails_at_last)
+    factors = [*np.linspace(0.5, 1.0, last), 0.0]
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": LENGTH, "nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "top", "y": -20.0, "x": 3.0, "factors": factors},
+            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 1e3}},
+            "solver": {"gamma_n": 1e4, "gamma_t": 1e4},
+        }
+    )
+    solution = alone(scene)
+    crept = [np.abs(step.contact.u_t).max() for step in solution.steps]
+    assert solution.converged
+    assert solution.steps[last].certificate.law.regularised is False
+    assert crept[last - 1] > 1e-5
+    assert crept[last] < 1e-9 * crept[last - 1]

@@ -10,13 +10,13 @@ from dolfinx.io import XDMFFile
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx import mesh_formats
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh import read_mesh
-from signorini_fx.mesh_arrays import areas, quality
-from signorini_fx.mesh_formats import read_file, write_file
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.files import formats
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.files.shape import measures, quality
+from signorini_fx.mesh.tagged import read_mesh
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 
 LENGTH, HEIGHT, NX, NY = 3.0, 1.0, 12, 4
 FORMATS = ["msh22", "msh41", "inp", "med", "vtu", "xdmf"]
@@ -165,7 +165,8 @@ def test_written_and_read(tmp_path, kind, suffix):
     assert set(first.boundaries) == {"low", "foot", "side of it"}
     assert lengths(first)["low"] == pytest.approx(2.0)
     for found in (first, again):
-        sizes = {name: areas(found)[rows].sum() for name, rows in found.regions.items()}
+        size = measures(found.points, found.cells, found.cell)
+        sizes = {name: size[rows].sum() for name, rows in found.regions.items()}
         assert sizes == pytest.approx({"left": 1.0, "both": 2.0})
     assert np.sort(quality(again.points, again.corners)) == pytest.approx(np.sort(quality(first.points, first.corners)))
 
@@ -349,8 +350,8 @@ def test_abaqus(tmp_path, kind):
     ("old", "new", "message"),
     [
         ("{kind}", "CAX4", "axisymmetric"),
-        ("{kind}", "C3D8", "C3D8 is not a plane one"),
-        ("{kind}", "CPE3", "3 nodes for each are wanted"),
+        ("{kind}", "GK3D8", "GK3D8 is neither a plane one nor a solid"),
+        ("{kind}", "CPE3", "3 nodes for each are expected"),
         ("1, 1, 2, 12, 11", "1, 1, 2, 12, 99", "99 is missing"),
         ("1, 1, 2, 12, 11", "2, 1, 2, 12, 11", "element 2 is there twice"),
         (" first,", " second,", "set 'second' is not there"),
@@ -386,7 +387,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
         (SQUARE, [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])], r"mixes cell types .*\(1 quad, 1 triangle\)"),
         (SQUARE, [("triangle", [[0, 1, 2]]), ("triangle6", [[0, 1, 2, 3, 4, 5]])], "mixes cell types or orders"),
         (SQUARE, [("line", [[0, 1]])], "no cells"),
-        ([[*x, 0.0] for x in SQUARE[:3]] + [[0, 0, 1]], [("tetra", [[0, 1, 2, 3]])], "three dimensions"),
+        ([[*x, z] for z in (0.0, 1.0) for x in SQUARE[:3]], [("wedge", [list(range(6))])], "cells of kind wedge"),
         ([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [("triangle", [[0, 1, 2]])], "not in a plane"),
         (SQUARE, [("quad", [[0, 1, 3, 2]])], "1 cells are folded, the first at \\(0.5, 0.5\\)"),
         (SQUARE, [("triangle", [[0, 1, 4]])], "without an angle"),
@@ -420,6 +421,11 @@ def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
     [
         ({"boundaries": {"foot": "x[1] < -1"}}, "mesh.boundaries.foot", "takes no exterior facet"),
         (
+            {"boundaries": {"foot": "x[2] < 1"}},
+            "mesh.boundaries.foot",
+            "the mesh is one of the plane: there is no x[2]",
+        ),
+        (
             {"boundaries": {"foot": 7}},
             "mesh.boundaries.foot",
             "takes no exterior facet; the numbers there are: 1, 2,",
@@ -451,7 +457,7 @@ def test_which_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given", [{"foot": 1.5}, {"foot": True}, {"foot": "import os"}, {"foot": "x[2] < 1"}, ["foot"]]
+    "given", [{"foot": 1.5}, {"foot": True}, {"foot": "import os"}, {"foot": "x[3] < 1"}, ["foot"]]
 )
 def test_selections_in_the_scene(given):
     """A whole number or an expression; everything else is refused before the file is looked at."""
@@ -517,7 +523,7 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
             raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
         return builtins.__import__(name, *arguments)
 
-    monkeypatch.setattr(mesh_formats.importlib, "import_module", absent)
+    monkeypatch.setattr(formats.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)
 

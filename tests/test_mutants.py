@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -183,3 +184,10 @@ def test_tests_that_fail_anyway():
     fates = [Fate(NOTICED, f"tests/test_a.py::{name}", 1, 1.0) for name in ("test_x", "test_x[1 - 2]")]
     assert trials.wrong(fates) >= {(1, "tests/test_a.py::test_x[1 - 2]")}
     assert trials.wrong([Fate(SURVIVES, "", 1, 1.0)]) == set()
+
+
+def test_a_mutant_with_a_name_that_is_not_there():
+    """Any test would notice a NameError, whatever it is about."""
+    mutant = replace(MUTANTS[0], new=f"{MUTANTS[0].old} + nothing_of_that_name")
+    with pytest.raises(ValueError, match="the module knows no nothing_of_that_name"):
+        mutant.spoilt(ROOT / "signorini_fx")

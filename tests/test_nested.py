@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.nested import carry_over
-from signorini_fx.results import Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.nested import carry_over
+from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

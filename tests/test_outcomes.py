@@ -3,9 +3,9 @@
 import pytest
 from scenes import PATCH, alone, example1
 
-from signorini_fx.errors import ConvergenceError
-from signorini_fx.results import Status
-from signorini_fx.scene import SurfaceTraction
+from signorini_fx.records import Status
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.scene.model import SurfaceTraction
 
 SMALL = {"nx": 30, "ny": 10}
 

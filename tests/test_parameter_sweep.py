@@ -5,9 +5,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.parameter_sweep import sweep
-from signorini_fx.results import Status
-from signorini_fx.scene import parse_scene
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.sweep import sweep
 
 
 def floating(friction, load=1.0):

@@ -11,16 +11,17 @@ from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.descent import _Line, natural_sets
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.certificate import certify
-from signorini_fx.discretisation import discretise
-from signorini_fx.estimators import StressRecovery
-from signorini_fx.mesh import TaggedMesh, load_mesh
-from signorini_fx.refinement import mark, refine
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import PrescribedDisplacement, SurfaceTraction, parse_scene
-from signorini_fx.solver import contact_task, solve
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.certificate import certify
+from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -60,16 +61,16 @@ def test_slope_of_the_energy(t):
 
     def slope(d):
         task = contact_task(d, d.boundary, History())
-        return _Line.of(task.newton, task.data, field(d, 1.0, 2.0), field(d, -3.0, 1.0)).slope(t)
+        return _Line.of(task.iterate.newton, task.start.data, field(d, 1.0, 2.0), field(d, -3.0, 1.0)).slope(t)
 
     def work_of_the_residual(d):
         task = contact_task(d, d.boundary, History())
-        problem, p = task.problem, field(d, -3.0, 1.0)
+        problem, p = task.iterate.newton.problem, field(d, -3.0, 1.0)
         x = field(d, 1.0, 2.0)
         x.axpy(t, p)
-        problem.set_data(task.data)
+        problem.set_data(task.start.data)
         residual = x.duplicate()
-        problem._imbalance(x, natural_sets(*problem.traces(x), task.data), residual)
+        problem._imbalance(x, natural_sets(*problem.traces(x), task.start.data), residual)
         return float(residual.dot(p))
 
     together, alone = both(slope)

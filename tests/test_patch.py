@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import alone, table_of
 
-from signorini_fx.scene import parse_scene
+from signorini_fx.scene.reading import parse_scene
 
 E, NU, P = 200.0, 0.3, 5.0
 GAMMA_N, GAMMA_T = 4e5, 3e5

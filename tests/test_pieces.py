@@ -11,15 +11,15 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import rectangle, table_of
 
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.deformation import deformation_of
-from signorini_fx.discretisation import discretise
+from signorini_fx.body.deformation import deformation_of
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.body.pieces import MOST_PIECES, find_pieces
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh import tag_boundaries
-from signorini_fx.pieces import MOST_PIECES, find_pieces
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import parse_scene
-from signorini_fx.solver import contact_task, from_rest, solve
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.solver import solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)

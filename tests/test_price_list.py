@@ -1,13 +1,13 @@
-"""The price list of a nested solve: estimates against an overkill solution, and the arithmetic behind them."""
+"""The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
 import numpy as np
 import pytest
 from effectivity import of_made_up
 
-from signorini_fx import price_list as prices
-from signorini_fx.contact_table import ContactTable
-from signorini_fx.pressure_error import pressure_error
-from signorini_fx.solver import solve
+from signorini_fx.accuracy import price_list as prices
+from signorini_fx.accuracy.pressure_error import pressure_error
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.solving.solver import solve
 from tests.scenes import example1
 
 

@@ -7,10 +7,12 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import estimators, material
-from signorini_fx.io import gather_cells
-from signorini_fx.scene import LinearElastic, parse_scene
-from signorini_fx.solver import solve
+from signorini_fx.accuracy import stress_recovery as estimators
+from signorini_fx.body import material
+from signorini_fx.results.files import gather_cells
+from signorini_fx.scene.model import LinearElastic
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
 
 YOUNG, POISSON = 5000.0, 0.3
 GRADIENTS = {

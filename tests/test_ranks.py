@@ -9,10 +9,16 @@ from mpi4py import MPI
 from scenes import PATCH, energy, example1, rectangle, table_of
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
-from signorini_fx.expressions import Expression
-from signorini_fx.results import Status
-from signorini_fx.scene import MeshFile, PrescribedDisplacement, SurfaceTraction, TrescaFriction, UnilateralContact
-from signorini_fx.solver import solve
+from signorini_fx.records import Status
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import (
+    MeshFile,
+    PrescribedDisplacement,
+    SurfaceTraction,
+    TrescaFriction,
+    UnilateralContact,
+)
+from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

@@ -6,12 +6,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.assembly import facet_ends
+from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh import generate_mesh, tag_boundaries
-from signorini_fx.refinement import mark, refine
-from signorini_fx.scene import Accuracy, Scene
-from signorini_fx.solver import solve
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import solve
 
 SIDES = {"bottom": 3.0, "right": 1.0, "top": 3.0, "left": 1.0}
 
@@ -21,7 +22,7 @@ def lengths(tagged):
     mesh = tagged.mesh
     result = {}
     for name in SIDES:
-        x = facet_ends(mesh, tagged.facets(name))
+        x = facet_vertices(mesh, tagged.facets(name))
         result[name] = float(parallel.global_sum(mesh.comm, np.linalg.norm(x[:, 0] - x[:, 1], axis=1).sum()))
     return result
 

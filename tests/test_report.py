@@ -23,14 +23,17 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx import cli, parallel, plots, pyvista_pictures, report
-from signorini_fx.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx import cli, parallel
 from signorini_fx.errors import OutputError, ResultError
-from signorini_fx.io import write_results
-from signorini_fx.mesh import tag_boundaries
-from signorini_fx.results import Status
-from signorini_fx.scene import UnilateralContact
-from signorini_fx.solver import solve
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.report import load_steps, markup, pyvista_pictures, sections
+from signorini_fx.report import page as report
+from signorini_fx.report.reading import read_csv
+from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx.results.files import write_results
+from signorini_fx.scene.model import UnilateralContact
+from signorini_fx.solving.solver import solve
 
 TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""
 _VOID = {"br", "img", "meta"}
@@ -239,12 +242,12 @@ def test_escapes(folders):
     assert "<a&b>" in other.texts
     assert "$c$" in other.texts
     assert "<a&b>" not in other.source
-    given = report.tag("p", "<&>\"'", report.tag("b", "x"), class_="\"'<")
+    given = markup.tag("p", "<&>\"'", markup.tag("b", "x"), class_="\"'<")
     assert given == '<p class="&quot;&#x27;&lt;">&lt;&amp;&gt;"\'<b>x</b></p>'
 
 
 def test_animation(folders):
-    """One frame a load step, each different."""
+    """One frame per load step, each different."""
     (data,) = (data for kind, data in pictures(Page(folders["steps"])) if kind == "gif")
     frames = []
     with Image.open(io.BytesIO(data)) as image:
@@ -257,13 +260,13 @@ def test_animation(folders):
 
 def test_many_load_steps(tmp_path, monkeypatch):
     """Of too many steps some are left out, never the last."""
-    monkeypatch.setattr(plots, "_MOST_FRAMES", 4)
+    monkeypatch.setattr(load_steps, "_MOST_FRAMES", 4)
     rows = {"step": np.repeat(np.arange(10.0), 2), "boundary": np.repeat("b", 20)}
     rows |= {name: np.tile([0.0, 1.0], 10) for name in ("x", "s")}
     rows |= {name: np.zeros(20) for name in ("y", "shear", "bound")}
     rows |= {"state": np.repeat("stick", 20), "friction": np.repeat("none", 20)}
     rows["pressure"] = 1 + rows["step"]  # or frames that are equal would be made one
-    plots.step_animation(tmp_path / "a.gif", rows)
+    load_steps.step_animation(tmp_path / "a.gif", rows)
     with Image.open(tmp_path / "a.gif") as image:
         assert image.n_frames == 4  # steps 0, 3, 6 and 9
 
@@ -273,8 +276,8 @@ def test_next_steps(folders):
 
     def said(name, **changes):
         folder = folders[name]
-        contact = plots.read_csv(folder / "contact.csv") if name != "linear" else {}
-        return " ".join(report.next_steps({**summary_of(folder), **changes}, contact))
+        contact = read_csv(folder / "contact.csv") if name != "linear" else {}
+        return " ".join(sections.next_steps({**summary_of(folder), **changes}, contact))
 
     failed = said("not held")
     assert "signorini-fx check" in failed
@@ -290,7 +293,7 @@ def test_next_steps(folders):
     assert "regularisation takes" not in said("levels")
     worse = [{**row, "regularisation": row["energy"] or 1.0} for row in prices]
     assert "regularisation takes" in said("levels", price_list=worse)
-    contact = plots.read_csv(folders["two boundaries"] / "contact.csv")
+    contact = read_csv(folders["two boundaries"] / "contact.csv")
     counts = [np.count_nonzero(contact["state"][contact["boundary"] == name] != "open") for name in ("<a&b>", "$c$")]
     assert min(counts) < 8 <= sum(counts)  # one zone on two boundaries that meet: each is too short to judge
     assert f"only {min(counts)} node" in said("two boundaries")
@@ -315,9 +318,9 @@ def test_verdict(folders):
 def test_figures_of_the_certificate():
     """Every figure has a meaning; what the page says is judged refuses the certificate, and nothing else does."""
     zero = Certificate()
-    assert set(report.JUDGED) == {*JUDGED, *REPORTED}
+    assert set(sections.JUDGED) == {*JUDGED, *REPORTED}
     assert zero.holds
-    for name, (limit, meaning) in report.JUDGED.items():
+    for name, (limit, meaning) in sections.JUDGED.items():
         assert meaning
         assert replace(zero, **{name: 1e300}).holds == (limit is None)
         if limit is not None:
@@ -355,9 +358,9 @@ def broken(folder, tmp_path, *names, **texts):
             "not as signorini-fx .* writes them",
         ),
         ([], {"contact_csv": "x,y\n1\n"}, "not as signorini-fx .* writes them"),
-        ([], {"contact_csv": ""}, "contact.csv has 0 rows, 13 are wanted"),
+        ([], {"contact_csv": ""}, "contact.csv has 0 rows, 13 are expected"),
         ([], {"history_csv": ""}, "history.csv has 0 rows"),
-        ([], {"steps_csv": "step\n0\n1\n"}, "steps.csv has 2 rows, 3 are wanted"),
+        ([], {"steps_csv": "step\n0\n1\n"}, "steps.csv has 2 rows, 3 are expected"),
     ],
 )
 def test_broken_folders(folders, tmp_path, capsys, names, texts, message):
@@ -482,6 +485,16 @@ def test_pyvista_that_cannot_draw(tmp_path, monkeypatch, module):
     (tmp_path / "out").mkdir()
     assert pyvista_pictures.draw_fields(tmp_path / "out", *body()) == []
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_the_process_that_draws_finds_the_package(tmp_path, monkeypatch):
+    """Wherever it is begun, and whether the package is installed or not."""
+    begun = []
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(pyvista_pictures.subprocess, "run", lambda command, **options: begun.append(options["env"]))
+    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
+    assert (Path(begun[0]["PYTHONPATH"]) / "signorini_fx" / "report" / "pyvista_pictures.py").is_file()
 
 
 def test_without_pyvista(tmp_path, monkeypatch):

@@ -7,8 +7,10 @@ import sys
 import dolfinx
 import pytest
 
-from signorini_fx import cli, compat, requirements
+from signorini_fx import cli, compat
+from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import InstallationError
+from signorini_fx.machine import requirements
 
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 
@@ -17,7 +19,7 @@ CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-
 def test_command_line(command, monkeypatch, capsys):
     """No traceback, exit code 2, and how to install it."""
     monkeypatch.setattr(requirements, "find_spec", lambda name: None if name == "dolfinx" else object())
-    assert cli.main([command] if command == "info" else [command, "no.toml"]) == cli.EXIT_BAD_INPUT
+    assert cli.main([command] if command == "info" else [command, "no.toml"]) == EXIT_BAD_INPUT
     said = capsys.readouterr().err
     assert said.startswith("signorini-fx: error: dolfinx cannot be imported: FEniCSx with dolfinx >= 0.9 is needed")
     assert all(channel in said for channel in CHANNELS)
@@ -26,7 +28,8 @@ def test_command_line(command, monkeypatch, capsys):
 def test_python():
     """``from signorini_fx import solve`` says the same; without FEniCSx the rest of the package works."""
     code = (
-        "import sys; sys.modules['dolfinx'] = None; import importlib.util as u, signorini_fx.requirements as r; "
+        "import sys; sys.modules['dolfinx'] = None; "
+        "import importlib.util as u, signorini_fx.machine.requirements as r; "
         "r.find_spec = lambda n: None if n == 'dolfinx' else u.find_spec(n); import signorini_fx; "
         "signorini_fx.read_scene; signorini_fx.solve"
     )

@@ -9,16 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signorini_fx.errors import SceneError
-from signorini_fx.expressions import Expression
-from signorini_fx.scene import (
-    CoulombFriction,
-    NoFriction,
-    Scene,
-    TrescaFriction,
-    parse_scene,
-    parse_scene_text,
-    read_scene,
-)
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import CoulombFriction, NoFriction, Scene, TrescaFriction
+from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
 GOOD = {
@@ -125,7 +118,7 @@ def test_one_table_instead_of_a_list():
         ("displacement.0.boundary", NOTHING, "displacement[0].boundary", "is missing"),
         ("mesh", {}, "mesh", "file or generator"),
         ("mesh", {"file": "a.msh", "generator": "block"}, "mesh", "file or generator"),
-        ("mesh", 3, "mesh", "wanted"),
+        ("mesh", 3, "mesh", "expected"),
         ("mesh.generator", 3, "mesh.generator", "string"),
         ("material", 3, "material", ""),
         ("material.young", -1.0, "material.young", "greater than 0"),
@@ -159,7 +152,7 @@ def test_one_table_instead_of_a_list():
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
         ("contact.0.kind", "glued", "contact[0].kind", "must be one of 'unilateral', 'bilateral', got 'glued'"),
         ("contact", [{"boundary": "a"}, {"boundary": "a"}], "scene", "in contact twice"),
-        ("displacement", [{"boundary": "bottom", "x": 0, "y": 0}], "scene", "in contact as well"),
+        ("displacement", [{"boundary": "bottom", "normal": 0}], "scene", "in contact as well"),
         ("solver.gamma_n", 0, "solver.gamma_n", "positive"),
         ("solver.gamma_t", "large", "solver.gamma_t", "auto"),
         ("solver.sigma", -1, "solver.sigma", "positive"),
@@ -168,11 +161,11 @@ def test_one_table_instead_of_a_list():
         ("solver.initial_contact", "somewhere", "solver.initial_contact", "'somewhere'"),
         ("solver.initial_contact", {"x": [1]}, "solver.initial_contact.x[1]", "is missing"),
         ("solver.initial_contact", {"x": [math.nan, 2]}, "solver.initial_contact.x", "low, high"),
-        ("solver.initial_contact", {"z": [0, 1]}, "solver.initial_contact.z", "unknown key"),
+        ("solver.initial_contact", {"w": [0, 1]}, "solver.initial_contact.w", "unknown key"),
     ],
 )
 def test_one_mistake(path, value, expected, message):
-    """A mistake is reported once, with the path of its key and what is wanted."""
+    """A mistake is reported once, with the path of its key and what is expected."""
     found = problems(changed((path, value)))
     assert list(found) == [expected]
     assert message in found[expected]

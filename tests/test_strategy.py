@@ -5,15 +5,15 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import strategy
-from signorini_fx.algorithms import ladder
+from signorini_fx.algorithms import fall_backs
 from signorini_fx.algorithms.path_following import path_model
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.results import Status, Timings
-from signorini_fx.scene import SurfaceTraction, parse_scene
-from signorini_fx.solver import contact_task
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.model import SurfaceTraction
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import strategy
+from signorini_fx.solving.one_mesh import contact_task
 
 
 def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
@@ -30,14 +30,14 @@ def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
     scene = example1(coefficient=0.3, nx=12, ny=4)
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
-    strategy._coulomb(task, task.law)
+    strategy._coulomb(task, task.start, task.start.law)
     assert len(starts) >= 3
     assert np.abs(starts[0]).max() > 0
     for start in starts[1:]:
         np.testing.assert_array_equal(start, starts[0])
 
 
-def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
+def test_the_path_to_gamma_keeps_the_ratio_of_gammas():
     """Both grow together, from a ten thousandth to what is asked for."""
 
     class Newton:
@@ -54,7 +54,7 @@ def test_the_path_of_the_ladder_keeps_the_ratio_of_gammas():
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
     newton = Newton()
-    assert ladder._path(newton, task.data, None, lambda: None, descend=False) is Status.CONVERGED
+    assert fall_backs._path(newton, task.start.data, None, lambda: None, descend=False) is Status.CONVERGED
     normal, tangential = np.array(newton.stages).T
     np.testing.assert_allclose(normal, 1e6 * np.logspace(-4, 0, 5), rtol=1e-12)
     np.testing.assert_allclose(tangential, normal / 5, rtol=1e-12)
@@ -126,17 +126,18 @@ def test_model_of_the_path(gamma):
         scene = parse_scene(data)
         discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(discretisation, discretisation.boundary, History())
-        assert strategy.run(task) is Status.CONVERGED
-        return task
+        outcome = strategy.run(task, task.start)
+        assert outcome.status is Status.CONVERGED
+        return task, outcome
 
-    task, limit = solved(gamma_n=gamma), solved(algorithm="exact")
-    model = path_model(task.newton, task.data)
+    (task, ours), (_, limit) = solved(gamma_n=gamma), solved(algorithm="exact")
+    model = path_model(task.iterate.newton, task.start.data)
     away = limit.displacement().copy()
-    away.axpy(-1.0, task.displacement())
+    away.axpy(-1.0, ours.displacement())
     image = away.duplicate()
     task.system.matrix.mult(away, image)
     assert model.distance == pytest.approx(np.sqrt(image.dot(away)), rel=0.1)
-    missing = limit.contact().pressure - task.contact().pressure
+    missing = limit.newton.multipliers()[0] - ours.newton.multipliers()[0]
     assert model.pressure_distance == pytest.approx(task.boundary.norm(missing), rel=0.2)
 
 

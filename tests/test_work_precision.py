@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import cli, work_precision
+from signorini_fx import cli
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh import load_mesh
-from signorini_fx.plots import read_csv
-from signorini_fx.reference import Reference, on_mesh, reference_errors
-from signorini_fx.scene import read_scene
-from signorini_fx.solver import solve
-from signorini_fx.work_precision import FAMILIES, Study, write_study
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.report.reading import read_csv
+from signorini_fx.scene.reading import read_scene
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies import conclusions, methods, work_precision
+from signorini_fx.studies.files import write_study
+from signorini_fx.studies.reference import Reference, on_mesh, reference_errors
+from signorini_fx.studies.work_precision import Study
 from tests.scenes import example1
 
 SCENES = Path(__file__).parent.parent / "demos" / "scenes"
@@ -58,37 +60,39 @@ ROWS = [
 
 def test_luck_does_not_count():
     """A small error that the next finer mesh of the same method does not keep is none."""
-    assert work_precision.lasting_errors(ROWS, "pressure") == [1e-1, 1e-2, 5e-2, 5e-2, None, 9e-3]
+    assert conclusions.lasting_errors(ROWS, "pressure") == [1e-1, 1e-2, 5e-2, 5e-2, None, 9e-3]
 
 
 def test_cheapest_front():
     """From cheap to dear the error falls; failures are not on it; of what is as good as equal the first stands."""
-    front = work_precision.cheapest_front(ROWS, "pressure")
+    front = conclusions.cheapest_front(ROWS, "pressure")
     assert [(r["method"], e) for r, e in front] == [("lucky", 5e-2), ("simple", 1e-2)]
 
 
 def test_choice():
     """The cheapest; where others take hardly longer, the first of the list; none for what no run reaches."""
-    assert work_precision.choice(ROWS, "pressure", 1e-1)["method"] == "simple"
-    assert work_precision.choice(ROWS, "pressure", 1e-2) is ROWS[1]
-    assert work_precision.choice(ROWS, "pressure", 1e-4) is None
+    assert conclusions.choice(ROWS, "pressure", 1e-1)["method"] == "simple"
+    assert conclusions.choice(ROWS, "pressure", 1e-2) is ROWS[1]
+    assert conclusions.choice(ROWS, "pressure", 1e-4) is None
 
 
 def test_advice_names_failures_and_trusts_the_reference_no_further_than_it_is():
     """Failures are told with their status; targets near the error of the reference are left out."""
     study = Study(example1(bound=1.0), ROWS, {"pressure": None, **dict.fromkeys(work_precision.QUANTITIES)}, "it", 1.0)
-    said = work_precision.advice(study)
+    said = conclusions.advice(study)
     assert "broken" in said
     assert "active sets cycle" in said
     assert "simple (10 %" in said
-    assert "simple (10 % down to 1 %" in work_precision.advice(study)
+    assert "simple (10 % down to 1 %" in conclusions.advice(study)
     doubtful = replace(study, floor={**study.floor, "pressure": 2e-2})
-    assert "1 %" not in work_precision.advice(doubtful)
+    assert "1 %" not in conclusions.advice(doubtful)
 
 
 def test_errors_that_are_none_are_not_shown(tmp_path):
     """Forces that balance the load on every mesh have no picture; the pressure has one."""
-    rows = [row("simple", size, 1 / size, size * 1e-2, force=1e-9, families="; ".join(FAMILIES)) for size in (1, 2)]
+    rows = [
+        row("simple", size, 1 / size, size * 1e-2, force=1e-9, families="; ".join(methods.FAMILIES)) for size in (1, 2)
+    ]
     write_study(Study(example1(bound=1.0), rows, dict.fromkeys(work_precision.QUANTITIES), "it", 1.0), tmp_path)
     assert sorted(file.name for file in tmp_path.glob("*.png")) == ["work_precision_pressure.png"]
 
@@ -124,11 +128,11 @@ def test_methods():
     """No name twice; Coulomb friction adds its algorithms; every family has something to compare."""
     for friction in ({"bound": 1.0}, {"coefficient": 0.3}):
         scene = example1(**friction)
-        found = work_precision.methods(scene)
+        found = methods.methods(scene)
         names = [method.name for method in found]
         assert len(names) == len(set(names))
         assert any("monolithic" in name for name in names) == scene.has_coulomb
-        for family in work_precision.FAMILIES:
+        for family in methods.FAMILIES:
             assert 3 <= sum(family in method.families for method in found) <= 9
         # The settings are those of a scene.
         assert all(on_mesh(scene, 1.0, m.element, m.settings) for m in found)

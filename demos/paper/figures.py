@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from signorini_fx import plots
-from signorini_fx.contact_table import ContactTable
-from signorini_fx.io import gather_cells
-from signorini_fx.solution import Solution
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.report.deformed_body import deformed_mesh
+from signorini_fx.results.files import gather_cells
+from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab
 from .report import Entry, Picture, Table, power
@@ -398,7 +398,7 @@ def _deformed(stem: Path, solution: Solution) -> None:
     c = lab.table_of(solution).columns
     nodes, normals = (np.column_stack((c[a], c[b])) for a, b in (("x", "y"), ("n_x", "n_y")))
     gap = (nodes, normals * c["gap"][:, None])
-    plots.deformed_mesh(stem, cells.points, cells.cells, cells.displacement, cells.density, gap=gap, factor=20.0)
+    deformed_mesh(stem, cells.points, cells.cells, cells.displacement, cells.density, gap=gap, factor=20.0)
 
 
 def _save(figure: Figure, stem: Path) -> None:

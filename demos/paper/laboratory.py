@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import Scene, Status, solve, solver
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.complementarity import project
-from signorini_fx.contact_table import ContactTable, contact_table
-from signorini_fx.discretisation import discretise
-from signorini_fx.mesh import load_mesh
-from signorini_fx.nodal_forces import NodalForces
-from signorini_fx.results import Timings
-from signorini_fx.solution import Solution
+from signorini_fx import Scene, Status, solve
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import project
+from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.solution import Solution
+from signorini_fx.solving.one_mesh import contact_task
 
 from .scenes import COMM
 
@@ -131,8 +131,8 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[Inexa
     problem with the sets that follow from its last iterate.
     """
     discretisation = discretise(scene, load_mesh(scene, COMM), Timings())
-    task = solver.contact_task(discretisation, discretisation.boundary, History())
-    newton, data, sets = task.newton, task.data, task.first_sets
+    task = contact_task(discretisation, discretisation.boundary, History())
+    newton, data, sets = task.iterate.newton, task.start.data, task.start.sets
     while True:
         status = newton.solve(data, sets, max_iterations=most_solves)
         pressure, shear = project(*newton.multipliers(), data)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.solution import Solution
+from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab
 from .report import Entry, Table, power, progress, shown

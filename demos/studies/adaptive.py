@@ -19,9 +19,9 @@ from cases import reference_of, scene_of
 from effectivity import as_asked, one_after_the_other
 from matplotlib.figure import Figure
 
-from signorini_fx import plots
-from signorini_fx.io import write_csv
-from signorini_fx.reference import on_mesh
+from signorini_fx.report.style import RULE, STYLE, finish
+from signorini_fx.results.files import write_csv
+from signorini_fx.studies.reference import on_mesh
 
 SCENE = "example2_tresca"
 # Element: sizes of uniform cells relative to those of the demo, what the adaptive meshes are asked for.
@@ -30,7 +30,7 @@ COLOURS = {"P1": "#0072b2", "P2": "#d55e00"}
 
 
 def curves(reference) -> dict[tuple[str, str], np.ndarray]:
-    """Unknowns, true and estimated error, peak pressure: one row a mesh, for each element and refinement."""
+    """Unknowns, true and estimated error, peak pressure: one row per mesh, for each element and refinement."""
     found = {}
     for element, (factors, target) in ELEMENTS.items():
         uniform = one_after_the_other([on_mesh(scene_of(SCENE), factor, element, {}) for factor in factors])
@@ -60,7 +60,7 @@ def rate(rows: np.ndarray) -> float:
 
 def draw(stem: Path, found: dict, floor: float) -> None:
     """Error against unknowns on log axes, with the optimal rates."""
-    with mpl.rc_context(plots._STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.2), layout="constrained")
         axes = figure.add_subplot()
         for (element, name), rows in found.items():
@@ -82,10 +82,10 @@ def draw(stem: Path, found: dict, floor: float) -> None:
         axes.annotate("the reference may be wrong by so much", (0.02, 0.015), xycoords="axes fraction", fontsize=7)
         axes.set_ylim(min(low, floor / 2))
         axes.set(xlabel="unknowns", ylabel="relative error of the displacement, energy norm")
-        axes.grid(visible=True, which="major", color=plots._RULE, linewidth=0.35)
+        axes.grid(visible=True, which="major", color=RULE, linewidth=0.35)
         axes.margins(x=0.1)
         axes.legend(loc="upper right", fontsize=8)
-        plots._finish(figure, stem, "Example 2, Tresca friction: where to put the unknowns")
+        finish(figure, stem, "Example 2, Tresca friction: where to put the unknowns")
 
 
 def main() -> None:

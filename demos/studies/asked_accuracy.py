@@ -27,11 +27,12 @@ from cases import reference_of, scene_of
 from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
-from signorini_fx.io import write_csv
-from signorini_fx.reference import on_mesh
-from signorini_fx.scene import Accuracy
-from signorini_fx.solver import solve
-from signorini_fx.work_precision import methods, work_of
+from signorini_fx.results.files import write_csv
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies.methods import methods
+from signorini_fx.studies.reference import on_mesh
+from signorini_fx.studies.work_precision import work_of
 
 SCENES = ("example1_tresca", "example1_coulomb", "hertz_degree2", "hertz")
 TARGETS = (1e-1, 1e-2, 1e-3)

@@ -4,8 +4,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from signorini_fx.reference import Reference, divided, overkill, reference_errors
-from signorini_fx.scene import parse_scene, read_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.studies.reference import Reference, divided, reference_errors, reference_solution
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UNKNOWNS = 200_000
@@ -25,7 +25,7 @@ def scene_of(name):
 def reference_of(name):
     """A reference of much higher accuracy, and how far it may be wrong."""
     if not name.startswith("hertz"):
-        return overkill(scene_of(name), 0.2, UNKNOWNS)
+        return reference_solution(scene_of(name), 0.2, UNKNOWNS)
     return _hertz_reference()
 
 

@@ -22,14 +22,14 @@ from cases import reference_of, scene_of
 from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx.accuracy import Solved, solve_to_accuracy
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.io import write_csv
-from signorini_fx.mesh import generate_mesh
-from signorini_fx.nested import scene_on
-from signorini_fx.price_list import price_list
-from signorini_fx.scene import Accuracy
-from signorini_fx.solver import solve_level
+from signorini_fx.accuracy.price_list import price_list
+from signorini_fx.mesh.hierarchy import scene_on
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.records import History
+from signorini_fx.results.files import write_csv
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import solve_level
+from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
 
 # Sizes of the cells, relative to those of the scene.
 MESHES = (8, 4, 2, 1, 0.5)
@@ -64,7 +64,7 @@ def as_asked(scene, target: float, **goal) -> tuple[list[Solved], list]:
 
 
 def compare(name: str, found: list[Solved], prices: list, true: list[dict], own: dict) -> list[dict]:
-    """One row a mesh and a quantity."""
+    """One row per mesh and a quantity."""
     rows = []
     for solved, price, errors in zip(found, prices, true, strict=False):
         for column in COLUMNS:

@@ -33,8 +33,8 @@ def levels_of(name: str) -> None:
     from effectivity import one_after_the_other
     from mpi4py import MPI
 
-    from signorini_fx.nested import scene_on
-    from signorini_fx.price_list import peak_memory
+    from signorini_fx.accuracy.price_list import peak_memory
+    from signorini_fx.mesh.hierarchy import scene_on
 
     scene = scene_of(name)
     # Forms are compiled, libraries loaded.
@@ -46,8 +46,8 @@ def levels_of(name: str) -> None:
 
 
 def measured(name: str) -> list[dict]:
-    """One row a mesh that could be predicted."""
-    from signorini_fx.price_list import Price, predict
+    """One row per mesh that could be predicted."""
+    from signorini_fx.accuracy.price_list import Price, predict
 
     command = [sys.executable, __file__, "--levels-of", name]
     rounds = [
@@ -98,7 +98,7 @@ def main() -> None:
     if options.levels_of:
         levels_of(options.levels_of)
         return
-    from signorini_fx.io import write_csv
+    from signorini_fx.results.files import write_csv
 
     options.out.mkdir(parents=True, exist_ok=True)
     rows = [row for name in SCENES for row in measured(name)]

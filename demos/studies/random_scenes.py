@@ -15,14 +15,16 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.algorithms.ssn import History
-from signorini_fx.errors import ConvergenceError, SignoriniError
-from signorini_fx.mesh import TaggedMesh, tag_boundaries
-from signorini_fx.reference import EXACT, Reference
-from signorini_fx.refinement import mark, refine
-from signorini_fx.scene import MeshGenerator, Scene, SolverSettings
-from signorini_fx.solver import solve, solve_level
-from signorini_fx.work_precision import work_of
+from signorini_fx.errors import SignoriniError
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.records import History
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.solving.solver import solve, solve_level
+from signorini_fx.studies.reference import EXACT, Reference
+from signorini_fx.studies.work_precision import work_of
 
 NEAR = 1e-9
 QUANTITIES = ("energy", "pressure", "force")

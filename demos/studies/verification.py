@@ -19,9 +19,10 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.scene import Scene, parse_scene, read_scene
-from signorini_fx.solution import Solution
-from signorini_fx.solver import solve
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.solving.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 ELEMENTS = {"P1": ("triangle", 1), "Q1": ("quadrilateral", 1), "P2": ("triangle", 2), "Q2": ("quadrilateral", 2)}

@@ -6,8 +6,8 @@ from functools import partial
 
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, RegularisedData
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.records import Status
 
 
 def augmented_lagrangian(

@@ -17,24 +17,14 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import RegularisedData
-from signorini_fx.complementarity import length as length_of
-
-# A multiplier is slow where an update leaves more than this share of its last change.
-_SLOW = 0.1
-# Displacements of the contact nodes below this share of what their tractions could move are round-off.
-_FAINT = 1e-3
-# By which gamma is raised then, from one problem to the next: its sets are a start for those of the next.
-_GROWTH = 10.0
-# With gamma at this times the stiffness that the nodes meet no multiplier is slow.
-_ENOUGH = 10.0
-# A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
-_LARGEST = 10.0
+from signorini_fx.contact.laws import RegularisedData
+from signorini_fx.contact.laws import length as length_of
+from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
 
 
 def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
     """The problem with no gamma so large that its round-off would hide the limit."""
-    largest = _LARGEST * natural
+    largest = LARGEST_AUGMENTED_GAMMA * natural
     return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
 
@@ -90,7 +80,7 @@ class Augmentation:
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
         # Where nothing moves but for round-off it is what the tractions could move.
         stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(after[0]), length_of(after[1]))))
-        length = max(length, _FAINT * stress / self._stiffness)
+        length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
         # At its bound the shear says nothing of slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
@@ -100,7 +90,7 @@ class Augmentation:
             beyond = share / (1 - share) if share < 1 else np.inf
             left = change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)
             violation = parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0)
-            slow.append(bool(share > _SLOW) and max(left, violation) > self.tolerance)
+            slow.append(bool(share > SLOW_SHARE) and max(left, violation) > self.tolerance)
             lefts.append(left)
             violations.append(violation)
         self.changes, self.slow = (changes[0], changes[1]), (slow[0], slow[1])
@@ -110,10 +100,10 @@ class Augmentation:
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
         """The next problem: the multipliers as shifts; gamma times ``factor`` or, where it is slow, raised."""
         pressure, shear = self.newton.shifts(data)
-        enough, largest = min(self.natural, _ENOUGH * self._stiffness), _LARGEST * self.natural
+        enough, largest = min(self.natural, ENOUGH_GAMMA * self._stiffness), LARGEST_AUGMENTED_GAMMA * self.natural
 
         def grown(gamma: float, slow: bool) -> float:
-            raised = min(_GROWTH * gamma, enough) if slow else gamma
+            raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma
             return max(gamma, raised, min(factor * gamma, largest))
 
         return replace(

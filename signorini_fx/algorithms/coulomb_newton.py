@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, RegularisedData
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.records import Status
 
 
 def coulomb_newton(

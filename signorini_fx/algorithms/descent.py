@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
-from signorini_fx.complementarity import (
+from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
     RegularisedData,
@@ -32,7 +32,7 @@ from signorini_fx.complementarity import (
     trial_pressure,
     trial_shear,
 )
-from signorini_fx.results import Status
+from signorini_fx.records import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
 _FLAT = 1e-10
@@ -53,12 +53,12 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     for _ in range(newton.max_iterations):
         u_n, u_t = problem.traces(newton.x)
         sets, held = natural_sets(u_n, u_t, data), data
-        problem.data = data
+        problem.set_data(data)
         if problem.accept(newton.x, sets, RESIDUAL_TOLERANCE):
             status = Status.CONVERGED
             break
         if not problem.holds(sets, data):
-            sets, held = _tied(newton, sets, u_n, u_t, data)
+            sets, held = _constrained(newton, sets, u_n, u_t, data)
         start = newton.x.copy()
         status = newton.attempt(held, sets, max_iterations=1)
         if status not in (Status.CONVERGED, Status.MAX_ITERATIONS, Status.CYCLING):
@@ -73,28 +73,28 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
         newton.x.axpy(step, direction)
     else:
         status = Status.MAX_ITERATIONS
-    problem.data = data  # not that of a step with ties
+    problem.set_data(data)  # not that of a step with ties
     newton.close(data, status, before, measure)
     return status
 
 
-def _tied(
+def _constrained(
     newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 ) -> tuple[ActiveSets, RegularisedData]:
     """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
     bound = np.zeros_like(u_n) if data.bound is None else data.bound
     excess = length(trial_shear(u_t, data)) - bound
-    along, across = newton.problem.ties(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
-    tied = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
+    along, across = newton.problem.constraints(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
+    constrained = replace(data, gap=np.where(along, u_n, data.gap), lambda_hat=np.where(along, 0.0, data.lambda_hat))
     if data.has_friction:
         origin = np.zeros_like(u_t) if data.slip_origin is None else data.slip_origin
-        tied = replace(
-            tied,
+        constrained = replace(
+            constrained,
             mu_hat=np.where(across[:, None], at_bound(sets, bound), data.mu_hat),
             slip_origin=np.where(across[:, None], u_t, origin),
         )
     contact = replace(sets, contact=sets.contact | along)
-    return contact.sticking(across), tied
+    return contact.sticking(across), constrained
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from functools import partial
 
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, FrictionLaw, Nodal, RegularisedData
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.records import Status
 
 
 def fixed_point(

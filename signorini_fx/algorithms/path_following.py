@@ -7,7 +7,7 @@ substitution each, with the factor of the last linear solve:
 
 with C the contact blocks of the sets at gamma = 1.  One pole, y(gamma) = y_inf - c / (E + gamma), is fitted to them; it
 says both how far y is from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and at which gamma that distance
-will be what is wanted.  Nothing is left to tune: the start comes from the body, the goal from the scene.
+will be what is expected.  Nothing is left to tune: the start comes from the body, the goal from the scene.
 """
 
 from __future__ import annotations
@@ -20,13 +20,12 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.complementarity import ActiveSets, Nodal, RegularisedData, tangent
-from signorini_fx.results import Status
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangent
+from signorini_fx.records import Status
+from signorini_fx.tuned import NEGLIGIBLE_POLE
 
 # What the derivatives along the path need of a solve on an old factor.
 _SLOPE_TOLERANCE = 1e-10
-# Below this share of gamma the pole is left out: it changes the distance by no more.
-_NO_POLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
-    # B^T D B per gamma_1: D is proportional to it, apart from what the turning of a slip adds in space.
-    blocks = tangent(sets, data) / data.gamma_n
+    # B^T D B per gamma_1: D is proportional to it, apart from how directions of slip turn, which gamma does not change.
+    blocks = tangent(replace(sets, turning=np.zeros_like(sets.turning)), data) / data.gamma_n
     origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
@@ -81,7 +80,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     unknowns, _ = system.contact.entries()
     stiffness = system.matrix.getDiagonal().getArray(readonly=True)[unknowns].max(axis=1, initial=0.0)
     largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
-    if largest > _NO_POLE * data.gamma_n:
+    if largest > NEGLIGIBLE_POLE * data.gamma_n:
         second = newton.x.duplicate()
         ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
         curvature = -stretched.dot(second)

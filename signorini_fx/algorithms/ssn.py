@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx import options, parallel
-from signorini_fx.complementarity import (
+from signorini_fx import parallel
+from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
     RegularisedData,
@@ -19,65 +18,24 @@ from signorini_fx.complementarity import (
     slip_multiplier,
     transmitting,
 )
-from signorini_fx.petsc_c import call
-from signorini_fx.problem import ContactProblem
-from signorini_fx.results import IterationRecord, OuterRecord, Status
+from signorini_fx.linalg import options
+from signorini_fx.linalg.petsc_c import call
+from signorini_fx.problem.regularised import ContactProblem
+from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _RENEW, _KEEP = -2, -1
+# Where the sets stay while directions of slip turn, the law must come nearer by half in so many steps.
+_TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
-Observer = Callable[[IterationRecord | OuterRecord | str], None]
 # (newton, data, first sets, how it failed, measure) -> how it ended then.
-Climb = Callable[
+FallBacks = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
     Status,
 ]
-
-
-@dataclass
-class History:
-    """What happened, in order.
-
-    Attributes:
-        iterations: one record a linear solve.
-        outer: one record a regularised problem.
-        events: decisions that a user should know of, such as a fall-back.
-        observers: called with each new record or event, to show progress.
-        limit: the number of linear solves at which all methods end; infinite: none.
-        kept: whether this limit is one for several meshes, so that none of them gets its own.
-    """
-
-    iterations: list[IterationRecord] = field(default_factory=list)
-    outer: list[OuterRecord] = field(default_factory=list)
-    events: list[str] = field(default_factory=list)
-    observers: list[Observer] = field(default_factory=list)
-    limit: float = np.inf
-    kept: bool = False
-
-    @property
-    def linear_solves(self) -> int:
-        """Linear solves so far."""
-        return len(self.iterations)
-
-    def allow(self, solves: int) -> None:
-        """Set the limit to so many more linear solves, unless it is to be kept."""
-        if not self.kept:
-            self.limit = self.linear_solves + solves
-
-    def add(self, record: IterationRecord | OuterRecord | str) -> None:
-        """Keep a record or an event and show it."""
-        match record:
-            case IterationRecord():
-                self.iterations.append(record)
-            case OuterRecord():
-                self.outer.append(record)
-            case str():
-                self.events.append(record)
-        for observer in self.observers:
-            observer(record)
 
 
 class SemismoothNewton:
@@ -85,6 +43,8 @@ class SemismoothNewton:
 
     A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
     is small.  Because an iterate depends on its sets alone, sets that were seen before mean a cycle.
+    Where the problem is not affine for given sets, in space, directions of slip still turn while the sets stay: there
+    the friction law must hold as well, and sets that were seen before mean a cycle if the law is no nearer than then.
     PETSc options with the prefix ``sfx_`` reach the SNES, KSP and PC; where the user sets none, the defaults hold.
 
     Args:
@@ -93,7 +53,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not where the friction bound follows the pressure.
-        climb: what solves problems that this iteration does not, see ``algorithms.ladder``; None: nothing.
+        try_fall_backs: what solves problems that this iteration does not, see ``algorithms.fall_backs``; None: nothing.
         limited: whether the user has set the number of linear solves, so that it is an end and no failure.
 
     Attributes:
@@ -108,7 +68,7 @@ class SemismoothNewton:
         history: History,
         *,
         symmetric: bool = True,
-        climb: Climb | None = None,
+        try_fall_backs: FallBacks | None = None,
         limited: bool = False,
     ) -> None:
         self.problem = problem
@@ -117,7 +77,7 @@ class SemismoothNewton:
         self._residual = x.duplicate()
         self._start_time = time.perf_counter()
         self.max_iterations = max_iterations
-        self._climb = climb
+        self._fall_backs = try_fall_backs
         self._limited = limited
         generator = np.random.default_rng(problem.system.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
@@ -174,10 +134,10 @@ class SemismoothNewton:
         )
         # A friction bound that follows the pressure has no energy, and a fall-back of its own.
         given = max_iterations is None and data.coupling is None
-        if self._climb is not None and given and (status is Status.CYCLING or self._ran_on(status)):
-            status = self._climb(self, data, first_sets, status, measure)
+        if self._fall_backs is not None and given and (status is Status.CYCLING or self._ran_on(status)):
+            status = self._fall_backs(self, data, first_sets, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.drowned(self.x, RESIDUAL_TOLERANCE) else status
+        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
 
     def solve_once(
         self,
@@ -213,9 +173,8 @@ class SemismoothNewton:
         self.problem.set_data(data, first_sets)
         self._first_iteration = first_iteration
         self._before = self.history.linear_solves
-        self._seen: set[int] = set()
-        self._stalls = 0
-        self._last_residual = np.inf
+        self._seen: dict[int, float] = {}
+        self._stalls: list[float] = []
         self._status: Status | None = None
         left = self.history.limit - self._before
         if left <= 0:
@@ -260,6 +219,24 @@ class SemismoothNewton:
             return not self._factorised
         return status is Status.CYCLING and self._loosened
 
+    def checkpoint(self) -> tuple[PETSc.Vec, ActiveSets]:
+        """The iterate and its sets, to come back to."""
+        return self.x.copy(), self.problem.sets
+
+    def restore(self, checkpoint: tuple[PETSc.Vec, ActiveSets]) -> None:
+        """Go back to an iterate and its sets."""
+        x, self.problem.sets = checkpoint
+        x.copy(self.x)
+
+    def begin_at(self, x: PETSc.Vec) -> None:
+        """Take an iterate over; the sets stay."""
+        self.x.getArray()[:] = x.getArray(readonly=True)
+
+    def pose(self, data: RegularisedData, sets: ActiveSets) -> None:
+        """Take a problem and its sets over without solving it."""
+        self.problem.set_data(data, sets)
+        self.problem.sets = self.problem.next.sets
+
     def multipliers(self) -> tuple[Nodal, Nodal]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
@@ -286,13 +263,14 @@ class SemismoothNewton:
         problem = self.problem
         bounds = problem.friction_bounds(self.x)
         sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.next.sets), bounds, strict=True))
+        side = sets.side
         counts = parallel.global_sum(
             problem.system.comm,
             np.array(
                 [
                     np.count_nonzero(sets.contact),
-                    np.count_nonzero(sets.direction[:, 0] > 0),
-                    np.count_nonzero(sets.direction[:, 0] < 0),
+                    np.count_nonzero(side > 0),
+                    np.count_nonzero(side < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
                 ],
@@ -301,31 +279,46 @@ class SemismoothNewton:
         )
         active, plus, minus, changed, fingerprint = (int(count) for count in counts)
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
+        law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
             if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
-                balanced = problem.accept(self.x, problem.next.wanted, snes.getTolerances()[0])
+                balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
-            if residual <= snes.getTolerances()[0]:
+            if self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            # The sets are right, the linear solve was not exact: the next step with the same sets refines it.
-            self._stalls += 1
-            if self._stalls > 2 and residual > 0.5 * self._last_residual:
-                return self._stop(Status.ROUND_OFF)
-            self._last_residual = residual
+            # The sets are right.  The linear solve was not exact, which the next step with the same sets mends, or
+            # directions of slip still turn.
+            self._stalls.append(max(residual, law))
+            turning = law > snes.getTolerances()[0]
+            patience = _TURNS if turning else 2
+            if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
+                return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
-            if sound and residual <= snes.getTolerances()[0]:
+            if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            return self._stop(Status.CYCLING)
-        self._seen.add(fingerprint)
+            if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
+                return self._stop(Status.CYCLING)
+        self._seen[fingerprint] = max(law, snes.getTolerances()[0])
         if problem.next.escapes is not None:
             return self._stop(problem.next.escapes)
         return int(_SNES.CONVERGED_ITERATING)
+
+    def _settled(self, residual: float, law: float) -> bool:
+        """Whether sets that stay are those of a solution.
+
+        The residual is that of the next sets.  Where directions turn these differ from those that the iterate was
+        computed with, by as much as the law is missed: then the residual of the latter counts.
+        """
+        tolerance = self.snes.getTolerances()[0]
+        if self.problem.affine or law > tolerance or residual <= tolerance:
+            return law <= tolerance and residual <= tolerance
+        return self.problem.accept(self.x, self.problem.sets, tolerance)
 
     def _reason(self) -> Status:
         """Why SNES ended, where it was not the test that ended it."""
@@ -361,5 +354,5 @@ class SemismoothNewton:
 
     def _fingerprint(self, sets: ActiveSets) -> int:
         """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
-        state = 3 * sets.contact.astype(np.int64) + np.sign(sets.direction[:, 0]).astype(np.int64) + 1
+        state = 3 * sets.contact.astype(np.int64) + sets.side + 1
         return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))

@@ -1,4 +1,7 @@
-"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol."""
+"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol.
+
+This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.contact_map import ContactMap
+from signorini_fx.contact.map import ContactMap
 
 
 class ElasticSystem(Protocol):
@@ -33,8 +36,8 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """What the load of the current load step does on the three rigid motions of each piece of the body, the same on
-        all ranks, shape (3 pieces,).
+        """What the load of the current load step does on the rigid motions of each piece of the body, the same on all
+        ranks, shape (m pieces,).
         """
 
     @property

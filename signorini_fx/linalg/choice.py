@@ -5,56 +5,54 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import options, parallel
-from signorini_fx.discretisation import Body, Discretisation
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx import parallel
+from signorini_fx.body.discretisation import Body, Discretisation
+from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
-
-# Below this many unknowns a sparse factorisation costs no more than what condensation saves.
-_SMALL = 4_000
-# A dense solve costs n_c^3 / 3, a sparse one in two dimensions about 50 n^1.5 operations.
-_SPARSE_OPERATIONS = 50.0
+from signorini_fx.tuned import FEWEST_CONDENSED_UNKNOWNS, MOST_CONDENSED_UNKNOWNS, SPARSE_OPERATIONS
 
 
-def choose_system(discretisation: Discretisation, wanted: str) -> tuple[ElasticSystem, str]:
+def choose_system(discretisation: Discretisation, requested: str) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind.
 
     Args:
         discretisation: the assembled body with a contact boundary.
-        wanted: ``full``, ``krylov``, ``condensed`` or ``auto``.
+        requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
     """
     d = discretisation
     assert d.boundary is not None
-    kept = 2 * int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+    nodes = np.array(np.unique(d.boundary.nodes).size)
+    retained = d.tagged.dimension * int(parallel.global_sum(d.boundary.comm, nodes))
     everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
-    if wanted != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
+    if requested != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
         return FullSystem.of(d), "full: the contact does not reach every piece of the body that supports do not hold"
-    reason = against_condensing(d, kept)
-    if wanted == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
+    reason = against_condensing(d, retained)
+    if requested == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
         return CondensedSystem.of(d), "condensed: as asked for"
-    if wanted == "krylov":
+    if requested == "krylov":
         return FullSystem.of(d, krylov=True), "full, Krylov: as asked for"
     if not can_factorise(d.boundary.comm):
         return FullSystem.of(d, krylov=True), "full, Krylov: PETSc has no factorisation for more than one rank"
-    if wanted == "full" or reason is not None:
+    if requested == "full" or reason is not None:
         return FullSystem.of(d), f"full: {reason or 'as asked for'}"
-    memory = 3 * 8 * kept**2 / 2**20
+    memory = 3 * 8 * retained**2 / 2**20
     return CondensedSystem.of(
         d
-    ), f"condensed: {kept} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
+    ), f"condensed: {retained} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
 
 
-def against_condensing(d: Body, kept: int) -> str | None:
-    """Why ``kept`` unknowns of the contact boundary are not condensed onto; None where they are."""
+def against_condensing(d: Body, retained: int) -> str | None:
+    """Why ``retained`` unknowns of the contact boundary are not condensed onto; None where they are."""
     if d.tagged.mesh.comm.size > 1:
         return "more than one rank"
     if not has_package("mumps"):
         return "PETSc has no MUMPS"
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return "the options choose a linear solver"
-    if d.dofs < _SMALL:
+    if d.dofs < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {d.dofs} unknowns"
-    if kept**3 / 3 > _SPARSE_OPERATIONS * d.dofs**1.5:
-        return f"{kept} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
+    factor, exponent = SPARSE_OPERATIONS[d.tagged.dimension]
+    if retained**3 / 3 > factor * d.dofs**exponent or retained > MOST_CONDENSED_UNKNOWNS[d.tagged.dimension]:
+        return f"{retained} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
     return None

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.boundary import ContactBoundary
-from signorini_fx.contact_map import ContactMap
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
 
@@ -20,14 +20,14 @@ class CoarsenedSystem(TransformedSystem):
     """See ``ElasticSystem``: x = P x_c, A_c = P^T A P, b_c = P^T b; dense, one rank."""
 
     prolongation: Any
-    kept: npt.NDArray[np.int64]
+    retained: npt.NDArray[np.int64]
 
     @classmethod
     def of(
         cls,
         system: ElasticSystem,
         prolongation: Any,
-        kept: npt.NDArray[np.int64],
+        retained: npt.NDArray[np.int64],
         boundary: ContactBoundary,
         position: npt.NDArray[np.int64],
     ) -> CoarsenedSystem:
@@ -36,7 +36,7 @@ class CoarsenedSystem(TransformedSystem):
         Args:
             system: the finer one.
             prolongation: P, scipy sparse, shape (fine dofs, coarse dofs).
-            kept: the fine dof that each coarse one is, shape (coarse dofs,).
+            retained: the fine dof that each coarse one is, shape (coarse dofs,).
             boundary: the contact nodes of the coarse system.
             position: number of each of them among the nodes of the coarse system, shape (n,).
         """
@@ -46,15 +46,15 @@ class CoarsenedSystem(TransformedSystem):
         matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)
         matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        fixed = system.fixed[kept]
+        fixed = system.fixed[retained]
         contact = ContactMap.of_nodes(boundary, position, fixed, matrix)
-        coarse = cls(system.comm, matrix, load, start, fixed, contact, system, prolongation.tocsr(), kept)
+        coarse = cls(system.comm, matrix, load, start, fixed, contact, system, prolongation.tocsr(), retained)
         coarse._restrict()
         return coarse
 
     def _restrict(self) -> None:
         self.load.getArray()[:] = self.prolongation.T @ self.inner.load.getArray(readonly=True)
-        self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.kept]
+        self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.retained]
 
     def set_step(self, step: int, scale: float = 1.0) -> None:
         """As the finer system, restricted."""

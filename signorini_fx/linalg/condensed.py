@@ -14,15 +14,15 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.contact_map import ContactMap
-from signorini_fx.discretisation import Discretisation
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import LoadCase, load_resultant
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.loads import LoadCase, load_resultant
 
 
 @dataclass
 class CondensedSystem:
-    """See ``ElasticSystem``: x holds the displacement of the contact nodes, two components a node."""
+    """See ``ElasticSystem``: x holds the displacement of the contact nodes, d components a node."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat
@@ -48,15 +48,16 @@ class CondensedSystem:
         d = discretisation
         assert d.boundary is not None
         nodes, position = np.unique(d.boundary.nodes, return_inverse=True)
-        kept = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
-        schur = SchurComplement(d.stiffness, kept)
-        matrix = PETSc.Mat().createDense((kept.size, kept.size), array=schur.dense.T, comm=d.boundary.comm)
+        dim = d.tagged.dimension
+        retained = (dim * nodes[:, None] + np.arange(dim)).ravel().astype(np.int32)
+        schur = SchurComplement(d.stiffness, retained)
+        matrix = PETSc.Mat().createDense((retained.size, retained.size), array=schur.dense.T, comm=d.boundary.comm)
         matrix.assemble()
         interior = tuple(schur.solve_interior(case.load) for case in d.cases)
         condensed = np.array(
-            [_condense(d.stiffness, case.load, x, kept) for case, x in zip(d.cases, interior, strict=True)]
+            [_condense(d.stiffness, case.load, x, retained) for case, x in zip(d.cases, interior, strict=True)]
         )
-        fixed = d.fixed[kept]
+        fixed = d.fixed[retained]
         contact = ContactMap.of_nodes(d.boundary, position.ravel(), fixed, matrix)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
@@ -70,7 +71,7 @@ class CondensedSystem:
             d.cases,
             schur,
             interior,
-            condensed.reshape(len(d.cases), kept.size),
+            condensed.reshape(len(d.cases), retained.size),
         )
         system.set_step(0)
         return system
@@ -98,31 +99,31 @@ class CondensedSystem:
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = scale * np.array([case.factors[step] for case in self.cases])
         self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
-        starts = np.array([case.start.getArray(readonly=True)[self.schur.kept] for case in self.cases])
+        starts = np.array([case.start.getArray(readonly=True)[self.schur.retained] for case in self.cases])
         self.load.getArray()[:] = self.factors @ self.condensed
         self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
-        kept = self.schur.kept
+        retained = self.schur.retained
         lifted, right = self.schur.matrix.createVecs()
         lifted.set(0.0)
-        lifted.getArray()[kept] = x.getArray(readonly=True)
+        lifted.getArray()[retained] = x.getArray(readonly=True)
         self.schur.matrix.mult(lifted, right)
-        right.getArray()[kept] = 0.0
+        right.getArray()[retained] = 0.0
         result = self.schur.solve_interior(right)
         result.scale(-1.0)
         for factor, particular in zip(self.factors, self.interior, strict=True):
             result.axpy(factor, particular)
-        result.getArray()[kept] = x.getArray(readonly=True)
+        result.getArray()[retained] = x.getArray(readonly=True)
         return result
 
 
 def _condense(
-    matrix: PETSc.Mat, load: PETSc.Vec, interior: PETSc.Vec, kept: npt.NDArray[np.int32]
+    matrix: PETSc.Mat, load: PETSc.Vec, interior: PETSc.Vec, retained: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
     """b_c - A_ci A_ii^-1 b_i."""
     residual = load.duplicate()
     matrix.mult(interior, residual)
     residual.aypx(-1.0, load)
-    return np.array(residual.getArray(readonly=True)[kept])
+    return np.array(residual.getArray(readonly=True)[retained])

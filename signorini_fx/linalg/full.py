@@ -10,11 +10,19 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import options
-from signorini_fx.contact_map import ContactMap
-from signorini_fx.discretisation import Discretisation
-from signorini_fx.loads import LoadCase, load_resultant
-from signorini_fx.rigid import rigid_modes
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import LoadCase, load_resultant
+from signorini_fx.body.rigid import rigid_modes
+from signorini_fx.contact.map import ContactMap
+from signorini_fx.linalg import options
+from signorini_fx.tuned import (
+    INEXACT_TOLERANCE,
+    KRYLOV_TOLERANCE,
+    LAGGED_NODES,
+    LAGGED_SHARE,
+    LAGGED_STEPS,
+    RANKS_WITH_MINIMUM_DEGREE,
+)
 
 
 @cache
@@ -49,20 +57,9 @@ def can_factorise(comm: MPI.Comm) -> bool:
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
-# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
-_FEW_RANKS = 4
 # MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
-# An exact factor of a matrix that differs in the blocks of k nodes lets CG converge in about 2 k steps; each costs a
-# back substitution, of which a factorisation is worth ten or more.
-_LAG = 4
-_LAGGED_STEPS = 20
-# Share of the forces that it may leave: far enough below what ends Newton's method that no unit decides on that.
-_LAGGED_SHARE = 1e-13
-_KRYLOV_TOLERANCE = 1e-11
-# While the sets still change a linear solve need not be exact: inexact Newton.
-_LOOSE_TOLERANCE = 1e-3
 
 
 @dataclass
@@ -99,7 +96,7 @@ class FullSystem:
         resultant = np.zeros(d.motions.free.shape[0])
         system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
-            d.stiffness.setBlockSize(2)
+            d.stiffness.setBlockSize(d.tagged.dimension)
             d.stiffness.setNearNullSpace(_rigid_modes(d))
         system.set_step(0)
         return system
@@ -119,7 +116,7 @@ class FullSystem:
         self._symmetric = symmetric
         if self.krylov:
             ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
-            ksp.setTolerances(rtol=_KRYLOV_TOLERANCE, max_it=1000)
+            ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=1000)
             pc.setType(PETSc.PC.Type.GAMG)
             return
         ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -131,7 +128,7 @@ class FullSystem:
         """For MUMPS and CHOLMOD, which read their options when they factorise."""
         if self.krylov:
             return {}
-        ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= _FEW_RANKS else {}
+        ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
         return {**_FACTOR_DEFAULTS, **ordering}
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
@@ -140,20 +137,20 @@ class FullSystem:
             return moved == 0
         if self.krylov:
             self.inexact = moved is not None and moved > 0
-            ksp.setTolerances(rtol=_LOOSE_TOLERANCE if self.inexact else _KRYLOV_TOLERANCE)
+            ksp.setTolerances(rtol=INEXACT_TOLERANCE if self.inexact else KRYLOV_TOLERANCE)
             return moved == 0
-        kept = moved is not None and moved <= _LAG
-        if kept and moved != 0:
+        retained = moved is not None and moved <= LAGGED_NODES
+        if retained and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
             # The residual itself, against the forces: the preconditioned norm does not tell whether Newton ends.
             if not self._symmetric:
                 ksp.setPCSide(PETSc.PC.Side.RIGHT)
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-            ksp.setTolerances(rtol=1e-15, atol=_LAGGED_SHARE * forces, max_it=_LAGGED_STEPS)
+            ksp.setTolerances(rtol=1e-15, atol=LAGGED_SHARE * forces, max_it=LAGGED_STEPS)
         else:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.setNormType(PETSc.KSP.NormType.NONE)
-        return kept
+        return retained
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""
@@ -161,14 +158,14 @@ class FullSystem:
 
 
 def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Two translations and a rotation, orthonormal: what multigrid must not forget on its coarse levels.
+    """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
 
     Multigrid coarsens locally, where the motions of a piece are those of the whole body.
     """
     d = discretisation
     owned = d.space.dofmap.index_map.size_local
     modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
-    vectors = [d.stiffness.createVecRight() for _ in range(3)]
+    vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
     for k, vector in enumerate(vectors):
         vector.getArray()[:] = modes[:, :, k].ravel()
         for other in vectors[:k]:

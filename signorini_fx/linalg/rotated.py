@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.boundary import ContactBoundary
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
@@ -35,21 +36,20 @@ class RotatedSystem(TransformedSystem):
         return self.inner.displacement(result)
 
 
-def along_axes(boundary: ContactBoundary) -> bool:
-    """Whether every normal is along an axis; collective."""
-    off = 1.0 - np.abs(boundary.frames).max(axis=1)
-    return parallel.global_max(boundary.comm, parallel.local_max(off)) < _ALONG_AXIS
+def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+    """Nodes whose normal or tangents are along no axis, shape (n,)."""
+    return np.asarray((1.0 - np.abs(boundary.frames).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
 
 
 def check_rotation(boundary: ContactBoundary) -> None:
     """Whether every contact node can be turned into its normal and tangent; collective.
 
     Raises:
-        SceneError: a contact node has two normals, or a prescribed component across its normal.
+        SceneError: a contact node has two normals, or a prescribed component and a normal along no axis.
     """
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
     crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
-    mixed = parallel.any_rank(boundary.comm, not boundary.free.all()) and not along_axes(boundary)
+    mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & ~boundary.free.all(axis=1)).any()))
     if crossed or mixed:
         reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
@@ -62,7 +62,8 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
         SceneError: see ``check_rotation``.
     """
     check_rotation(boundary)
-    if along_axes(boundary):
+    off = off_axes(boundary)
+    if not parallel.any_rank(boundary.comm, bool(off.any())):
         return system
     sizes = system.matrix.getSizes()
     rotation = PETSc.Mat().createAIJ(sizes, nnz=(system.contact.dimension, 0), comm=system.comm)
@@ -72,9 +73,9 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
         rotation.setValue(row, row, 1.0)
     rotation.assemble()
     unknowns, blocks = system.contact.entries()
-    rows = (first + unknowns).astype(PETSc.IntType)
+    rows = (first + unknowns[off]).astype(PETSc.IntType)
     if rows.size:
-        rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks.transpose(0, 2, 1)))
+        rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks[off].transpose(0, 2, 1)))
     rotation.assemble()
     load, start = system.load.duplicate(), system.start.duplicate()
     rotation.multTranspose(system.load, load)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.petsc_c import call
+from signorini_fx.linalg.petsc_c import call
 
 _FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are left alone
@@ -24,7 +24,7 @@ class SchurComplement:
 
     Args:
         matrix: A, of which A_ii must be positive definite; A itself need not be.
-        kept: the dofs c that stay, in the order of the dense matrix.
+        retained: the dofs c that stay, in the order of the dense matrix.
 
     Attributes:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric.
@@ -33,13 +33,13 @@ class SchurComplement:
         PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
     """
 
-    def __init__(self, matrix: PETSc.Mat, kept: npt.NDArray[np.int32]) -> None:
+    def __init__(self, matrix: PETSc.Mat, retained: npt.NDArray[np.int32]) -> None:
         self.matrix = matrix
-        self.kept = kept
+        self.retained = retained
         handle = ctypes.c_void_p()
         call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(handle))
         self._factor = handle
-        index_set = PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm)
+        index_set = PETSc.IS().createGeneral(retained.astype(PETSc.IntType), comm=matrix.comm)
         call("MatFactorSetSchurIS", handle, index_set)
         call("MatMumpsSetIcntl", handle, *_MEMORY_RELAXATION)
         # MatFactorInfo is a struct of doubles; zeros are its defaults.
@@ -50,7 +50,7 @@ class SchurComplement:
         call("MatFactorCreateSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
         call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = np.ctypeslib.as_array(entries, shape=(kept.size, kept.size)).copy()
+        values = np.ctypeslib.as_array(entries, shape=(retained.size, retained.size)).copy()
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         call("MatDestroy", ctypes.byref(dense))
         _symmetrise(values)
@@ -61,7 +61,7 @@ class SchurComplement:
         """A_ii^-1 right_i in the interior, zero at the kept dofs."""
         result = right.duplicate()
         call("MatSolve", self._factor, right, result)
-        result.getArray()[self.kept] = 0.0
+        result.getArray()[self.retained] = 0.0
         return result
 
     def __del__(self) -> None:

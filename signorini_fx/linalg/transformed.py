@@ -9,7 +9,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.contact_map import ContactMap
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 
 

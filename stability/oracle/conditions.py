@@ -93,10 +93,30 @@ def contact_of(body: Body) -> Contact:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where friction counts from: tangential displacement and shear of the load step before, or zero."""
+    """Where friction counts from: tangential displacement and shear of the load step before, or zero.
+
+    Attributes:
+        u_t: tangential displacement.
+        shear: shear.
+        elastic: what of the tangential displacement is no slip, because a regularised law lets the contact creep.
+    """
 
     u_t: Array
     shear: Array
+    elastic: Array
+
+    @classmethod
+    def nothing(cls, count: int) -> Origin:
+        """The origin of the first load step."""
+        return cls(*np.zeros((3, count)))
+
+    def after(self, u_t: Array, shear: Array, compliance: float) -> Origin:
+        """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
+        return Origin(u_t, shear, self.elastic + compliance * (shear - self.shear) if compliance > 0 else 0 * u_t)
+
+    def slip_from(self, compliance: float) -> Array:
+        """From where slip counts: the law itself knows no elastic slip."""
+        return self.u_t if compliance > 0 else self.u_t - self.elastic
 
 
 @dataclass(frozen=True)
@@ -181,7 +201,9 @@ def violations(
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
     faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
-    near = max(near, 1e-300)
+    # What is added to the slip and the shear of the step before has their round-off.
+    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)
+    faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
     # A direction in which a support holds the node is the support's.
@@ -198,7 +220,7 @@ def violations(
     if not contact.has_friction:
         figures["shear without friction"] = _most(np.abs(shear)[judged_t]) / faint
         return figures
-    xi = u_t - origin.u_t - compliance[1] * (shear - origin.shear)
+    xi = u_t - origin.slip_from(compliance[1]) - compliance[1] * (shear - origin.shear)
     below = bound - np.abs(shear)
     figures["friction cone"] = _most(-below[judged_t]) / faint
     figures["slip below the bound"] = _most(np.minimum(np.abs(xi) / near, below / faint)[judged_t])

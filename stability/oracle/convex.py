@@ -161,7 +161,7 @@ def minimise(
     length = max(length, float(np.abs(reduced.load).max()) / stiff)
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
     gap = (contact.gap - normal_shift) / length
-    start = (origin.u_t - compliance[1] * origin.shear - tangent_shift) / length
+    start = (origin.slip_from(compliance[1]) - compliance[1] * origin.shear - tangent_shift) / length
     soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
     # Rows that no unknown enters say nothing.
     acts_n, acts_t = np.abs(normal).max(axis=1) > 1e-8, (np.abs(tangent).max(axis=1) > 1e-8) & (bound > 0)

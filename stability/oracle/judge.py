@@ -49,9 +49,15 @@ _AUTOMATIC_GAMMA = 1e5
 
 @dataclass(frozen=True)
 class Step:
-    """A load step as a user gets it: the contact table."""
+    """A load step as a user gets it.
+
+    Attributes:
+        table: the contact table.
+        regularised: whether its certificate says that it keeps to the regularised law.
+    """
 
     table: Mapping[str, npt.NDArray[Any]]
+    regularised: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
     last = _in_order(body.x, answer.place, body.size)
     if last is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
-    origin = Origin(np.zeros(len(contact.nodes)), np.zeros(len(contact.nodes)))
+    origin = Origin.nothing(len(contact.nodes))
     for number, step in enumerate(answer.steps):
         order = _rows(body, contact, step.table)
         if order is None:
@@ -150,7 +156,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
             if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
                 worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
-        origin = Origin((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear)
+        origin = origin.after((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear, law[1])
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
     held = np.count_nonzero(~free_dofs(body, 0).reshape(-1, 2)[contact.nodes].all(axis=1))
     if kind == WRONG and held:
@@ -177,14 +183,17 @@ def _promised(
     """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
     solver = body.scene.get("solver", {})
     algorithm = solver.get("algorithm", "auto")
-    if algorithm in ("alm", "exact") or any("augmented Lagrangian" in event for event in answer.events):
+    # Augmentation may have taken over in a later load step only.
+    augmented = any("augmented Lagrangian" in event for event in answer.events)
+    if algorithm in ("alm", "exact") or (augmented and not answer.steps[number].regularised):
         return 0.0, 0.0
     automatic = _AUTOMATIC_GAMMA * body.young / body.size
     asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
     asked = [automatic if gamma == "auto" else gamma for gamma in asked]
     if algorithm != "path-following":
+        # What is told is the gamma of the last load step.
         for name, told, gamma in zip(("gamma_n", "gamma_t"), answer.gamma, asked, strict=True):
-            worse({name: abs(told / gamma - 1) / 1e-9})
+            worse({name: 0.0 if augmented else abs(told / gamma - 1) / 1e-9})
         return 1 / asked[0], 1 / asked[1]
     if number == body.steps - 1:
         return 1 / answer.gamma[0], 1 / answer.gamma[1]
@@ -219,7 +228,7 @@ def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, o
     }
     if contact.has_friction:
         columns["bound"] = (bound, max(float(bound.max()), 1e-300))
-        columns["slip"] = (u_t - origin.u_t, moved)
+        columns["slip"] = (u_t - origin.u_t, max(moved, float(np.abs(origin.u_t).max(initial=0.0))))
     return {
         f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
         for name, (own, scale) in columns.items()
@@ -275,12 +284,12 @@ def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pr
     counts = np.bincount(contact.nodes, minlength=len(body.x))[contact.nodes]
     if (counts > 1).any() or not free_dofs(body, step).reshape(-1, 2)[contact.nodes].all():
         return False  # what such a node carries is not told by its force alone
-    origin = Origin(np.zeros(len(pressure)), np.zeros(len(pressure)))
+    origin = Origin.nothing(len(pressure))
     if step > 0:
         table = answer.steps[step - 1].table
         if (order := _rows(body, contact, table)) is None:
             return False
-        origin = Origin(table["u_t"][order], table["shear"][order])
+        origin = origin.after(table["u_t"][order], table["shear"][order], 0.0)
     if (found := convex.coulomb_state(body, contact, step, origin, pressure)) is None:
         return False
     u, pressure = found

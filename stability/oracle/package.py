@@ -10,10 +10,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.contact_table import contact_table
-from signorini_fx.scene import read_scene
-from signorini_fx.solution import Solution
-from signorini_fx.solver import solve
+from signorini_fx.contact.table import contact_table
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.reading import read_scene
+from signorini_fx.solving.solver import solve
 from stability.oracle.body import Mesh
 from stability.oracle.judge import Answer, Step
 
@@ -33,7 +33,10 @@ def answer_of(solution: Solution) -> Answer:
         outcome=solution.status.value,
         place=space.tabulate_dof_coordinates()[:, :2].copy(),
         displacement=solution.displacement.x.array.reshape(-1, 2).copy(),
-        steps=[Step(table.columns) for table in tables],
+        steps=[
+            Step(table.columns, step.certificate.law.regularised)
+            for table, step in zip(tables, solution.steps, strict=True)
+        ],
         gamma=(told.get("gamma_n", np.inf), told.get("gamma_t", np.inf)),
         events=tuple(map(str, solution.history.events)),
         regularisation_error=told.get("regularisation_error"),

@@ -1,0 +1,152 @@
+# %% [markdown]
+# # Will the bracket slip?
+#
+# An angle bracket is bolted down through its foot; a load on its upright leg pulls it forwards and sideways. There is
+# clearance around the bolt: friction alone must hold the foot. Dividing the friction of the bolt's force $N$ by the
+# pull $T$ gives a safety of
+#
+# $$s_1 = \frac{F N}{T},$$
+#
+# but the pull is beside the bolt and also turns the foot, and friction that resists turning is missing elsewhere. Let
+# the foot move as a rigid body with the velocity $v(x) = (v_1 - \omega x_2,\, v_2 + \omega x_1)$. As soon as the power
+# of the load exceeds what friction can take out, it slips, so for a given pressure $\lambda$ the safety is
+#
+# $$s = \min_{v_1, v_2, \omega} \frac{\int F \lambda\, |v|}{T_1 v_1 + T_2 v_2 + M \omega},$$
+#
+# with the moment $M$ of the load about the vertical axis through the origin. (It is a convex problem of two unknowns,
+# and turns about the axis where $v = 0$.) Where the pressure is, only the contact problem tells: the foot is a plate
+# that is pressed near its bolt and lifts elsewhere. And the load changes it.
+
+# %%
+import os
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.tri import Triangulation
+from mpi4py import MPI
+from scipy.linalg import null_space
+from scipy.optimize import minimize
+
+from signorini_fx import MeshGenerator, read_scene, solve, write_results
+from signorini_fx.contact.table import contact_table
+
+CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat
+RESULTS = Path("results/demos/bracket")
+BOLT, RADIUS, SEAT_RADIUS = 37.0, 5.5, 10.0  # of the generator: x[0] of the bolt, hole and seat around it
+
+# %% [markdown]
+# ## Scene
+#
+# The file has three load steps: the bolt is tightened, then half and all of the load come on.
+
+# %%
+scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")
+mesh = MeshGenerator(generator="bracket", parameters={"contact_size": 2 * SEAT_RADIUS / CELLS, "size": 50 / CELLS})
+scene = scene.model_copy(update={"mesh": mesh})
+(friction,) = (contact.friction.coefficient for contact in scene.contact)
+
+
+def loaded(*factors):
+    """The scene with other load steps, and without fall-backs, which take long where there is no solution."""
+    bolt, pull = scene.traction
+    return scene.model_copy(
+        update={
+            "traction": (bolt, pull.model_copy(update={"factors": factors})),
+            "solver": scene.solver.model_copy(update={"fallbacks": False}),
+        }
+    )
+
+
+# %% [markdown]
+# ## Tighten, and load
+#
+# The resultant of the pressure must act where statics says: forwards of the bolt by the tilting moment of the load,
+# 50 mm above the foot, over $N$. Its size is that of the bolt's force to the facets that the round seat is made of.
+
+# %%
+solution = solve(scene)
+write_results(solution, RESULTS)
+steps = [contact_table(step.contact, ["foot"]).columns for step in solution.steps]
+force = np.array([step.contact.forces[0][2] for step in solution.steps])
+moments = np.array([step.contact.moments[0] for step in solution.steps])
+pull = -np.array([step.contact.forces[1][:2] for step in solution.steps])
+areas = [step.contact.areas for step in solution.steps]
+through = np.column_stack((-moments[:, 1], moments[:, 0])) / force[:, None]
+statics = np.array([BOLT, 0.0]) + 50.0 * pull / force[:, None]
+
+# %% [markdown]
+# ## Safety against sliding
+
+
+# %%
+def safety(columns, pull):
+    """The least load factor at which the foot moves as a rigid body, by the pressure of this step."""
+    x, y = columns["x"] - BOLT, columns["y"]
+    available = friction * columns["weight"] * columns["pressure"]
+    # Velocities as (v_1, v_2, 10 omega) at the bolt; the load acts above x[0] = 4 mm, the middle of the leg.
+    power = np.array([pull[0], pull[1], (4.0 - BOLT) * pull[1] / 10])
+    unit, others = power / (power @ power), null_space(power[None])
+
+    def taken(free):
+        v = unit + others @ free
+        return available @ np.hypot(v[0] - v[2] * y / 10, v[1] + v[2] * x / 10)
+
+    return minimize(taken, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}).fun
+
+
+simple = friction * force[-1] / np.hypot(*pull[-1])
+turning = safety(steps[-1], pull[-1])
+
+# %% [markdown]
+# ## Is that so?
+#
+# The solver knows nothing of rigid bodies. It finds an equilibrium just below the load where the foot should slip, and
+# none just above. There the fixed point finds that the foot slides under the friction of the pressure that it arrived
+# at. The status is not *slides*, which statics alone would prove: another pressure with the same resultant could hold.
+
+# %%
+held = 0.97 * turning
+below = solve(loaded(0.0, 1.0, held))
+at_limit = held * safety(below.table.columns, -below.contact.forces[1][:2])
+above = solve(loaded(0.0, 1.0, 1.03 * at_limit), check=False)
+
+# %% [markdown]
+# ## The foot from below
+#
+# Only the middle of the foot is pressed. Nearly all of it slips as soon as the bolt is tightened: pressed between
+# bolt and foundation the plate widens, friction holds it back, and is used up where the pressure is small. That is no
+# sliding of the whole.
+
+# %%
+if MPI.COMM_WORLD.rank == 0:
+    print("share of the load:  N        pull     resultant at       by statics         contact  stick, mm2")
+    for row in zip((0.0, 0.5, 1.0), force, np.hypot(*pull.T), *through.T, *statics.T, areas, strict=True):
+        line = "{:9.1f}      {:9.1f}  {:7.1f}   ({:.3f}, {:.3f})    ({:.3f}, {:.3f})      {:5.0f}    {:5.0f}"
+        print(line.format(*row[:-1], row[-1]["contact"], row[-1]["stick"]))
+    print(f"safety: F N / T = {simple:.2f}; with the turning of the foot {turning:.3f}")
+    print(f"{held:.3f} times the load: {below.status.value}; the pressure there bears {at_limit:.3f} times the load")
+    print(f"{1.03 * at_limit:.3f} times the load: {above.status.value}")
+    print(*above.history.events, sep="\n")
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
+    largest = max(columns["pressure"].max() for columns in steps)
+    for k, title, axis in zip((0, 2), ("tightened", "loaded"), axes, strict=True):
+        columns = steps[k]
+        x, y, pressure = columns["x"], columns["y"], columns["pressure"]
+        foot = Triangulation(x, y)
+        centre = [values[foot.triangles].mean(axis=1) for values in (x, y)]
+        foot.set_mask(np.hypot(centre[0] - BOLT, centre[1]) < RADIUS)
+        shown = axis.tripcolor(foot, pressure, shading="gouraud", cmap="Greys", vmin=0.0, vmax=largest)
+        touching = columns["state"] != "open"
+        shear = [columns[name][touching] for name in ("shear_x", "shear_y")]
+        axis.quiver(x[touching], y[touching], *shear, color="C0", width=0.003)
+        stuck = columns["state"] == "stick"
+        axis.plot(x[stuck], y[stuck], "o", color="C3", markersize=4, label="stick")
+        axis.add_patch(plt.Circle((BOLT, 0), SEAT_RADIUS, fill=False, linestyle=":"))
+        axis.set(xlabel="x, mm", xlim=(15, 60), title=title, aspect="equal")
+    axes[0].set(ylabel="y, mm")
+    axes[0].legend(frameon=False, loc="upper left")
+    figure.colorbar(shown, ax=axes, label="pressure, MPa", shrink=0.9)
+    figure.savefig(RESULTS / "foot.png", dpi=150)
+    plt.close(figure)
+    print(f"results: {RESULTS}/")

@@ -1,0 +1,85 @@
+"""A box in space with a uniform structured mesh, made in parallel by dolfinx itself.
+
+::
+
+              top
+            +-----------+
+           /           /|
+          /   back    / |          x[2]
+         +-----------+  | right     |  x[1]
+    left |           |  +           | /
+         |   front   | /  width     |/
+         +-----------+              +---- x[0]
+      (0,0,0) length      bottom below, height upwards
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from pydantic import ConfigDict, Field, validate_call
+
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.meshes import Length, coarser_grid, refuse_too_large
+
+Count = Annotated[int, Field(gt=0, le=2_000)]
+
+
+@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+def generate(
+    comm: MPI.Comm,
+    /,
+    *,
+    length: Length = 3.0,
+    width: Length = 1.0,
+    height: Length = 1.0,
+    nx: Count = 24,
+    ny: Count = 8,
+    nz: Count = 8,
+    cell: Literal["hexahedron", "tetrahedron"] = "hexahedron",
+) -> Any:
+    """Nx by ny by nz hexahedra, or each of them cut into six tetrahedra.
+
+    Args:
+        comm: the ranks that share the mesh.
+        length: extent along x[0].
+        width: extent along x[1].
+        height: extent along x[2].
+        nx: cells along x[0].
+        ny: cells along x[1].
+        nz: cells along x[2].
+        cell: shape of the cells.
+
+    Returns:
+        The mesh with the boundaries left, right, front, back, bottom, top.
+    """
+    refuse_too_large(comm, nx * ny * nz * (6 if cell == "tetrahedron" else 1))
+    ends = np.array([length, width, height])
+    mesh = dmesh.create_box(comm, [np.zeros(3), ends], [nx, ny, nz], dmesh.CellType[cell])
+    near = 1e-9 * ends.max()
+
+    def at(axis: int, value: float) -> Any:
+        return lambda x: np.abs(x[axis] - value) < near
+
+    names = (("left", "right"), ("front", "back"), ("bottom", "top"))
+    return tag_boundaries(
+        mesh,
+        {
+            name: at(axis, value)
+            for axis, pair in enumerate(names)
+            for name, value in zip(pair, (0.0, ends[axis]), strict=True)
+        },
+    )
+
+
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    return coarser_grid(generate, parameters, factor, ("nx", "ny", "nz"))
+
+
+def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters for tetrahedra; see ``generate``."""
+    return parameters | {"cell": "tetrahedron"}

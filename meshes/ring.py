@@ -1,0 +1,91 @@
+r"""A flat ring in space that lies on the plane through the origin, with a structured mesh by gmsh.
+
+::
+
+               radius
+                 |------------|
+                    inner_radius
+                 |------|
+        +------+ - - - - +----top---+
+        | body |   |     |   body   | outer     height
+        +------+ - + - - +--bottom--+
+                (0,0,0)  inner
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from mpi4py import MPI
+from pydantic import ConfigDict, Field, validate_call
+
+from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.meshes import Drawing, Length, coarser_grid, mesh_extruded, refuse, refuse_too_large
+
+Count = Annotated[int, Field(gt=0, le=1_000)]
+# A curved cell that turns by a right angle may be inside out.
+Around = Annotated[int, Field(gt=1, le=1_000)]
+
+
+@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+def generate(
+    comm: MPI.Comm,
+    /,
+    *,
+    radius: Length = 2.0,
+    inner_radius: Length = 1.0,
+    height: Length = 0.5,
+    nr: Count = 6,
+    nt: Around = 10,
+    nz: Count = 4,
+    cell: Literal["hexahedron", "tetrahedron"] = "hexahedron",
+    order: Literal[1, 2] = 1,
+) -> Any:
+    """A ring of nr by 4 nt cells, in nz layers, as a washer or the ring of a thrust bearing.
+
+    Args:
+        comm: the ranks that share the mesh.
+        radius: outer radius, around the axis x[2].
+        inner_radius: of the hole, less than ``radius``.
+        height: extent along x[2], from 0.
+        nr: cells from the hole to the outer side.
+        nt: cells along each quarter of the ring, at least 2.
+        nz: cells along x[2].
+        cell: shape of the cells.
+        order: degree of the geometry: 1: the facets of the round sides are plane, only their corners are on them.
+
+    Returns:
+        The mesh with the boundaries bottom, inner, outer, top.
+    """
+    if inner_radius >= radius:
+        refuse("inner_radius", f"inner_radius must be less than radius, got {inner_radius:g} and {radius:g}")
+
+    unit = radius / 2.0  # what gmsh is given has the size of the default
+
+    def draw(gmsh: Any) -> None:
+        drawing = Drawing(gmsh, unit)
+        geo = gmsh.model.geo
+        centre = drawing.point(0.0, 0.0)
+        around = ((1, 0), (0, 1), (-1, 0), (0, -1))
+        rims = [[drawing.point(r * x, r * y) for x, y in around] for r in (inner_radius, radius)]
+        after = [1, 2, 3, 0]
+        inner, outer = ([geo.addCircleArc(rim[k], centre, rim[after[k]]) for k in range(4)] for rim in rims)
+        spokes = [geo.addLine(a, b) for a, b in zip(*rims, strict=True)]
+        loops = [[spokes[k], outer[k], -spokes[after[k]], -inner[k]] for k in range(4)]
+        sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
+        for lines, count in ((inner + outer, nt), (spokes, nr)):
+            for line in lines:
+                geo.mesh.setTransfiniteCurve(line, count + 1)
+        for section in sections:
+            geo.mesh.setTransfiniteSurface(section)
+        names = {"inner": inner, "outer": outer}
+        mesh_extruded(drawing, sections, names, (0.0, 0.0, height), nz, ("bottom", "top"), cell=cell, order=order)
+
+    refuse_too_large(comm, 4 * nt * nr * nz * (6 if cell == "tetrahedron" else 1))
+    return gmsh_mesh(comm, draw, name="ring", unit=unit)
+
+
+def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters for cells ``factor`` times as large; see ``generate``."""
+    fewer = coarser_grid(generate, parameters, factor, ("nr", "nt", "nz"))
+    return fewer | {"nt": max(2, fewer["nt"])}

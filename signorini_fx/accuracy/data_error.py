@@ -1,0 +1,143 @@
+"""What a mesh does not see of the data: loads between quadrature points, gap and friction between nodes.
+
+Where a load, a gap or a friction bound jumps between nodes, a solution may be resolved well and belong to other data.
+The data are looked at in many more points; what is missed is an error of its own, and refined like the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.pressure_error import on_facets
+from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
+from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
+
+Floats = npt.NDArray[np.float64]
+
+# Quadrature to compare with: 31 points along a facet, 100 in a cell.
+_FACET_DEGREE, _CELL_DEGREE = 60, 18
+# Points between two nodes.
+_POINTS = 32
+
+
+@dataclass(frozen=True)
+class DataError:
+    """What is missed of the data.
+
+    Attributes:
+        forces: loads and friction that each owned cell misses, force per thickness, shape (cells,).
+        squares: squared energy norm of what each owned cell misses of the gap, shape (cells,).
+        total: size of all forces together, force per thickness.
+    """
+
+    forces: Floats
+    squares: Floats
+    total: float
+
+
+def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
+    """Look at the data between nodes and quadrature points; collective.
+
+    Args:
+        d: the discretisation.
+        table: the contact boundary after the load step.
+        step: the load step.
+    """
+    assert d.boundary is not None
+    friction, gap = _between_nodes(d, table)
+    cells = contact_cells(d)
+    forces = _missed_loads(d, step)
+    squares = np.zeros_like(forces)
+    np.add.at(forces, cells, on_facets(d.boundary, table, friction))
+    np.add.at(squares, cells, d.scene.young * on_facets(d.boundary, table, [own**2 for own in gap]))
+    pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
+    forces_of_step = sum(load.factors[step] * load.forces for load in d.applied)
+    loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
+    return DataError(forces, squares, max(loads, pressed))
+
+
+def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
+    """The cell of each contact facet of this rank, in the order of ``boundary.segments``."""
+    facets = [d.tagged.facets(effect.boundary) for effect in d.scene.contact]
+    return np.concatenate([facet_entities(d.tagged.mesh, own)[:, 0] for own in facets])
+
+
+def _missed_loads(d: Discretisation, step: int) -> Floats:
+    """The part of the loads that the quadrature of each owned cell misses, force per thickness, shape (cells,)."""
+    mesh = d.tagged.mesh
+    owned = mesh.topology.index_map(2).size_local
+    loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and varies(load)]
+    if not loads:
+        return np.zeros(owned)
+    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (2,))))
+    ds = measure(mesh, [d.tagged.facets(load.boundary) for load in loads if isinstance(load, SurfaceTraction)], {})
+    number, terms = 0, []
+    for load in loads:
+        factor = fem.Constant(mesh, default_scalar_type((load.factors or (1.0,) * d.scene.steps)[step]))
+        value = ufl.as_vector([ufl_value(v, d.space) for v in (load.x, load.y)])
+        fine, coarse, dx = _CELL_DEGREE, load_degree(d.scene.element.degree), ufl.dx
+        if isinstance(load, SurfaceTraction):
+            number += 1
+            fine, coarse, dx = _FACET_DEGREE, traction_degree(load, d.scene.element.degree), ds(number)
+            if not is_zero(load.pressure):
+                value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
+        density = factor * ufl.inner(value, z)
+        terms += [
+            density * dx(metadata={"quadrature_degree": fine}),
+            -density * dx(metadata={"quadrature_degree": coarse}),
+        ]
+    missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
+    return np.asarray(np.linalg.norm(assemble(missed).getArray().reshape(-1, 2), axis=1))
+
+
+def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
+    """Between neighbouring nodes: the friction that is missed, force, and by how much the gap differs, length."""
+    c = table.columns
+    effects = {effect.boundary: effect for effect in d.scene.contact}
+    at = (np.arange(_POINTS) + 0.5) / _POINTS
+    friction, gaps = [], []
+    for chain in table.chains:
+        rows = slice(chain.start, chain.stop)
+        x = np.array([c["x"][rows], c["y"][rows], np.zeros(len(chain))])
+        inside = x[:, :-1, None] + np.diff(x)[:, :, None] * at
+        pressure, length = c["pressure"][rows], np.diff(c["s"][rows])
+        effect = effects[str(c["boundary"][chain.start])]
+
+        def between(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats, Floats]:
+            """Values at the nodes, by how much those between differ from a line, and the second differences nearby."""
+            if isinstance(value, float):
+                return np.full(x.shape[1], value), np.zeros(inside.shape[1:]), np.zeros(inside.shape[1])
+            nodal = sample(value, x)
+            points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
+            bend = np.pad(np.abs(np.diff(nodal, 2)), 1, mode="edge") if nodal.size > 2 else np.zeros(nodal.size)
+            return nodal, points - nodal[:-1, None] - np.diff(nodal)[:, None] * at, np.maximum(bend[:-1], bend[1:])
+
+        nodal, away, bend = between(effect.gap)
+        # In contact the body follows the gap; beside it a bump may have been entered that no node has met.
+        distance = np.maximum(nodal - c["u_n"][rows], 0.0)
+        room = distance[:-1, None] + np.diff(distance)[:, None] * at
+        both = (pressure[:-1] != 0) & (pressure[1:] != 0)
+        missed = np.where(both[:, None], np.abs(away), -away - room).max(axis=1)
+        gaps.append(np.maximum(missed - SMOOTH_LARGEST * bend, 0.0))
+        missed = np.zeros(length.size)
+        if isinstance(effect.friction, TrescaFriction | CoulombFriction):
+            law = effect.friction
+            _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
+            times = (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2 if isinstance(law, CoulombFriction) else 1.0
+            sliding = np.char.startswith(c["friction"][rows].astype(str), "slip")
+            missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * length
+            missed[~(sliding[:-1] | sliding[1:])] = 0.0
+        friction.append(missed)
+    return friction, gaps

@@ -1,0 +1,119 @@
+"""Everything that is estimated on one mesh, by quantity and by cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.data_error import contact_cells, data_error
+from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pressure_square
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.tuned import POLLUTION
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is estimated on one mesh; all errors are relative.
+
+    Attributes:
+        energy: of the displacement, energy norm, data included.
+        pressure: of the contact pressure, L2(Gamma_c), data included, as the contact boundary shows it; None without
+            contact.
+        inside: of the contact pressure but beside corners, data left out.
+        data: loads and friction that the mesh misses.
+        size: energy norm of the solution.
+        pressed: norm of its contact pressure in L2(Gamma_c).
+        squares: what each owned cell has in the square of the error, by quantity, shape (cells,).
+    """
+
+    energy: float
+    pressure: float | None
+    inside: float
+    data: float
+    size: float
+    pressed: float
+    squares: dict[str, Floats]
+
+
+def estimate_errors(
+    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int, compliance: float
+) -> Errors:
+    """Estimate what is wrong on a mesh; collective.
+
+    Args:
+        d: the discretisation.
+        displacement: all displacement dofs, up to a rigid motion.
+        energy: strain energy of the solution.
+        table: the contact boundary.
+        step: the load step.
+        compliance: 1 / gamma_1 of the regularisation; 0 without.
+    """
+    assert d.boundary is not None
+    comm = d.tagged.mesh.comm
+
+    def total(squares: Floats) -> float:
+        return float(parallel.global_sum(comm, squares.sum()))
+
+    missed = data_error(d, table, step)
+    size = 2 * energy
+    body: Floats = np.zeros(missed.squares.shape)
+    if energy > 0:
+        body[:] = (StressRecovery(d).squares(displacement, step) + missed.squares) / size
+    forces: Floats = np.zeros(body.shape)
+    if missed.total > 0:
+        forces[:] = missed.forces / missed.total
+    data, error = total(forces), float(np.sqrt(total(body)))
+    contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
+    if pressed > 0:
+        for squares, corners in ((contact, True), (inside, False)):
+            intervals = interval_squares(table, corners=corners, blur=compliance * d.scene.young)
+            np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
+    local, rest = total(contact), total(inside)
+    wholes = ((body, error**2), (inside, rest), (forces, data))
+    shares: list[Floats] = [np.asarray(squares / whole) for squares, whole in wholes if whole > 0]
+    return Errors(
+        energy=error + data,
+        pressure=float(np.sqrt(local)) + data if pressed > 0 else None,
+        inside=float(np.sqrt(rest)),
+        data=data,
+        size=float(np.sqrt(size)),
+        pressed=float(np.sqrt(pressed)),
+        squares={
+            "energy": body + data * forces,
+            "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
+            "force": sum(shares, np.zeros_like(body)),
+        },
+    )
+
+
+def worst_of(steps: list[Errors]) -> Errors:
+    """The largest errors of several load steps, relative to the largest solution and pressure among them."""
+    if len(steps) == 1:
+        return steps[0]
+    size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
+    of_size = [step.size / size if size > 0 else 0.0 for step in steps]
+    of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
+    shares = {"energy": of_size, "pressure": of_pressed, "force": [1.0] * len(steps)}
+    pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
+
+    def added(name: str, own: list[float]) -> Floats:
+        parts = [share**2 * step.squares[name] for step, share in zip(steps, own, strict=True)]
+        return np.asarray(np.sum(parts, axis=0))
+
+    return Errors(
+        energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
+        pressure=max(pressures) if pressed > 0 else None,
+        inside=max(step.inside * share for step, share in zip(steps, of_pressed, strict=True)),
+        data=max(step.data for step in steps),
+        size=size,
+        pressed=pressed,
+        squares={name: added(name, own) for name, own in shares.items()},
+    )

@@ -1,0 +1,103 @@
+"""How the mesh of a scene is refined for an accuracy that is asked for: where, with which cells and which elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from signorini_fx import compat
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.files.gmsh_files import DRAWN
+from signorini_fx.mesh.refinement import check_divisible
+from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, simplex_parameters
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.settings import Accuracy
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a scene is refined.
+
+    Attributes:
+        scene: with the elements that are to be used; its mesh is a generator's, a file's whose cells are all divided,
+            or one whose triangles are.
+        adaptive: whether triangles are divided where the error is.
+        replaced: whether elements or cells are others than those of the scene.
+        polygonal: whether straight sides stay where the shape may be curved.
+        geometry: degree of the geometry of a file's mesh; None: as the file has it.
+    """
+
+    scene: Scene
+    adaptive: bool
+    replaced: bool
+    polygonal: bool = False
+    geometry: int | None = None
+
+
+# What is estimated well on meshes that are fine in one place and coarse in another; the rest compares meshes point by
+# point, which they do not bear well.
+LOCAL = ("energy", "pressure", "force")
+
+
+def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """How to refine the mesh of a scene.
+
+    Raises:
+        SceneError: cells on arcs are to be divided, which would converge to the solution on a polygon.
+        MeshError: the mesh cannot be refined.
+    """
+    if isinstance(scene.mesh, MeshGenerator):
+        return _planned_generator(scene, goal)
+    if isinstance(scene.mesh, MeshFile):
+        return _planned_file(scene, scene.mesh, goal, comm)
+    tagged = load_mesh(scene, comm)
+    check_divisible(tagged)  # before hours have been spent on it as it is
+    scene = scene.model_copy(update={"mesh": tagged})
+    if goal.refinement != "auto" or goal.of not in LOCAL:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
+    return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _of_degree_2(scene: Scene) -> Scene:
+    return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
+
+
+def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
+    assert isinstance(scene.mesh, MeshGenerator)
+    name, given = scene.mesh.generator, scene.mesh.parameters
+    triangles = simplex_parameters(name, given)
+    if goal.refinement == "adaptive" and triangles is None:
+        message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
+    # Arcs: cells of degree 2 on them, and all of them smaller.
+    parameters = curved_parameters(name, given) if triangles is None else triangles
+    if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False)
+    mesh = MeshGenerator(generator=name, parameters=parameters)
+    better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
+    return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
+
+
+def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """Curved sides stay curved: all cells are divided then, since dolfinx bisects straight ones only."""
+    drawn = file.file.suffix.lower() in DRAWN
+    tagged = load_file(file, comm, degree=2 if drawn else None)
+    curved = curvature(tagged) > STRAIGHT * tagged.size
+    degree = compat.geometry_degree(tagged.mesh)
+    triangles = tagged.mesh.topology.cell_name() == "triangle"
+    better = goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    if goal.refinement == "adaptive" or (better and goal.of in LOCAL and triangles and not curved):
+        if curved:
+            message = (
+                "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "
+                "would stay the polygon that they are; use 'uniform'"
+            )
+            raise SceneError([("accuracy.refinement", message)])
+        straight = load_file(file, comm, degree=1)
+        check_divisible(straight)
+        divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
+        return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
+    whole = _of_degree_2(scene) if better else scene
+    geometry = (2 if curved and whole.element.degree == 2 else 1) if drawn or not curved else None
+    return Plan(whole, False, whole.element != scene.element, not drawn and degree == 1, geometry)

@@ -1,0 +1,230 @@
+"""How wrong the contact pressure is, in L2(Gamma_c), and where: from its kinks at the nodes.
+
+Between the nodes the pressure is linear.  How far it is from the true one there shows in the change of its slope at the
+nodes, in smooth parts and at the ends of the contact zones alike.  At a corner of the body the stress may be singular,
+the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.tuned import (
+    CORNER_ANGLE,
+    CORNER_ERROR_SHARE,
+    CORNER_SHARE,
+    FIT_STRETCH,
+    JUMP_RATIO,
+    KINK_SHARE,
+    LARGEST_EXPONENT,
+    STEEP_EXPONENT,
+)
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+# Smaller angles are round-off.
+_STRAIGHT = 1e-7
+
+
+def interval_squares(table: ContactTable, *, corners: bool = True, blur: float = 0.0) -> list[Floats]:
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length.
+
+    Args:
+        table: the contact boundary.
+        corners: whether to take the intervals at corners for what they are; False: without them, for what does not
+            depend on so small a part of the boundary.
+        blur: length up to which the regularisation blurs the pressure at a corner; 0 without.
+
+    Returns:
+        One array for each chain of the table, shape (nodes - 1,).
+    """
+    return [_squares(table, chain, blur, corners=corners) for chain in table.chains]
+
+
+def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -> Floats:
+    rows = slice(chain.start, chain.stop)
+    c = table.columns
+    s, pressure = c["s"][rows], c["pressure"][rows]
+    h = np.diff(s)
+    squares = np.zeros(h.size)
+    if h.size < 2:
+        return squares
+    kinks = np.diff(np.diff(pressure) / h) ** 2
+    squares[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
+    squares[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
+    jumps = _jumps(s, pressure)
+    squares[:-1] += h[:-1] * jumps**2 / 12
+    squares[1:] += h[1:] * jumps**2 / 12
+    for corner, interval in _corners(table, chain):
+        inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
+        beside = inside if interval == corner else inside - 1  # the next interval
+        if corners:
+            away = slice(corner, None) if interval == corner else slice(corner, None, -1)
+            squares[interval] = max(
+                squares[interval],
+                CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
+                _singular(np.abs(s[away] - s[corner]), pressure[away], blur),
+            )
+        else:
+            squares[[interval, beside]] = 0.0
+    return squares
+
+
+def _jumps(s: Floats, pressure: Floats) -> Floats:
+    """Where the pressure jumps, as it does between two materials: by how much at each inner node, shape (nodes - 2,).
+
+    From both sides it is continued to the node; what is left between is a jump if it is larger than all changes nearby.
+    A line through a jump is wrong by half of it at one end of an interval: h jump^2 / 12.
+    """
+    jumps = np.zeros(s.size - 2)
+    if s.size < 5:
+        return jumps
+    steps = np.diff(pressure)
+    slopes = steps / np.diff(s)
+    left = pressure[1:-3] + slopes[:-3] * (s[2:-2] - s[1:-3])
+    right = pressure[3:-1] + slopes[3:] * (s[2:-2] - s[3:-1])
+    size = np.abs(left - right)
+    pressed = np.lib.stride_tricks.sliding_window_view(pressure != 0, 5).all(axis=1)
+    beyond = size > JUMP_RATIO * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
+    jumps[1:-1] = np.where(pressed & beyond, size, 0.0)
+    return jumps
+
+
+def _singular(r: Floats, pressure: Floats, blur: float) -> float:
+    """Squared error beside a corner if the pressure is K r^-a there, as the nodes farther away say.
+
+    Args:
+        r: distance of the nodes from the corner, which is the first.
+        pressure: at these nodes.
+        blur: up to this distance the regularisation blurs the pressure; 0 without.
+    """
+    # Neighbouring nodes of quadratic elements tell different things, every second one the same.
+    even = np.arange(2, r.size, 2)
+    near = even[r[even] >= 2 * max(r[1], blur)]
+    if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
+        return 0.0
+    first = near[0]
+    falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
+    stretch = falling[(r[falling] <= FIT_STRETCH * r[first]) & (pressure[falling] > 0)]
+
+    def growth(other: int) -> float:
+        return float(np.log(pressure[first] / pressure[other]) / np.log(r[other] / r[first]))
+
+    a = growth(near[1])
+    if a > STEEP_EXPONENT and stretch[-1] > first:
+        # Two neighbours say much of their element; a singularity shows over the whole stretch where it reigns.
+        a = max(a, growth(stretch[-1]))
+    a = min(a, LARGEST_EXPONENT)
+    h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
+    k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
+    square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))
+    total = h * (square + start**2 + start * slope + slope**2 / 3)
+    if blur > h:
+        inner = slice(1, int(np.searchsorted(r, blur)) + 1)
+        missing = k * (r[inner] / h) ** -a - pressure[inner]
+        total += float(np.dot(missing[:-1] ** 2 + missing[1:] ** 2, np.diff(r[inner])) / 2)
+    return float(max(0.0, total))
+
+
+def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:
+    """Nodes of a chain in contact at a corner of the body, each with an interval beside it, counted from its start."""
+    rows = slice(chain.start, chain.stop)
+    pressure, last = table.columns["pressure"][rows], len(chain) - 1
+    found = [(0, 0), (last, last - 1)]
+    if "x" in table.columns:
+        x, y = table.columns["x"][rows], table.columns["y"][rows]
+        for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
+            found += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
+    return [(node, interval) for node, interval in found if pressure[node] != 0]
+
+
+def corners_of_error(table: ContactTable) -> Floats:
+    """Positions of the corners beside which much of the error of the pressure is, shape (n, 2)."""
+    squares = interval_squares(table)
+    much = CORNER_ERROR_SHARE * sum(float(own.sum()) for own in squares)
+    rows = [
+        chain.start + node
+        for chain, own in zip(table.chains, squares, strict=True)
+        for node, interval in (_corners(table, chain) if own.size > 1 else [])
+        if own[interval] > much
+    ]
+    return np.column_stack((table.columns["x"][rows], table.columns["y"][rows]))
+
+
+def _turning(x: Floats, y: Floats) -> Floats:
+    """Angle from each interval to the next, radians, shape (nodes - 2,)."""
+    angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
+    return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def polygon_error(table: ContactTable, modulus: float) -> float:
+    """How much straight facets in place of a curved contact boundary matter, relative to the contact pressure.
+
+    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and a slope is
+    worth the modulus in pressure.
+
+    Args:
+        table: the contact boundary on a mesh whose facets were not divided.
+        modulus: stress per strain of the plane.
+    """
+    c = table.columns
+    turns = []
+    for chain in table.chains:
+        rows = slice(chain.start, chain.stop)
+        angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
+        near = pressed[1:-1] | pressed[:-2] | pressed[2:]
+        turns += angle[near & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)].tolist()
+    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
+    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns and square > 0 else 0.0
+
+
+def peak_of(table: ContactTable) -> tuple[float, float]:
+    """The largest pressure, and the spacing of the nodes where it is; (0, 0) without contact."""
+    pressure, s = table.columns["pressure"], table.columns["s"]
+    row = int(np.argmax(pressure)) if pressure.size else 0
+    for chain in table.chains:
+        if row in chain and pressure[row] > 0 and len(chain) > 1:
+            return float(pressure[row]), float(np.diff(s[max(row - 1, chain.start) : min(row + 2, chain.stop)]).min())
+    return 0.0, 0.0
+
+
+def pressure_error(table: ContactTable) -> float | None:
+    """Estimated error of the contact pressure, relative in L2(Gamma_c); None without contact."""
+    size = pressure_square(table)
+    total = sum(float(squares.sum()) for squares in interval_squares(table))
+    return float(np.sqrt(total / size)) if size > 0 else None
+
+
+def pressure_square(table: ContactTable) -> float:
+    """The squared norm of the pressure in L2(Gamma_c)."""
+    return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
+
+
+def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
+    """Sums of what belongs to the intervals between nodes, for each facet of this rank, as in ``boundary.segments``.
+
+    Args:
+        boundary: the contact nodes of this rank.
+        table: the contact boundary.
+        intervals: one array for each chain of the table, shape (nodes - 1,).
+    """
+    assert table.nodes is not None
+    rows = np.concatenate([np.arange(chain.start, chain.stop - 1) for chain in table.chains])
+    base = int(table.nodes.max(initial=0)) + 1
+
+    def keys(part: Ints, one: Ints, other: Ints) -> Ints:
+        """One number for each pair of nodes on a boundary, in either order."""
+        return (part * base + np.minimum(one, other)) * base + np.maximum(one, other)
+
+    known = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[rows + 1, 1])
+    order = np.argsort(known)
+    values = np.concatenate(intervals)[order]
+    part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
+    total = np.zeros(len(part))
+    for k in range(nodes.shape[1] - 1):
+        total += values[np.searchsorted(known[order], keys(part, nodes[:, k], nodes[:, k + 1]))]
+    return total

@@ -1,0 +1,376 @@
+"""What accuracy costs: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
+
+Nothing is solved for it that the nested iteration does not solve anyway.  The energy norm of the displacement's error
+is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact
+force, zone ends and peak pressure by the change from the mesh before, extrapolated with the expected rate; the error
+that the regularisation leaves by the path that gamma takes; that of the iteration by its last residual or change.
+"""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.pressure_error import peak_of
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.tuned import (
+    CHANGES_USED,
+    ENERGY_RATES,
+    EXPECTED_RATES,
+    FINER_FACTOR,
+    GROWING_MESHES,
+    GROWTH_POWER,
+    LASTING_SHARE,
+    LEAST_GROWING_TIME,
+    MEMORY_POWER,
+    POLLUTION,
+    POLYGON_ERRORS,
+    POLYGON_PEAK,
+    SLOWEST_DECREASE,
+    SMOOTH_RATE,
+    TIME_POWER,
+)
+
+
+@dataclass(frozen=True)
+class MeshCost:
+    """A mesh and what a solve on it took.
+
+    Attributes:
+        level: its number, the coarsest is 0.
+        h: mean spacing of the contact nodes, length.
+        dofs: unknowns.
+        linear_solves: linear solves on this mesh.
+        factorisations: of them with a new factorisation.
+        seconds: wall time of everything on this mesh, largest over the ranks.
+        memory: peak memory so far of all ranks together, MB.
+    """
+
+    level: int
+    h: float
+    dofs: int
+    linear_solves: int
+    factorisations: int
+    seconds: float
+    memory: float
+
+
+@dataclass(frozen=True)
+class LevelResult(MeshCost):
+    """What is known of one mesh that was solved; its cost is that of ``MeshCost``.
+
+    Attributes:
+        status: how it ended.
+        energy: estimated discretisation error, relative in the energy norm, data included.
+        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
+        inside: the same but beside corners, data left out.
+        data: the part of the loads and of friction that the mesh misses.
+        polygon: what straight facets of a curved contact boundary are worth, which no refinement makes smaller;
+            ``pressure_error.polygon_error``.
+        regularisation: error that the regularisation leaves, relative in the energy norm; 0 without regularisation.
+        pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
+        iteration: relative residual, or last change of the outer iteration, whichever is larger.
+        table: the contact boundary.
+        force: contact and friction force on the body of all load steps, shape (4 steps,).
+    """
+
+    status: str
+    energy: float
+    pressure: float | None
+    inside: float
+    data: float
+    regularisation: float
+    pressure_regularisation: float
+    iteration: float
+    table: ContactTable
+    force: npt.NDArray[np.float64]
+    polygon: float = 0.0
+
+
+@dataclass(frozen=True)
+class Price(MeshCost):
+    """One row of the price list: ``MeshCost`` and errors; each is relative, None where it cannot be told yet.
+
+    Attributes:
+        energy: error of the displacement, energy norm.
+        pressure: error of the contact pressure, L2(Gamma_c).
+        force: error of contact and friction force.
+        zone: error of the ends of the contact zones, relative to their length.
+        peak: error of the largest pressure.
+        regularisation: the part of ``energy`` that gamma adds.
+        iteration: the part that the iteration adds.
+        predicted: whether this is the next mesh, not solved yet.
+    """
+
+    energy: float | None
+    pressure: float | None
+    force: float | None
+    zone: float | None
+    peak: float | None
+    regularisation: float
+    iteration: float
+    predicted: bool = False
+
+
+def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
+    """A mesh with the errors that its straight facets add where they stand for a curved boundary."""
+    more = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
+    pressure = None if level.pressure is None else level.pressure + more["pressure"]
+    return replace(
+        level, energy=level.energy + more["energy"], pressure=pressure, data=level.data + more["force"], polygon=polygon
+    )
+
+
+def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
+    """Whether the largest pressure has no limit: it grew by about as much each time the mesh was made finer."""
+    seen = [peak_of(level.table) for level in levels]
+    steps = [
+        np.log(fine / coarse) / np.log(h / smaller)
+        for (coarse, h), (fine, smaller) in pairwise(seen)
+        if coarse > 0 and fine > 0 and smaller < h / FINER_FACTOR
+    ]
+    last = steps[-GROWING_MESHES:]
+    return len(last) == GROWING_MESHES and min(last) > GROWTH_POWER and bool(last[-1] > LASTING_SHARE * last[0])
+
+
+def peak_memory(comm: MPI.Comm) -> float:
+    """Largest resident memory so far, summed over the ranks, MB; collective."""
+    # Linux hands ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        own = int(status.split("VmHWM:")[1].split()[0]) / 1024
+    except (OSError, IndexError):  # no Linux
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return float(parallel.global_sum(comm, np.array(own)))
+
+
+def expected_rates(degree: int) -> dict[str, float]:
+    """How errors are expected to fall with h, taken as the square root of 1 / unknowns.
+
+    Args:
+        degree: of the displacement on meshes that are refined where the error is, which restores the rates of smooth
+            solutions; 1 on meshes that are refined everywhere, where the ends of the contact zones limit them.
+    """
+    return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
+
+
+def price_list(
+    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
+) -> list[Price]:
+    """The rows for the meshes that were solved, coarsest first, and one for the next.
+
+    Args:
+        levels: what was solved; at least two.
+        base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
+        uniform: whether each mesh is finer everywhere, and by about as much, than the one before.
+    """
+    changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
+    rows = []
+    for index, level in enumerate(levels):
+        errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
+        if index > 0:
+            fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
+            errors = {
+                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
+            }
+            errors["force"] = _force_error(levels[: index + 1])
+            if errors["peak"] is not None:
+                errors["peak"] += level.data + POLYGON_PEAK * level.polygon
+        if grows_for_ever(levels[: index + 1]):
+            errors["peak"] = None
+        errors["pressure"] = level.pressure
+        change = changes[index - 1]["pressure"] if index > 0 else None
+        if change is not None and level.pressure is not None:
+            errors["pressure"] = _confirmed(levels[index - 1], level, change, uniform=uniform)
+        own = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
+        row: dict[str, Any] = {name: getattr(level, name) for name in own} | errors
+        rows.append(Price(**row))
+    return [*rows, predict(rows, base_memory, rates=rates)]
+
+
+def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform: bool) -> float:
+    """The error of the pressure in the light of its change from the mesh before.
+
+    A change that is larger than the error that the coarse mesh was said to have shows by how much the estimate is too
+    small.  On uniform meshes what changes in a pressure that the mesh resolves comes from elsewhere in the body.
+    """
+    estimate = fine.pressure or 0.0
+    if uniform:
+        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / 2) - 1)))
+    times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
+    return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
+
+
+def _force_error(levels: Sequence[LevelResult]) -> float | None:
+    """Error of contact and friction force on the last mesh, from how they changed on the way to it.
+
+    A force is an average: it is wrong by what falls like the square of the error of the displacement or, if that falls
+    less, of the pressure; a corner matters little to it.
+    """
+    fine = levels[-1]
+    size = float(np.linalg.norm(fine.force))
+    if size == 0.0:
+        return None
+    told = []
+    for coarse in levels[-1 - CHANGES_USED : -1]:
+        pairs = ((coarse.energy, fine.energy), (coarse.inside, fine.inside))
+        share = max((after / before for before, after in pairs if before > 0), default=0.0) ** 2
+        share = float(np.clip(share, 0.0, SLOWEST_DECREASE))
+        told.append(float(np.linalg.norm(fine.force - coarse.force)) / size * share / (1 - share))
+    return max(told) + fine.data
+
+
+def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
+    """Relative change of every quantity from one mesh to the next; None where it cannot be compared."""
+    c, f = coarse.table.columns, fine.table.columns
+    weight, pressure = f["weight"], f["pressure"]
+    size = float(np.sqrt(np.dot(weight, pressure**2)))
+    difference = pressure - interpolated(coarse.table, fine.table, "pressure")
+    ends_c, ends_f = zone_ends(coarse.table), zone_ends(fine.table)
+    length = float(sum(abs(b - a) for a, b in zip(ends_f[::2], ends_f[1::2], strict=True)))
+    comparable = len(ends_c) == len(ends_f) > 0 and length > 0
+    force = float(np.linalg.norm(fine.force))
+    return {
+        "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
+        "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
+        "zone": float(np.abs(np.subtract(ends_f, ends_c)).max()) / length if comparable else None,
+        "peak": abs(pressure.max() - c["pressure"].max()) / pressure.max() if pressure.max() > 0 else None,
+    }
+
+
+def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
+    """A column of the coarse table at the nodes of the fine one, linearly along each piece of the boundary."""
+    values = np.zeros(fine.columns["s"].size)
+    for here, there in zip(fine.chains, coarse.chains, strict=False):
+        rows, old = slice(here.start, here.stop), slice(there.start, there.stop)
+        values[rows] = np.interp(fine.columns["s"][rows], coarse.columns["s"][old], coarse.columns[name][old])
+    return values
+
+
+def zone_ends(table: ContactTable) -> list[float]:
+    """Ends of the contact zones along the boundary, length, start and end of each zone in turn.
+
+    Between the last node in contact and the next one the pressure falls like the square root of the distance to the
+    end, so its square is extrapolated linearly.
+    """
+    s, pressure = table.columns["s"], table.columns["pressure"]
+    ends: list[float] = []
+    for chain in table.chains:
+        touching = dict.fromkeys(row for row in chain if pressure[row] > 0)
+        starts = [row for row in touching if row - 1 not in touching]
+        stops = [row for row in touching if row + 1 not in touching]
+        for first, last in zip(starts, stops, strict=True):
+            ends += [_end(s, pressure, chain, first, -1, last), _end(s, pressure, chain, last, 1, first)]
+    return ends
+
+
+def _end(
+    s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], chain: range, row: int, step: int, other: int
+) -> float:
+    """Where p^2 vanishes beyond ``row`` in the direction ``step``."""
+    outside, inside = row + step, row - step
+    if outside not in chain or inside not in chain or row == other or p[inside] <= p[row]:
+        return float(s[row])
+    reach = p[row] ** 2 / (p[inside] ** 2 - p[row] ** 2) * abs(s[row] - s[inside])
+    return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
+
+
+def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
+    """Error of the last mesh: the geometric mean of what the last changes, extrapolated and brought to it, tell.
+
+    Args:
+        rate: the error falls like 1 / fineness to this power.
+        changes: from each mesh to the next.
+        fineness: 1 / h of the meshes, one more than changes.
+    """
+    if not changes[-1]:
+        return changes[-1]
+    told = [
+        change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
+        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
+        if change
+    ]
+    return float(np.exp(np.mean(np.log(told))))
+
+
+def _finer(rows: Sequence[Price]) -> float:
+    """How many times finer the last mesh is than the one before, on average over the body."""
+    return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
+
+
+def predict(
+    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, finer: float | None = None
+) -> Price:
+    """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
+
+    Args:
+        rows: what was solved, coarsest first; at least two.
+        base_memory: memory before the first mesh, MB.
+        rates: how the errors are expected to fall with h.
+        finer: how many times finer the next mesh is; None: as many times as the last one was.
+    """
+    last, before = rows[-1], rows[-2]
+    seen_growth, seen_finer = last.dofs / before.dofs, _finer(rows)
+    finer = seen_finer if finer is None else finer
+    growth = finer**2
+
+    def next_error(name: str) -> float | None:
+        value = getattr(last, name)
+        return None if value is None else value / finer ** rates[name]
+
+    energy_rate = (
+        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *ENERGY_RATES)
+        if before.energy and last.energy
+        else 1.0
+    )
+
+    def grown(name: str, power: float, offset: float, least: float) -> float:
+        """A part that stays, at least ``offset``, and one that grows like this power of the unknowns."""
+        value, earlier = getattr(last, name), getattr(before, name)
+        growing = (value - earlier) / (1 - seen_growth**-power)
+        own = max(value - offset, 0.0)
+        return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
+
+    return replace(
+        last,
+        level=last.level + 1,
+        h=last.h / finer,
+        dofs=round(last.dofs * growth),
+        seconds=grown("seconds", TIME_POWER, 0.0, LEAST_GROWING_TIME),
+        memory=grown("memory", MEMORY_POWER, base_memory, 0.0),
+        energy=None if last.energy is None else float(last.energy / finer**energy_rate),
+        pressure=next_error("pressure"),
+        force=next_error("force"),
+        zone=next_error("zone"),
+        peak=next_error("peak"),
+        predicted=True,
+    )
+
+
+def render(rows: list[Price]) -> str:
+    """The price list for a terminal."""
+
+    def number(value: float | None) -> str:
+        return "        -" if value is None else f"{value:9.1e}"
+
+    header = (
+        "level         h     dofs  solves   seconds  memory MB    energy  pressure     force      zone      peak"
+        "  |  of it gamma  iteration"
+    )
+    lines = [header]
+    for row in rows:
+        errors = " ".join(number(getattr(row, name)) for name in ("energy", "pressure", "force", "zone", "peak"))
+        name = "next" if row.predicted else f"{row.level:4d}"
+        effort = f"{row.h:9.2e} {row.dofs:8d} {row.linear_solves:7d} {row.seconds:9.2f} {row.memory:10.0f}"
+        lines.append(f"{name:>5s} {effort} {errors}  |    {row.regularisation:9.1e}  {row.iteration:9.1e}")
+    return "\n".join(lines)

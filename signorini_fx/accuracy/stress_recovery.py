@@ -1,0 +1,237 @@
+"""How wrong a discrete solution is: error estimates in the energy norm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import assemble, measure
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import is_zero, stresses, ufl_value, vector_value
+from signorini_fx.body.material import stress
+from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
+from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
+
+_PROJECTION_TOLERANCE = 1e-6
+# Tractions that vary may jump within a facet: they are looked at in so many points more.
+_FINE_DEGREE = 20
+
+
+_Effect = SurfaceTraction | PrescribedDisplacement
+
+
+class StressRecovery:
+    """An estimate of the discretisation error; compiled and assembled once, asked often.
+
+    Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of degree 1 that are
+    continuous in each material, and its difference to the discontinuous stress is measured with the compliance.
+    Functions of degree 2 would be so close to the stress of quadratic elements that half of the error went unseen.  On
+    the boundary the projection is free to follow the stress, so that it is blind in a cell that is alone at a corner:
+    there the residual of the traction, which is known, is added.
+    """
+
+    def __init__(self, discretisation: Discretisation) -> None:
+        d = discretisation
+        self._comm, self._inventory = d.tagged.mesh.comm, d.inventory
+        self._displacement = fem.Function(d.space)
+        self._components = d.tagged.dimension * (d.tagged.dimension + 1) // 2
+        space = fem.functionspace(d.tagged.mesh, ("Lagrange", 1, (self._components,)))
+        self._recovered = fem.Function(space)
+        cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
+        sigma = stress(self._displacement, *d.lame)
+        raw = _voigt(sigma)
+        density = _compliance(self._recovered - raw, *d.lame) * cellwise
+        # The components share one matrix: dolfinx numbers the nodes of both spaces alike.
+        scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", 1))
+        assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
+        product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
+        weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
+        compiled = d.inventory.compile
+        moment = ufl.inner(raw, ufl.TestFunction(space))
+        self._weight = weight
+        self._moments = compiled("stress moments", lambda: fem.form(weight * moment * ufl.dx))
+        self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * ufl.dx))
+        mass = compiled("stress mass", lambda: fem.form(weight * product * ufl.dx))
+        self._parts = [(cells, self._projection(mass, cells)) for cells in _materials(d)]
+        self._factors, residual = _boundary_residual(d, self._displacement, sigma, cellwise)
+        self._residual = None if residual is None else compiled("boundary residual", lambda: fem.form(residual))
+
+    def _choose(self, cells: npt.NDArray[np.int32]) -> None:
+        """Let the forms look at these cells only (local numbers, ghosts included)."""
+        self._weight.x.array[:] = 0.0
+        self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
+
+    def _projection(self, form: fem.Form, cells: npt.NDArray[np.int32]) -> PETSc.KSP:
+        """The solver of the projection on these cells."""
+        self._choose(cells)
+        mass = fem_petsc.assemble_matrix(form)
+        mass.assemble()
+        diagonal = mass.getDiagonal()
+        diagonal.getArray()[:] = np.where(diagonal.getArray(readonly=True) == 0.0, 1.0, 0.0)
+        mass.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)  # nodes of other materials
+        self._inventory.matrices.append("stress mass")
+        ksp = PETSc.KSP().create(self._comm)
+        ksp.setOperators(mass)
+        ksp.setType(PETSc.KSP.Type.CG)
+        ksp.getPC().setType(PETSc.PC.Type.JACOBI)
+        ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
+        return ksp
+
+    def error(self, x: PETSc.Vec) -> float:
+        """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(x).sum())))
+
+    def squares(self, x: PETSc.Vec, step: int = 0) -> npt.NDArray[np.float64]:
+        """Its square for each owned cell, shape (cells,); collective.
+
+        Args:
+            x: displacement dofs.
+            step: the load step that they belong to.
+        """
+        _fill(self._displacement, x)
+        total = sum(self._projected(*part) for part in self._parts)
+        if self._residual is not None:
+            for constant, factors in self._factors:
+                constant.value = factors[step]
+            total = total + assemble(self._residual).getArray()
+        return np.maximum(total, 0.0)
+
+    def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
+        """What the projection in one material says of each owned cell."""
+        self._choose(cells)
+        moment, component = ksp.getOperators()[0].createVecs()
+        values = assemble(self._moments)
+        owned = values.getLocalSize()
+        for k in range(self._components):
+            moment.getArray()[:] = values.getArray(readonly=True)[k :: self._components]
+            ksp.solve(moment, component)
+            self._recovered.x.array[k : owned : self._components] = component.getArray(readonly=True)
+        self._recovered.x.scatter_forward()
+        return np.asarray(assemble(self._squares).getArray())
+
+
+def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
+    """The cells of each material, ghosts included."""
+    index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
+    if len(d.scene.material) == 1:
+        return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]
+    return [d.tagged.cells(str(material.region)) for material in d.scene.material]
+
+
+def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
+    """The squared residual of the traction, times h over the stiffness, of each cell.
+
+    Only where the traction is known: not in contact, and of prescribed displacements the components that are free.  Of
+    the others it is the displacement that may differ, between the nodes: its square, times the stiffness over h.
+
+    Returns:
+        Constants with their values for each load step, and the form; None where there is no such boundary.
+    """
+    scene, mesh = d.scene, d.tagged.mesh
+    n = ufl.FacetNormal(mesh)
+    every = dmesh.exterior_facet_indices(mesh.topology)
+    known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
+    # A bit for each effect that says something of a facet: facets with the same bits share a term.
+    effects: list[_Effect] = [*scene.traction, *scene.displacement]
+    bits = np.zeros(known.size, dtype=np.int64)
+    for k, effect in enumerate(effects):
+        bits[np.isin(known, d.tagged.facets(effect.boundary))] |= 1 << k
+    own = np.concatenate([np.unique(bits), np.full(1, -1)])[:, None]
+    kinds = [int(kind) for kind in np.unique(parallel.gather_rows(mesh.comm, own)) if kind >= 0]
+    size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    index_map = mesh.topology.index_map(d.tagged.dimension)
+    count = index_map.size_local + index_map.num_ghosts
+    stiffness = d.lame[0] + 2 * d.lame[1]
+    size.x.array[:] = mesh.h(d.tagged.dimension, np.arange(count, dtype=np.int32)) if count else 0.0
+    factors = {
+        k: (fem.Constant(mesh, default_scalar_type(1.0)), load.factors or (1.0,) * scene.steps)
+        for k, load in enumerate(effects)
+    }
+    ds = measure(mesh, [known[bits == kind] for kind in kinds], {})
+    terms = []
+    for number, kind in enumerate(kinds, start=1):
+        residual, away = -sigma * n, []
+        for k, effect in enumerate(effects):
+            if not kind >> k & 1:
+                continue
+            factor = factors[k][0]
+            if isinstance(effect, SurfaceTraction):
+                residual += factor * _traction(effect, d.space, n)
+            else:
+                residual = _free(effect, residual, n)
+                away += _away(effect, y, factor, n, d.space)
+        density = BOUNDARY_RESIDUAL_SHARE * size / stiffness * ufl.inner(residual, residual)
+        density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
+        if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
+            continue
+        terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, kind)}))
+    return list(factors.values()), sum(terms[1:], terms[0]) if terms else None
+
+
+def _degree(d: Discretisation, kind: int) -> int:
+    """Quadrature degree on facets of one kind."""
+    effects: list[_Effect] = [*d.scene.traction, *d.scene.displacement]
+    varying = any(
+        kind >> k & 1 and not all(isinstance(value, float) for value in _values(effect))
+        for k, effect in enumerate(effects)
+    )
+    return _FINE_DEGREE if varying else 2 * d.scene.element.degree
+
+
+def _values(effect: _Effect) -> list[Any]:
+    """What an effect prescribes."""
+    values = stresses(effect) if isinstance(effect, SurfaceTraction) else [*effect.components, effect.normal]
+    return [value for value in values if value is not None]
+
+
+def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
+    """The components of a residual that a prescribed displacement leaves free."""
+    if effect.normal is not None:
+        return residual - ufl.inner(residual, n) * n
+    free = [component is None for component in effect.components]
+    return ufl.as_vector([residual[k] if free[k] else 0.0 for k in range(len(residual))])
+
+
+def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fem.FunctionSpace) -> list[Any]:
+    """How far the displacement is from what an expression prescribes, component by component."""
+    pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, n))]
+    return [
+        factor * ufl_value(value, space) - component
+        for value, component in pairs
+        if value is not None and not isinstance(value, float)
+    ]
+
+
+def _traction(load: SurfaceTraction, space: fem.FunctionSpace, n: Any) -> Any:
+    value = vector_value(load, space)
+    return value if is_zero(load.pressure) else value - ufl_value(load.pressure, space) * n
+
+
+def _fill(function: fem.Function, x: PETSc.Vec) -> None:
+    function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
+    function.x.scatter_forward()
+
+
+def _compliance(tau: Any, lame: Any, mu: Any) -> Any:
+    """C^-1 tau : tau for a stress tau as ``_voigt`` has it."""
+    dim = 2 if len(tau) == 3 else 3
+    trace = sum((tau[k] for k in range(1, dim)), tau[0])
+    square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
+    shear = sum((2 * tau[k] ** 2 for k in range(dim + 1, len(tau))), 2 * tau[dim] ** 2)
+    return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
+
+
+def _voigt(sigma: Any) -> Any:
+    """The components of a symmetric tensor: xx, yy, xy in the plane, xx, yy, zz, xy, xz, yz in space."""
+    dim = sigma.ufl_shape[0]
+    return ufl.as_vector(
+        [*(sigma[k, k] for k in range(dim)), *(sigma[i, k] for i in range(dim) for k in range(i + 1, dim))]
+    )

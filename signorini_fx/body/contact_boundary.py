@@ -1,0 +1,241 @@
+"""The contact boundary: its nodes with weights and directions, and the traces tau_N y and tau_T y.
+
+With the nodal rule of ``forms.py`` the products on Gamma_c are sums over nodes,
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
+rank may own none of the facets around it.  A node of two contact boundaries is two entries here, one for each normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from mpi4py import MPI
+
+from signorini_fx import compat, parallel
+from signorini_fx.body import forms
+from signorini_fx.body.assembly import assemble, facet_entities, measure
+
+Nodal = npt.NDArray[np.float64]
+
+
+# A direction has a component along an axis if it is larger than this.
+_ALONG = 1e-8
+
+
+@dataclass(frozen=True)
+class ContactBoundary:
+    """The contact nodes of this rank, n of them.
+
+    Attributes:
+        comm: the ranks that share the boundary.
+        nodes: local number of the node (block of the function space), shape (n,).
+        x: position, length, shape (n, d).
+        weight: w_i, the area (in the plane: length) that the node stands for, shape (n,).
+        normal: outward unit normal n_i, shape (n, d).
+        part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
+        free: which displacement components are not prescribed, shape (n, d).
+        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + nodes of a facet); in the
+            plane in order along the facet, in space as basix has them.
+        global_nodes: global number of the node, shape (n,).
+    """
+
+    comm: MPI.Comm
+    nodes: npt.NDArray[np.int32]
+    x: Nodal
+    weight: Nodal
+    normal: Nodal
+    part: npt.NDArray[np.int32]
+    free: npt.NDArray[np.bool_]
+    segments: npt.NDArray[np.int64]
+    global_nodes: npt.NDArray[np.int64]
+
+    @property
+    def size(self) -> int:
+        """Number of contact nodes on this rank."""
+        return int(self.nodes.size)
+
+    @cached_property
+    def tangents(self) -> Nodal:
+        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1), see ``tangents_of``; where a component across
+        the normal is prescribed, one of them is along it.
+        """
+        tangents = tangents_of(self.normal)
+        if self.normal.shape[1] == 2:
+            return tangents
+        for axis in range(3):
+            here = ~self.free[:, axis] & (np.abs(self.normal[:, axis]) <= _ALONG)
+            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
+            tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
+        return tangents
+
+    @property
+    def frames(self) -> Nodal:
+        """(n, T) of each node, one direction per column, shape (n, d, d)."""
+        return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
+
+    @property
+    def immovable(self) -> npt.NDArray[np.bool_]:
+        """Nodes that cannot move along their normal: what is free at them is across it, shape (n,).
+
+        What the contact does to them there, the support takes.
+        """
+        return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
+
+    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
+        return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
+
+    def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
+        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus of which loads the body."""
+        traction = pressure[:, None] * self.normal + np.einsum("ik,ijk->ij", shear, self.tangents)
+        return self.weight[:, None] * traction
+
+    def norm(self, values: Nodal) -> float:
+        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
+        squares = np.tensordot(self.weight, values**2, axes=1).sum()
+        return float(np.sqrt(parallel.global_sum(self.comm, squares)))
+
+    def scale(self, values: Nodal) -> float:
+        """The norm without the nodes where a support takes a part of the normal force; collective.
+
+        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
+        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
+        """
+        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
+        return self.norm(free) or self.norm(values)
+
+
+def tangents_of(normal: Nodal) -> Nodal:
+    """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
+
+    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space any two unit vectors
+    that make a right-handed frame (n, t_1, t_2) do (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8); nothing may
+    compare them from node to node.
+    """
+    if normal.shape[1] == 2:
+        return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
+    x, y, z = normal.T
+    sign = np.where(z < 0, -1.0, 1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack((1.0 + sign * x * x * a, sign * b, -sign * x), axis=1)
+    second = np.stack((b, sign + y * y * a, -y), axis=1)
+    return np.stack((first, second), axis=2)
+
+
+def join(parts: list[ContactBoundary]) -> ContactBoundary:
+    """Several contact boundaries as one list of nodes."""
+    fields: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
+    }
+    return ContactBoundary(parts[0].comm, **fields)
+
+
+def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals."""
+    mesh = space.mesh
+    rule = forms.nodal_rule(space.element.basix_element.degree, compat.geometry_degree(mesh), mesh.topology.dim)
+    ds = measure(mesh, [facets], rule)(1)
+    one = fem.Constant(space.mesh, default_scalar_type(1.0))
+    return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
+
+
+def contact_part(
+    space: fem.FunctionSpace,
+    form: fem.Form,
+    facets: npt.NDArray[np.int32],
+    index: int,
+    fixed: npt.NDArray[np.bool_],
+    direction: tuple[float, ...] | None,
+) -> ContactBoundary:
+    """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
+    dim = space.mesh.geometry.dim
+    moments = assemble(form).getArray().reshape(-1, dim)
+    weight = np.linalg.norm(moments, axis=1)
+    nodes = np.flatnonzero(weight > 0).astype(np.int32)
+    normal = moments[nodes] / weight[nodes, None]
+    if direction is not None:
+        normal = np.tile(np.asarray(direction) / np.hypot.reduce(direction), (nodes.size, 1))
+    return ContactBoundary(
+        comm=space.mesh.comm,
+        nodes=nodes,
+        x=space.tabulate_dof_coordinates()[nodes, :dim],
+        weight=weight[nodes],
+        normal=normal,
+        part=np.full(nodes.size, index, dtype=np.int32),
+        free=~fixed.reshape(-1, dim)[nodes],
+        segments=_segments(space, facets, index),
+        global_nodes=space.dofmap.index_map.local_to_global(nodes),
+    )
+
+
+def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
+    """The part and the global node numbers of each facet, see ``ContactBoundary.segments``."""
+    layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
+    # Vertices come first, then what is inside the facet: along a facet of the plane the second vertex is the last node.
+    closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
+    if side == 1:
+        closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
+    entities = facet_entities(space.mesh, facets)
+    local_nodes = space.dofmap.list[entities[:, 0][:, None], closures[entities[:, 1]]]
+    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
+    return np.column_stack((np.full(len(entities), part, dtype=np.int64), nodes))
+
+
+def _sides(mesh: Any) -> int:
+    """How many facets a cell has."""
+    return len(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[mesh.topology.dim - 1])
+
+
+def chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64]]:
+    """Connected pieces of the boundary and the order of the nodes along them.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbers of nodes and ranks.
+    """
+    # Rounded, or round-off would choose among points that are meant to be in line.
+    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[int(part), int(node)] for node in nodes]
+        for a, b in pairwise(path):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    pieces: list[range] = []
+    order: list[int] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    rest = sorted(neighbours, key=key)
+    found: list[list[int]] = []
+    for start in [*ends, *rest]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
+            chain.append(following)
+            seen.add(following)
+        found.append(chain)
+    for chain in sorted(found, key=lambda rows: key(rows[0])):
+        pieces.append(range(len(order), len(order) + len(chain)))
+        order += chain
+    return pieces, np.array(order, dtype=np.int64)

@@ -1,0 +1,85 @@
+"""How much a body is deformed, against what linear elasticity can mean.
+
+Linear elasticity takes sym(grad u) for the strain, of which the true (Green's) strain is sym(grad u) + grad u^T grad u
+/ 2: what is neglected is of the size of grad u, strain and rotation, relative to what is not.  And it takes the gap
+along the normal of the undeformed body: where a point travels the distance d along a normal that turns by an angle,
+it meets the foundation off by d times this angle, as much as a body of size d is deformed by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import adjugates
+from signorini_fx.body.discretisation import Body
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """The deformation of a body, of its most deformed piece.
+
+    Attributes:
+        gradient: mean over the piece of the size of grad u (strain and rotation): the root of the mean square of its
+            Frobenius norm; finite where single points are singular.
+        displacement: largest displacement of a node, over the size of the pieces that are joined to its own.
+    """
+
+    gradient: float
+    displacement: float
+
+    @property
+    def largest(self) -> float:
+        """The larger of the two."""
+        return max(self.gradient, self.displacement)
+
+
+def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
+    """How much a displacement deforms a body; collective.
+
+    grad u is taken at the middle of each cell.
+    """
+    pieces = body.motions.pieces
+    squares, areas = _squares(body, displacement)
+    of_cell = pieces.of_cell[: areas.size]
+    total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
+    gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
+    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.tagged.dimension), axis=1)
+    assembly = pieces.assembly[body.motions.piece]
+    share = 0.0
+    for number in range(int(pieces.assembly.max()) + 1):
+        corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.tagged.dimension)
+        size = min(body.tagged.size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
+        furthest = parallel.global_max(body.comm, parallel.local_max(moved[assembly == number]))
+        share = max(share, furthest / size)
+    return Deformation(gradient, share)
+
+
+def _squares(body: Body, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
+    mesh, space = body.tagged.mesh, body.space
+    cell = mesh.topology.cell_name()
+    middle = basix.geometry(getattr(basix.CellType, cell)).mean(axis=0, keepdims=True)
+    owned = slice(mesh.topology.index_map(mesh.topology.dim).size_local)
+
+    def slopes(degree: int) -> npt.NDArray[np.float64]:
+        """Derivatives of the scalar basis functions in the middle of the reference cell, shape (d, functions)."""
+        element = basix.ufl.element("Lagrange", cell, degree, lagrange_variant=basix.LagrangeVariant.equispaced)
+        found: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
+        return found
+
+    dim = body.tagged.dimension
+    x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
+    y = displacement.x.array.reshape(-1, dim)[space.dofmap.list[owned]]
+    # Derivatives along the reference cell, (cells, component, direction).
+    jacobian = x.transpose(0, 2, 1) @ slopes(compat.geometry_degree(mesh)).T
+    reference = y.transpose(0, 2, 1) @ slopes(body.scene.element.degree).T
+    adjugate, determinant = adjugates(jacobian.transpose(1, 2, 0))
+    squares = np.einsum("cik,kjc->cij", reference, adjugate) ** 2
+    return squares.sum(axis=(1, 2)) / determinant**2, np.abs(determinant)

@@ -1,0 +1,266 @@
+"""From a scene and its mesh to assembled operators: exactly the forms that the scene lists, each assembled once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx import compat, parallel
+from signorini_fx.body import forms
+from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.body.loads import AppliedLoad, LoadCase, applied_load, check_finite, load_case, load_groups
+from signorini_fx.body.material import lame_parameters
+from signorini_fx.body.pieces import find_pieces
+from signorini_fx.body.rigid import RigidMotions, rigid_motions
+from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Inventory, Timings
+from signorini_fx.scene.model import PrescribedDisplacement, Scene
+
+# Above this Poisson's ratio the fully integrated elements lock visibly.
+LOCKING_POISSON = 0.45
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a scene makes of a mesh before any stiffness is assembled: all that its data say of the body.
+
+    Attributes:
+        scene: where it comes from.
+        tagged: the mesh.
+        space: vector Lagrange space Y_h of the displacement.
+        lame: Lame parameters as coefficients of the forms.
+        reduced: quadrature degree of the volumetric term where it is reduced, else None.
+        supports: the prescribed displacements, one component each.
+        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
+        applied: the loads, by their load factors.
+        boundary: the contact nodes, None for a scene without contact.
+        motions: motions without strain that the supports leave free.
+        inventory: what was compiled and assembled; the elastic forms are named and compiled later.
+    """
+
+    scene: Scene
+    tagged: TaggedMesh
+    space: fem.FunctionSpace
+    lame: tuple[Any, Any]
+    reduced: int | None
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+    fixed: npt.NDArray[np.bool_]
+    applied: tuple[AppliedLoad, ...]
+    boundary: ContactBoundary | None
+    motions: RigidMotions
+    inventory: Inventory
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.tagged.mesh.comm
+        return comm
+
+    @property
+    def dofs(self) -> int:
+        """Global number of displacement unknowns."""
+        index_map = self.space.dofmap.index_map
+        return int(index_map.size_global * self.space.dofmap.index_map_bs)
+
+
+@dataclass(frozen=True)
+class Discretisation(Body):
+    """The assembled elastic body and its contact boundary.
+
+    Attributes:
+        forms: the compiled terms of a(., .).
+        stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
+        cases: the right-hand sides of the applied loads.
+    """
+
+    forms: tuple[fem.Form, ...]
+    stiffness: PETSc.Mat
+    cases: tuple[LoadCase, ...]
+
+    def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
+        """The finite element function with the dofs ``x``."""
+        function = fem.Function(self.space, name=name)
+        function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
+        function.x.scatter_forward()
+        return function
+
+
+def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
+    """Compile and assemble what the scene lists.
+
+    Raises:
+        SceneError: see ``prepare``.
+        MeshError: see ``prepare``.
+    """
+    return assemble_body(prepare(scene, tagged, timings), timings)
+
+
+def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
+    """Compile and assemble loads and contact boundaries, and find every mistake; collective.
+
+    Raises:
+        SceneError: with every mistake that only the mesh reveals: boundaries and regions that are not there or empty,
+            contact and prescribed displacement in conflict, expressions that are not finite.
+        MeshError: the cells of the mesh do not hang together.
+    """
+    facets = boundary_facets(scene, tagged)
+    pieces = find_pieces(tagged.mesh)
+    check_nodal_rule(scene, tagged)
+    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
+    lame = lame_coefficients(scene, tagged)
+    reduced = reduced_degree(scene, tagged.mesh)
+    inventory = Inventory(list(_ELASTIC[: 1 if reduced is None else 2]))
+    z = ufl.TestFunction(space)
+    with timings.phase("compile"):
+        supports = dirichlet_conditions(scene, space, facets, tagged)
+        fixed = fixed_dofs(space, [support for _, support in supports])
+        applied = [
+            applied_load(factors, loads, space, z, facets, supports, inventory)
+            for factors, loads in load_groups(scene).items()
+        ]
+        contact_forms = [
+            inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
+            for e in scene.contact
+        ]
+        check_finite(tagged.mesh.comm, applied)
+    with timings.phase("assemble"):
+        parts = [
+            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction)
+            for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
+        ]
+        boundary = join(parts) if parts else None
+        motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces)
+    if boundary is not None:
+        check_overlap(scene, boundary, facets, tagged)
+    return Body(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory)
+
+
+_ELASTIC = ("elasticity", "reduced volumetric elasticity")
+
+
+def assemble_body(body: Body, timings: Timings) -> Discretisation:
+    """Compile and assemble the stiffness of a body, and the right-hand sides that need it; collective."""
+    scene, space = body.scene, body.space
+    with timings.phase("compile"):
+        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+        mesh = space.mesh
+        degree = forms.elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
+        terms = forms.elastic_forms(y, z, *body.lame, degree, body.reduced)
+        elastic = tuple(
+            body.inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)
+        )
+    with timings.phase("assemble"):
+        every = [support for _, support in body.supports]
+        stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
+        for form in elastic[1:]:
+            stiffness.assemble()
+            fem_petsc.assemble_matrix(stiffness, form, every, scene.young)  # type: ignore[arg-type]
+        stiffness.assemble()
+        stiffness.setOption(PETSc.Mat.Option.SPD, True)
+        body.inventory.matrices.append("stiffness")
+        cases = tuple(
+            load_case(load, elastic, stiffness, body.supports, body.fixed, scene.young, body.motions)
+            for load in body.applied
+        )
+    known = {field.name: getattr(body, field.name) for field in fields(body)}
+    return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases)
+
+
+def check_nodal_rule(scene: Scene, tagged: TaggedMesh) -> None:
+    """Whether the contact integrals have a rule at the nodes with positive weights.
+
+    Raises:
+        SceneError: quadratic tetrahedra, whose vertices have no weight.
+    """
+    if scene.contact and scene.element.degree == 2 and tagged.mesh.topology.cell_name() == "tetrahedron":
+        message = "quadratic tetrahedra have no weight at their vertices: use degree = 1, or hexahedra with degree = 2"
+        raise SceneError([("element.degree", message)])
+
+
+def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
+    """Facets of every boundary that the scene names; all missing and empty ones are reported together."""
+    facets: dict[str, npt.NDArray[np.int32]] = {}
+    problems: list[tuple[str, str]] = []
+    for key in ("displacement", "traction", "contact"):
+        for index, effect in enumerate(getattr(scene, key)):
+            path = f"{key}[{index}].boundary"
+            try:
+                found = tagged.facets(effect.boundary)
+            except MeshError as error:
+                problems.append((path, str(error)))
+                continue
+            facets[effect.boundary] = found
+            if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
+                problems.append((path, f"boundary {effect.boundary!r} has no exterior facets"))
+    for index, effect in enumerate(scene.contact):
+        for other in scene.contact[:index]:
+            if effect.boundary in facets and other.boundary in facets:
+                shared = np.intersect1d(facets[effect.boundary], facets[other.boundary]).size
+                total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
+                if total:
+                    message = f"boundary {effect.boundary!r} shares {total} facets with the contact boundary "
+                    message += f"{other.boundary!r}: a facet can touch one foundation only"
+                    problems.append((f"contact[{index}].boundary", message))
+    for index, material in enumerate(scene.material):
+        if material.region is not None and material.region not in tagged.regions:
+            known = ", ".join(sorted(tagged.regions)) or "none"
+            path = f"material[{index}].region"
+            problems.append((path, f"the mesh has no region {material.region!r}; its regions are: {known}"))
+    if problems:
+        raise SceneError(problems)
+    return facets
+
+
+def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
+    """Lame parameters: constants for one material, cell-wise functions for several."""
+    mesh = tagged.mesh
+    if len(scene.material) == 1:
+        first, second = lame_parameters(scene.material[0])
+        return fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
+    space = fem.functionspace(mesh, ("DG", 0))
+    pair = fem.Function(space), fem.Function(space)
+    covered = np.zeros(pair[0].x.array.size, dtype=np.int32)
+    for material in scene.material:
+        assert material.region is not None
+        dofs = space.dofmap.list[tagged.cells(material.region), 0]
+        covered[dofs] += 1
+        for function, value in zip(pair, lame_parameters(material), strict=True):
+            function.x.array[dofs] = value
+    owned = covered[: space.dofmap.index_map.size_local]
+    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
+    bare, twice = (int(count) for count in counts)
+    if bare:
+        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
+    if twice:
+        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
+    for function in pair:
+        function.x.scatter_forward()
+    return pair
+
+
+def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points an axis."""
+    degree, kind = scene.element.degree, mesh.topology.cell_name()
+    has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
+    requested = scene.element.volumetric
+    if requested == "reduced" and not has_form:
+        plane = kind == "triangle"
+        cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
+        message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
+        raise SceneError([("element.volumetric", message)])
+    nearly = any(m.poisson >= LOCKING_POISSON and m.hypothesis == "plane strain" for m in scene.material)
+    if requested == "full" or not has_form or (requested == "auto" and not nearly):
+        return None
+    return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

@@ -1,0 +1,108 @@
+"""The weak forms, one function per effect, each returning its UFL terms.  Symbols as in the paper, equation by number.
+
+The contact terms are integrated with a rule whose points are the contact nodes (``nodal_rule``).  With it a nodal field
+is multiplied point by point, so that the terms of (3.3a) need to be assembled once, for unit multipliers, and
+everything after that is arithmetic on nodal values: ``regularised_contact_form`` below is what that arithmetic equals.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from signorini_fx.body.material import strain, stress
+
+
+def elastic_degree(cell: str, degree: int, geometry: int) -> int:
+    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
+
+    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
+    hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
+    in the plane; it stands here because the certificate integrates without UFL.
+    """
+    if cell in ("triangle", "tetrahedron"):
+        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
+    return 2 * (degree + geometry)
+
+
+def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None) -> tuple[Any, ...]:
+    """a(y, z) of section 2.1, as terms to be compiled one by one.
+
+    Args:
+        y: trial function.
+        z: test function.
+        lame: first Lame parameter.
+        mu: second Lame parameter.
+        degree: quadrature degree.
+        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
+            rest.
+
+    Returns:
+        One term, or two where the volumetric one is reduced: FFCx 0.9 gets a form wrong that holds a one-point rule
+        beside another rule on quadrilaterals.
+    """
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    if reduced is None:
+        return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
+    volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))
+    return (
+        2 * mu * ufl.inner(strain(y), strain(z)) * dx,
+        volumetric * ufl.dx(metadata={"quadrature_degree": reduced}),
+    )
+
+
+def body_force_form(force: Any, z: Any, degree: int) -> Any:
+    """(f, z), the volume term of L of section 2.1, integrated exactly up to ``degree``."""
+    return ufl.inner(force, z) * ufl.dx(metadata={"quadrature_degree": degree})
+
+
+def traction_form(traction: Any, z: Any, ds: Any) -> Any:
+    """(h, z) on a boundary, the surface term of L of section 2.1."""
+    return ufl.inner(traction, z) * ds
+
+
+def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
+    """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
+
+    In the plane the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
+    Gauss-Lobatto-Legendre (Simpson's rule).  All weights are positive, and those of the integrals of the basis
+    functions.  On a surface the integrals of the basis functions stand for themselves, exactly: the vertex rule has
+    them on triangles, but not on quadrilaterals that are no parallelograms.
+    """
+    if dimension == 3:
+        return {"quadrature_degree": lumped_degree(degree, geometry)}
+    if degree == 1:
+        return {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    return {"quadrature_rule": "GLL", "quadrature_degree": 2 * degree - 1}
+
+
+def lumped_degree(degree: int, geometry: int) -> int:
+    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a surface exactly."""
+    return 2 * (degree + geometry)
+
+
+def contact_form(pressure: Any, z: Any, n: Any, ds: Any) -> Any:
+    """(lambda, tau_N z) on Gamma_c, the contact term of (3.3a); ``ds`` carries the nodal rule."""
+    return pressure * ufl.inner(z, n) * ds
+
+
+def friction_form(shear: Any, z: Any, n: Any, ds: Any) -> Any:
+    """(mu, tau_T z) on Gamma_c, the friction term of (3.3a), with the tangent t = (-n_2, n_1)."""
+    return shear * ufl.inner(z, ufl.as_vector((-n[1], n[0]))) * ds
+
+
+def regularised_contact_form(
+    y: Any, z: Any, n: Any, ds: Any, *, gap: Any, gamma_n: Any, gamma_t: Any, bound: Any, lambda_hat: Any, mu_hat: Any
+) -> Any:
+    """Contact and friction terms of (3.3a) with (3.3b) and (3.4) put in: the max/min form of the textbook.
+
+    Its UFL derivative is the generalised derivative (1.5).  The solver does not assemble it: it keeps the active sets
+    as nodal indicators, which sigma of (3.3c) needs and which this form cannot express.  It is the reference that the
+    solver's residual and Jacobian are tested against.
+    """
+    t = ufl.as_vector((-n[1], n[0]))
+    pressure = ufl.max_value(0, lambda_hat + gamma_n * (ufl.inner(y, n) - gap))
+    trial = mu_hat + gamma_t * ufl.inner(y, t)
+    shear = trial - ufl.max_value(0, trial - bound) - ufl.min_value(0, trial + bound)
+    return contact_form(pressure, z, n, ds) + friction_form(shear, z, n, ds)

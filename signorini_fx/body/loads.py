@@ -1,0 +1,239 @@
+"""Loads and prescribed displacements as right-hand sides, grouped by their load factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.body import forms
+from signorini_fx.body.assembly import action, assemble, measure
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.errors import SceneError
+from signorini_fx.records import Inventory
+from signorini_fx.scene.expressions import Expression, sample
+from signorini_fx.scene.magnitudes import LARGEST
+from signorini_fx.scene.model import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
+
+
+@dataclass(frozen=True)
+class AppliedLoad:
+    """The loads and prescribed displacements that share one list of load factors, as the scene has them.
+
+    Attributes:
+        factors: one number per load step.
+        name: of the form, empty without.
+        form: the compiled terms of L, None if there are prescribed displacements only.
+        forces: L at the owned dofs, shape (owned dofs,).
+        prescribed: zero, with its prescribed displacements put in.
+    """
+
+    factors: tuple[float, ...]
+    name: str
+    form: fem.Form | None
+    forces: npt.NDArray[np.float64]
+    prescribed: fem.Function
+
+    @property
+    def start(self) -> npt.NDArray[np.float64]:
+        """The prescribed displacements at the owned dofs, shape (owned dofs,)."""
+        values: npt.NDArray[np.float64] = self.prescribed.x.array[: self.forces.size]
+        return values
+
+
+# Ten points on a facet: what they miss of a jump within it is in the error estimate (``data_error``).
+_VARYING_DEGREE = 20
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """The right-hand side that an ``AppliedLoad`` becomes.
+
+    Attributes:
+        factors: one number per load step.
+        load: L minus what its prescribed displacements contribute; E times their value in their rows.
+        start: zero, with its prescribed displacements put in.
+        resultant: what ``load`` does on the rigid motions of each piece of the body, forces, shape (m pieces,).
+    """
+
+    factors: tuple[float, ...]
+    load: PETSc.Vec
+    start: PETSc.Vec
+    resultant: npt.NDArray[np.float64]
+
+
+def load_resultant(cases: tuple[LoadCase, ...], step: int, size: int) -> npt.NDArray[np.float64]:
+    """What the loads of a load step do on the rigid motions of the pieces, shape (size,)."""
+    return sum((case.factors[step] * case.resultant for case in cases), np.zeros(size))
+
+
+def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
+    """A scene value as a UFL coefficient; a callable is interpolated at the nodes."""
+    mesh = space.mesh
+    if isinstance(value, float):
+        return fem.Constant(mesh, default_scalar_type(value))
+    if isinstance(value, Expression):
+        return value.ufl(mesh)
+    if hasattr(value, "ufl_domain"):
+        return value
+    function = fem.Function(fem.functionspace(mesh, ("Lagrange", space.element.basix_element.degree)))
+    function.interpolate(lambda x: sample(value, x))
+    return function
+
+
+def vector_value(load: BodyForce | SurfaceTraction, space: fem.FunctionSpace) -> Any:
+    """The components of a load as a UFL vector, shape (d,)."""
+    return ufl.as_vector([ufl_value(value, space) for value in load.components[: space.mesh.geometry.dim]])
+
+
+def is_zero(*values: Any) -> bool:
+    """Whether all values are the number zero."""
+    return all(isinstance(value, float) and value == 0.0 for value in values)
+
+
+Load = BodyForce | SurfaceTraction | PrescribedDisplacement
+
+
+def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
+    """The loads of the scene by their load factors; zero loads are no loads."""
+    groups: dict[tuple[float, ...], list[Load]] = {}
+    for load in scene.loads:
+        if isinstance(load, PrescribedDisplacement) or not is_zero(*stresses(load)):
+            groups.setdefault(load.factors or (1.0,) * scene.steps, []).append(load)
+    return groups
+
+
+def load_degree(degree: int) -> int:
+    """Quadrature degree of loads in the body, and of constant tractions, for elements of a degree."""
+    return 2 * degree + 2
+
+
+def traction_degree(load: SurfaceTraction, degree: int) -> int:
+    """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
+    return _VARYING_DEGREE if varies(load) else load_degree(degree)
+
+
+def varies(load: BodyForce | SurfaceTraction) -> bool:
+    """Whether a load is more than constants."""
+    return not all(isinstance(value, float) for value in stresses(load))
+
+
+def stresses(load: BodyForce | SurfaceTraction) -> list[Any]:
+    """All values of a load: its components and its pressure."""
+    return [*load.components, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
+
+
+def applied_load(
+    factors: tuple[float, ...],
+    loads: list[Load],
+    space: fem.FunctionSpace,
+    z: Any,
+    facets: dict[str, npt.NDArray[np.int32]],
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    inventory: Inventory,
+) -> AppliedLoad:
+    """Compile and assemble the loads that share their factors; collective."""
+    name, form = compile_loads(loads, space, z, facets, inventory)
+    prescribed = fem.Function(space)
+    for effect, support in supports:  # a later one wins where two meet
+        dofs, _ = support.dof_indices()
+        prescribed.x.array[dofs] = 0.0
+        if any(effect is one for one in loads):
+            fem_petsc.set_bc(prescribed.x.petsc_vec, [support])
+            prescribed.x.scatter_forward()
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    forces = np.zeros(owned) if form is None else np.array(assemble(form).getArray(readonly=True))
+    return AppliedLoad(factors, name, form, forces, prescribed)
+
+
+def compile_loads(
+    loads: list[Load],
+    space: fem.FunctionSpace,
+    z: Any,
+    facets: dict[str, npt.NDArray[np.int32]],
+    inventory: Inventory,
+) -> tuple[str, fem.Form | None]:
+    """The terms of L that the loads list, compiled together, and their name."""
+    mesh = space.mesh
+    element = space.element.basix_element.degree
+    degree = load_degree(element)
+    bodies = [load for load in loads if isinstance(load, BodyForce)]
+    tractions = [load for load in loads if isinstance(load, SurfaceTraction)]
+    if not bodies and not tractions:
+        return "", None
+    terms = []
+    for body in bodies:
+        force = vector_value(body, space)
+        terms.append(forms.body_force_form(force, z, degree))
+    ds = measure(mesh, [facets[load.boundary] for load in tractions], {})
+    for number, load in enumerate(tractions, start=1):
+        traction = vector_value(load, space)
+        if not is_zero(load.pressure):
+            traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
+        rule = {"quadrature_degree": traction_degree(load, element)}
+        terms.append(forms.traction_form(traction, z, ds(number, metadata=rule)))
+    names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
+    name = " + ".join(names)
+    return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+
+
+def load_case(
+    applied: AppliedLoad,
+    elastic: tuple[fem.Form, ...],
+    stiffness: PETSc.Mat,
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    fixed: npt.NDArray[np.bool_],
+    young: float,
+    motions: RigidMotions,
+) -> LoadCase:
+    """The right-hand side of an applied load: prescribed displacements lifted; collective.
+
+    Args:
+        applied: the loads.
+        elastic: the compiled terms of a(., .).
+        stiffness: whose rows the right-hand side belongs to.
+        supports: all of them.
+        fixed: which owned dofs are prescribed.
+        young: the entries of the stiffness on the diagonal of the prescribed rows.
+        motions: of the body.
+    """
+    load, start = stiffness.createVecRight(), stiffness.createVecRight()
+    load.getArray()[:], start.getArray()[:] = applied.forces, applied.start
+    if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
+        touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
+        blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
+        load.axpy(-1.0, action(elastic, applied.prescribed, blocks))
+    load.getArray()[fixed] = young * applied.start[fixed]
+    return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
+
+
+def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """What a load does on the rigid motions; only needed, and only taken, where one of them is free."""
+    if motions.free.shape[1] == 0:
+        return np.zeros(motions.free.shape[0])
+    forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, motions.x.shape[1])
+    return motions.resultant(forces, load.comm.tompi4py())
+
+
+def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
+    """Whether all loads and prescribed displacements are finite, with finite squares; collective.
+
+    Raises:
+        SceneError: an expression is not.
+    """
+    problems = []
+    where = f"an expression is not finite, or larger than {LARGEST:g}, somewhere on its boundary"
+    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST).all() for load in loads)):
+        problems.append(("displacement", where))
+    elif parallel.any_rank(comm, not all((np.abs(load.forces) <= LARGEST**2).all() for load in loads)):
+        problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
+    if problems:
+        raise SceneError(problems)

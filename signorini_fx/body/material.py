@@ -1,0 +1,56 @@
+"""The constitutive law: isotropic linear elasticity in two and three dimensions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from signorini_fx.scene.model import LinearElastic
+
+
+def lame_parameters(material: LinearElastic) -> tuple[float, float]:
+    """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress.
+
+    Plane strain has those of space.
+    """
+    young, poisson = material.young, material.poisson
+    mu = young / (2 * (1 + poisson))
+    if material.hypothesis == "plane stress":
+        return young * poisson / (1 - poisson**2), mu
+    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+
+
+def plane_modulus(material: LinearElastic) -> float:
+    """Stress per strain along a line, nothing acting across it: E / (1 - nu^2) in plane strain, E in plane stress."""
+    return material.young / (1 - material.poisson**2) if material.hypothesis == "plane strain" else material.young
+
+
+def strain(y: Any) -> Any:
+    """Linearised strain, epsilon(y) of section 2.1, shape (d, d)."""
+    return ufl.sym(ufl.grad(y))
+
+
+def stress(y: Any, lame: Any, mu: Any) -> Any:
+    """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
+    epsilon = strain(y)
+    return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
+
+
+def out_of_plane_stress(y: Any, lame: Any, hypothesis: str) -> Any:
+    """The stress component sigma_33 that the strain has not: lambda tr(epsilon) in plane strain, zero in plane stress;
+    zero in space, where there is none.
+    """
+    if len(y) == 3:
+        return 0 * ufl.tr(strain(y))
+    return lame * ufl.tr(strain(y)) if hypothesis == "plane strain" else 0 * ufl.tr(strain(y))
+
+
+def shear_energy_density(y: Any, lame: Any, mu: Any, hypothesis: str) -> Any:
+    """Elastic shear energy density |dev sigma|^2 / (4 mu), energy per volume: the gray tones of Figures 2 and 6."""
+    sigma = stress(y, lame, mu)
+    sigma_33 = out_of_plane_stress(y, lame, hypothesis)
+    mean = (ufl.tr(sigma) + sigma_33) / 3
+    deviator = sigma - mean * ufl.Identity(len(y))
+    outside = 0 * mean if len(y) == 3 else (sigma_33 - mean) ** 2
+    return (ufl.inner(deviator, deviator) + outside) / (4 * mu)

@@ -1,0 +1,183 @@
+"""The connected pieces of a body: cells that hang together by their sides, and the points at which pieces are pinned.
+
+Forces pass from cell to cell through the sides that they share.  A body whose mesh falls into several pieces is
+therefore several bodies; where two pieces share a single vertex only, they are joined by a hinge.  In space the sides
+are faces, and vertices that two pieces share hold them together like ball joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx import mesh as dmesh
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from signorini_fx import compat, parallel
+from signorini_fx.errors import MeshError
+
+_Labels = npt.NDArray[np.int64]
+# A body of more pieces is a mesh whose cells do not share their nodes; rigid motions are dense objects of their number.
+MOST_PIECES = 200
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The pieces of a body; all but ``of_cell`` are the same on every rank.
+
+    Attributes:
+        of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
+        cells: number of cells of each piece, shape (pieces,).
+        bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
+        pins: the pairs of pieces that share a vertex but no side through which they hang together, shape (pins, 2); a
+            pin may be listed more than once.
+        pin_points: where they are, shape (pins, d).
+        assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
+    """
+
+    of_cell: _Labels
+    cells: npt.NDArray[np.int64]
+    bounds: npt.NDArray[np.float64]
+    pins: _Labels
+    pin_points: npt.NDArray[np.float64]
+    assembly: _Labels
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.cells.size)
+
+    def describe(self, piece: int) -> str:
+        """Which piece it is and where."""
+        cells = int(self.cells[piece])
+        where = extent(self.bounds[piece])
+        return f"piece {piece + 1} of {self.count} ({cells} cell{'s' * (cells > 1)}, {where})"
+
+    def as_rows(self) -> list[dict[str, Any]]:
+        """One row per piece, ready for JSON; ``joined_to`` lists the pieces (from 1) that it is pinned to."""
+        rows = []
+        for piece in range(self.count):
+            here = self.pins[(self.pins == piece).any(axis=1)]
+            rows.append(
+                {
+                    "piece": piece + 1,
+                    "cells": int(self.cells[piece]),
+                    "bounds": self.bounds[piece].tolist(),
+                    "joined_to": [int(other) + 1 for other in np.unique(here[here != piece])],
+                }
+            )
+        return rows
+
+
+def extent(bounds: npt.ArrayLike) -> str:
+    """In words from where to where something reaches, from its smallest and largest coordinates, shape (2, d)."""
+    return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
+
+
+def find_pieces(mesh: dmesh.Mesh) -> Pieces:
+    """The connected pieces of a body, in the order of their smallest coordinates; collective.
+
+    Each rank labels the components of its own cells.  The labels of the sides between two ranks then say which of
+    these components are one piece, so that no rank ever holds the whole mesh.
+
+    Raises:
+        MeshError: there are more than ``MOST_PIECES``.
+    """
+    comm, topology = mesh.comm, mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim, dim - 1)
+    cells = topology.index_map(dim)
+    owned = cells.size_local
+    sides, local = _local_components(topology)
+    # Labels of all ranks, one after the other.
+    numbered = int(local.max(initial=-1)) + 1
+    local += comm.exscan(numbered) or 0
+    total = int(parallel.global_sum(comm, np.array(numbered)))
+    of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
+    shared = _disagreements(of_side, topology.index_map(dim - 1))
+    links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)
+    count, names = _components(total, links)
+    if count > MOST_PIECES:
+        raise MeshError(
+            f"the mesh falls into {count} pieces that share no side (more than {MOST_PIECES}): its cells do not share "
+            "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
+        )
+    of_cell = names[local]
+    x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
+    numbers = np.empty(count, dtype=np.int64)
+    bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
+    for piece in range(count):
+        here = of_cell == piece
+        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x[corners[here].ravel()])
+        numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(here[:owned])))
+    if count == 1:
+        none = np.empty((0, dim))
+        return Pieces(of_cell, numbers, bounds, none[:, :2].astype(np.int64), none, np.zeros(1, dtype=np.int64))
+    # Rounded, or round-off would choose among pieces that are meant to begin at the same place.
+    size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
+    order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
+    place = np.argsort(order)
+    pins, points = _pins(mesh, place[of_cell])
+    _, assembly = _components(count, pins)
+    return Pieces(place[of_cell], numbers[order], bounds[order], pins, points, assembly)
+
+
+def _local_components(topology: Any) -> tuple[Any, _Labels]:
+    """The sides of the cells of this rank, and a label for each of its cells: those that share a side have one."""
+    sides = topology.connectivity(topology.dim, topology.dim - 1)
+    side_map = topology.index_map(topology.dim - 1)
+    cells, count = sides.num_nodes, side_map.size_local + side_map.num_ghosts
+    starts = np.concatenate((sides.offsets, np.full(count, sides.array.size))).astype(np.int32)
+    graph = csr_array(
+        (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts), shape=(cells + count, cells + count)
+    )
+    _, found = connected_components(graph, directed=True, connection="weak")
+    return sides, found[:cells].astype(np.int64)  # every side has a cell, hence no label is without one
+
+
+def _components(count: int, links: _Labels) -> tuple[int, _Labels]:
+    """Number of connected components of a graph of so many nodes, and the component of each."""
+    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
+    found, names = connected_components(graph, directed=False)
+    return int(found), names.astype(np.int64)
+
+
+def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
+    """The label of a cell at each vertex or side (any of them, where there are several), -1 where there is no cell."""
+    found = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
+    found[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
+    return found
+
+
+def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
+    """Ghosts to which this rank and their owner give different labels: (entity, own label, owner's); collective."""
+    vector = la.vector(index_map, 1, dtype=np.int64)
+    vector.array[:] = labels
+    vector.scatter_forward()
+    different = np.flatnonzero((vector.array != labels) & (vector.array >= 0) & (labels >= 0))
+    return np.column_stack((different, labels[different], vector.array[different])).astype(np.int64)
+
+
+def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.float64]]:
+    """The pairs of pieces that share a vertex, and where; collective."""
+    topology = mesh.topology
+    vertices = topology.connectivity(topology.dim, 0)
+    index_map = topology.index_map(0)
+    of_vertex = _labels_of(vertices.array, of_cell, index_map)
+    of_corner = np.repeat(of_cell, vertices.array.size // max(of_cell.size, 1))
+    inside = np.flatnonzero(of_vertex[vertices.array] != of_corner)
+    entity = vertices.array[inside]
+    here = np.column_stack((entity, of_corner[inside], of_vertex[entity])).astype(np.int64)
+    between = _disagreements(of_vertex, index_map)
+    rows = np.unique(np.concatenate((here, between)), axis=0)
+    nodes: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    if rows.size:  # dolfinx divides by their number
+        topology.create_connectivity(0, topology.dim)
+        nodes = dmesh.entities_to_geometry(mesh, 0, rows[:, 0].astype(np.int32))
+    x = mesh.geometry.x[nodes.ravel(), : topology.dim].astype(np.float64)
+    table = parallel.gather_rows(mesh.comm, np.column_stack((rows[:, 1:], x)))
+    return table[:, :2].astype(np.int64), table[:, 2:]

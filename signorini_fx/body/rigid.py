@@ -1,0 +1,224 @@
+"""Motions of the body without strain, and whether supports and contact resist them.
+
+A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
+rotations.  A body of several pieces has as many for each of them, less what the pins between pieces take away, where
+both must move alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.pieces import Pieces
+
+# Share of a motion, against the best held one, below which it counts as not held at all.
+_HELD = 1e-8
+# Share of a motion that is only round-off.
+_ROUND_OFF = 1e-10
+
+_Floats = npt.NDArray[np.float64]
+# The axes between which each rotation turns, from the first to the second; in space the rotation about x[0] is first.
+ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
+
+
+@dataclass(frozen=True)
+class RigidMotions:
+    """The motions without strain that the prescribed displacements leave free, k of them.
+
+    Attributes:
+        pieces: the connected pieces of the body, p of them.
+        x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
+        piece: number of the piece that each of these nodes is in, shape (nodes,); where pieces are pinned any of them.
+        centre: the point of each piece about which its rotations are taken, shape (p, d).
+        length: size of each piece, by which its rotations are made comparable with translations, shape (p,).
+        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
+            moves the pieces of one assembly only.
+        assembly: number of the assembly that each column moves, shape (k,).
+    """
+
+    pieces: Pieces
+    x: _Floats
+    piece: npt.NDArray[np.int64]
+    centre: _Floats
+    length: _Floats
+    free: _Floats
+    assembly: npt.NDArray[np.int64]
+
+    @property
+    def each(self) -> int:
+        """M, the number of motions of a piece: 3 in the plane, 6 in space."""
+        dim = self.x.shape[1]
+        return dim * (dim + 1) // 2
+
+    def at(self, nodes: npt.NDArray[np.int32]) -> _Floats:
+        """The free motions at nodes of this rank, shape (n, d, k)."""
+        own = self.free.reshape(self.pieces.count, self.each, -1)[self.piece[nodes]]
+        moved: _Floats = self._modes(nodes) @ own
+        return moved
+
+    def displacement(self, motion: _Floats) -> _Floats:
+        """What a motion, coefficients of shape (m p,), is at all nodes of this rank, shape (nodes, d)."""
+        own = motion.reshape(-1, self.each)[self.piece]
+        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
+        return moved
+
+    def resultant(self, forces: _Floats, comm: MPI.Comm) -> _Floats:
+        """What forces at the owned nodes, shape (owned nodes, d), do on the motions of each piece, shape (m p,);
+        collective.
+        """
+        owned = slice(forces.shape[0])
+        work = np.einsum("ij,ijk->ik", forces, self._modes(owned))
+        return parallel.sums_by(comm, self.piece[owned], work, self.pieces.count).ravel()
+
+    def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
+        """The assemblies that can move: number, their columns of ``free`` and their rows."""
+        for number in np.unique(self.assembly):
+            yield int(number), self.assembly == number, np.repeat(self.pieces.assembly == number, self.each)
+
+    def assembly_of(self, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+        """Number of the assembly that nodes of this rank are in, shape (n,)."""
+        return self.pieces.assembly[self.piece[nodes]]
+
+    def unheld(
+        self,
+        boundary: ContactBoundary,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        turned: _Floats | None = None,
+    ) -> npt.NDArray[np.bool_]:
+        """Which assemblies have a motion that neither contact at ``normal`` nodes nor stick at ``stick`` nodes resists,
+        shape (assemblies,); collective.
+
+        Args:
+            boundary: the contact nodes.
+            normal: the nodes in contact, shape (n,).
+            stick: the nodes that stick, shape (n,).
+            turned: directions of slip across which nodes resist, too, shape (n, d - 1), zero where they do not.
+        """
+        unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
+        if self.free.shape[1] == 0:
+            return unresisted
+        modes = self.at(boundary.nodes) * boundary.free[:, :, None]
+        tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
+        found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
+        if turned is not None and turned.shape[1] > 1:
+            slip = turned.any(axis=1)
+            along = np.einsum("it,itk->ik", turned[slip], tangential[slip])
+            across = tangential[slip] - turned[slip][:, :, None] * along[:, None]
+            found += [*across.swapaxes(0, 1)]
+        rows = np.concatenate(found)
+        moved = np.square(modes).sum(axis=(0, 1))
+        gram = parallel.global_sum(boundary.comm, np.vstack((rows.T @ rows, moved)))
+        for number, columns, _ in self.assemblies():
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            # What the nodes resist of how far they move: below that it is the round-off of their positions.
+            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
+            unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
+        return unresisted
+
+    def held_by(
+        self,
+        boundary: ContactBoundary,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        turned: _Floats | None = None,
+    ) -> bool:
+        """Whether nodes in contact, sticking, and slipping across their direction resist every free motion, see
+        ``unheld``; collective.
+        """
+        return not self.unheld(boundary, normal, stick, turned).any()
+
+    def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
+        """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
+        piece = self.piece[nodes]
+        return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
+
+
+def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
+
+    Args:
+        x: the points.
+        centre: the point about which each of them turns, shape (n, d) or (d,).
+        length: the length at which a rotation moves by one, shape (n,) or ().
+    """
+    dim = x.shape[1]
+    turns = ROTATIONS[dim]
+    modes = np.zeros((x.shape[0], dim, dim + len(turns)))
+    modes[:, np.arange(dim), np.arange(dim)] = 1.0
+    arm = (x - centre) / np.asarray(length)[..., None]
+    for k, (first, second) in enumerate(turns, start=dim):
+        modes[:, first, k], modes[:, second, k] = -arm[:, second], arm[:, first]
+    return modes
+
+
+def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: Pieces) -> RigidMotions:
+    """The motions without strain that the supports leave free; collective.
+
+    Args:
+        space: the displacements.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+        pieces: of the body.
+    """
+    comm = space.mesh.comm
+    owned = slice(fixed.shape[0])
+    x = np.ascontiguousarray(space.tabulate_dof_coordinates()[:, : fixed.shape[1]], dtype=np.float64)
+    cells = space.dofmap.list
+    piece = np.zeros(x.shape[0], dtype=np.int64)
+    if pieces.count > 1:
+        piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])
+    sums = np.column_stack((np.ones(x[owned].shape[0]), x[owned]))
+    total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
+    centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
+    length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
+    none = np.zeros((0, 0))
+    motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
+    node, component = np.nonzero(fixed)
+    rows = motions._modes(node)[np.arange(node.size), component]
+    supported: _Floats = np.zeros((pieces.count, motions.each, motions.each))
+    for number in range(pieces.count):
+        mine = rows[piece[node] == number]
+        supported[number] = mine.T @ mine
+    supported = parallel.global_sum(comm, supported)
+    free, assembly = _null_space(supported, motions)
+    return RigidMotions(pieces, x, piece, centre, length, free, assembly)
+
+
+def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
+    """Combinations of the motions of the pieces that the supports and the pins let happen, and their assemblies."""
+    pieces, m = motions.pieces, motions.each
+    columns: list[_Floats] = []
+    numbers: list[int] = []
+    for number in range(int(pieces.assembly.max()) + 1):
+        members = np.flatnonzero(pieces.assembly == number)
+        place = {int(piece): k for k, piece in enumerate(members)}
+        gram = np.zeros((m * members.size, m * members.size))
+        for piece, k in place.items():
+            here = slice(m * k, m * k + m)
+            # However many nodes of a piece are prescribed, they weigh as much as one pin.
+            gram[here, here] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
+        for pin in range(len(pieces.pins)):
+            one, other = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
+            if one in place:
+                apart = np.zeros((motions.x.shape[1], members.size, m))
+                for piece, sign in ((one, 1.0), (other, -1.0)):
+                    mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
+                    apart[:, place[piece]] = sign * mode[0]
+                rows = apart.reshape(len(apart), -1)
+                gram += rows.T @ rows
+        values, vectors = np.linalg.eigh(gram)
+        kept = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
+        whole = np.zeros((m * pieces.count, kept.shape[1]))
+        whole[(m * members[:, None] + np.arange(m)).ravel()] = kept
+        columns.append(whole)
+        numbers += [number] * kept.shape[1]
+    return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

@@ -1,0 +1,271 @@
+"""What a scene is before it is solved: its effects, and what each of them adds.
+
+Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
+assembled as the solver does, so that every mistake that the solver would find in the scene or its mesh is found here.
+
+What may go wrong is said by ``findings``, what it will cost by ``cost``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.plan import planned
+from signorini_fx.body import loads
+from signorini_fx.body.discretisation import LOCKING_POISSON, Body, prepare
+from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
+from signorini_fx.check.findings import scene_findings
+from signorini_fx.contact import data as contact_data
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.linalg.options import refuse_mistyped
+from signorini_fx.linalg.rotated import check_rotation
+from signorini_fx.mesh.hierarchy import coarser_scenes
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Finding, Timings
+from signorini_fx.scene.model import (
+    BodyForce,
+    CoulombFriction,
+    Friction,
+    PrescribedDisplacement,
+    Scene,
+    SurfaceTraction,
+    TrescaFriction,
+    friction_acts,
+)
+
+# What ``stress_recovery.StressRecovery`` compiles.
+_RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect that a scene can list.
+
+    Attributes:
+        name: what it is and where.
+        on: whether it takes part.
+        why: the reason, in the scene's words.
+        forms: the compiled forms that it has a term in.
+        unknowns: what it adds to the unknowns; a support takes away.
+        solves: linear solves that it adds: an estimate, from and to.
+    """
+
+    name: str
+    on: bool
+    why: str
+    forms: tuple[str, ...] = ()
+    unknowns: int = 0
+    solves: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class Check:
+    """What ``check_scene`` found out.
+
+    Attributes:
+        title: of the scene.
+        effects: every kind of effect, on or off.
+        forms: what will be compiled, in order.
+        cost: an estimate.
+        findings: warnings and notes.
+    """
+
+    title: str
+    effects: tuple[Effect, ...]
+    forms: tuple[str, ...]
+    cost: Cost
+    findings: tuple[Finding, ...] = field(default=())
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings whose level is warning."""
+        return tuple(finding for finding in self.findings if finding.level == "warning")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything, ready for JSON."""
+        return asdict(self)
+
+
+def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
+    """Validate a scene together with its mesh, and say what it will do; collective, the same on every rank.
+
+    Raises:
+        SceneError: the scene does not fit its mesh.
+        MeshError: the mesh cannot be had.
+        OptionsError: PETSc does not take an option that the user has set.
+    """
+    refuse_mistyped(comm)
+    for coarse in coarser_scenes(scene, scene.solver.levels):
+        _validated(coarse, comm)
+    d, law, data = _validated(scene, comm)
+    cost = estimated_cost(d)
+    findings = [*memory_finding(cost, comm), *scene_findings(d, law, data)]
+    return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings))
+
+
+def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, RegularisedData | None]:
+    """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
+    d = prepare(scene, load_mesh(scene, comm), Timings())
+    if scene.accuracy is not None:
+        planned(scene, scene.accuracy, comm)
+    if d.boundary is None:
+        return d, None, None
+    law = contact_data.friction_law(scene, d.boundary)
+    if scene.solver.algorithm == "exact":
+        check_rotation(d.boundary)
+    contact_data.first_sets(scene, d.boundary)
+    return d, law, contact_data.regularised_data(scene, d, d.boundary, law)
+
+
+def _estimates_error(scene: Scene) -> bool:
+    to_stop = scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
+    return to_stop or _compares_meshes(scene)
+
+
+def _compares_meshes(scene: Scene) -> bool:
+    return scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
+
+
+def _estimated(scene: Scene) -> tuple[str, ...]:
+    """What the error estimate compiles."""
+    forces = [load for load in scene.loads if isinstance(load, BodyForce | SurfaceTraction)]
+    missed = _compares_meshes(scene) and any(loads.varies(load) for load in forces)
+    return (*_RECOVERY, *(["missed loads"] if missed else []))
+
+
+def _forms(d: Body) -> tuple[str, ...]:
+    """What the solver will compile, in order."""
+    recovery = _estimated(d.scene) if d.boundary is not None and _estimates_error(d.scene) else ()
+    return (*d.inventory.forms, *recovery)
+
+
+# --- effects ---------------------------------------------------------------------------------------------------------
+
+
+def _effects(d: Body) -> list[Effect]:
+    scene = d.scene
+    found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
+
+    names = {load.factors: load.name for load in d.applied}
+
+    def form_of(load: Any) -> tuple[str, ...]:
+        return (names[load.factors or (1.0,) * scene.steps],)
+
+    body = scene.body_force
+    if body is None or loads.is_zero(*body.components):
+        found.append(Effect("body force", False, "it is 0" if body is not None else "no [body_force]"))
+    else:
+        components = ", ".join(map(_text, body.components[: d.tagged.dimension]))
+        found.append(Effect("body force", True, f"({components})", form_of(body)))
+    for traction in scene.traction:
+        name, why = f"traction {traction.boundary}", _traction(traction)
+        found.append(Effect(name, bool(why), why or "it is 0", form_of(traction) if why else ()))
+    if not scene.traction:
+        found.append(Effect("traction", False, "no [[traction]]"))
+    found += _contacts(d)
+    nodes = contact_nodes(d)
+    kind = friction_kind(scene, scene.contact)
+    one, every = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.steps))
+    numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
+    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
+    found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
+    nested = scene.solver.levels > 1 and d.boundary is not None
+    solves = _minus(linear_solves(scene, kind, nodes, steps=scene.steps, levels=scene.solver.levels), every)
+    estimate = d.boundary is not None and _estimates_error(scene)
+    why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
+    found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
+    return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
+
+
+def _elasticity(d: Body) -> Effect:
+    hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
+    return Effect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
+
+
+def _materials(scene: Scene) -> list[Effect]:
+    if len(scene.material) == 1:
+        return [Effect("several materials", False, "one [[material]]")]
+    return [Effect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
+
+
+def _reduced(d: Body) -> Effect:
+    setting = d.scene.element.volumetric
+    on = d.reduced is not None
+    why = f"volumetric = {setting!r}"
+    if setting == "auto":
+        why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
+    return Effect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
+
+
+def _displacements(d: Body) -> list[Effect]:
+    found: list[tuple[PrescribedDisplacement, int]] = []
+    taken = np.zeros_like(d.fixed)
+    for effect, support in d.supports:
+        dofs, owned = support.dof_indices()
+        new = np.zeros_like(taken)
+        new[dofs[:owned]] = True
+        count = int(parallel.global_sum(d.comm, np.array(np.count_nonzero(new & ~taken))))
+        taken |= new
+        if found and found[-1][0] is effect:
+            count += found.pop()[1]
+        found.append((effect, count))
+    if not found:
+        return [Effect("displacement", False, "no [[displacement]]")]
+    return [Effect(f"displacement {e.boundary}", True, _prescribed(e), unknowns=-count) for e, count in found]
+
+
+def _contacts(d: Body) -> list[Effect]:
+    scene = d.scene
+    if d.boundary is None:
+        return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]
+    found, nodes = [], contact_nodes(d)
+    # One effect after the other: the first contact costs the iteration, the first friction of a kind the rest of it.
+    previous = (1, 1)
+    for index, effect in enumerate(scene.contact):
+        count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
+        name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
+        found.append(Effect(name, True, f"{effect.kind}, {count} nodes", (name,), solves=_minus(total, previous)))
+        previous = total
+    for index, effect in enumerate(scene.contact):
+        law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)
+        name = f"friction {effect.boundary}"
+        found.append(Effect(name, friction_acts(law), _friction(law), solves=_minus(total, previous)))
+        previous = total
+    return found
+
+
+def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:
+    return after[0] - before[0], after[1] - before[1]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    text = str(getattr(value, "text", f"<{type(value).__name__}>"))
+    return text if len(text) <= 30 else text[:27] + "..."
+
+
+def _prescribed(effect: PrescribedDisplacement) -> str:
+    parts = (*zip("xyz", effect.components, strict=True), ("normal", effect.normal))
+    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if value is not None)
+
+
+def _traction(effect: SurfaceTraction) -> str:
+    """What acts, empty if nothing does."""
+    parts = (*zip("xyz", effect.components, strict=True), ("pressure", effect.pressure))
+    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not loads.is_zero(value))
+
+
+def _friction(law: Friction) -> str:
+    match law:
+        case TrescaFriction(bound=bound):
+            return f"tresca, bound = {_text(bound)}" + ("" if friction_acts(law) else ": frictionless")
+        case CoulombFriction(coefficient=coefficient, cap=cap):
+            text = f"coulomb, coefficient = {_text(coefficient)}" + ("" if cap is None else f", cap = {_text(cap)}")
+            return text + ("" if friction_acts(law) else ": frictionless")
+    return "no friction"

@@ -1,0 +1,134 @@
+"""An estimate of what a solve will cost: linear solves, seconds and memory.  It is a rule of thumb, and says so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.body.discretisation import Body
+from signorini_fx.linalg import choice
+from signorini_fx.records import Finding
+from signorini_fx.scene.model import Contact, CoulombFriction, Scene, friction_acts
+from signorini_fx.tuned import (
+    BACK_SUBSTITUTION,
+    BASE_BYTES,
+    BYTES_PER_DOF,
+    CONDENSING,
+    DENSE_SPEED,
+    DENSE_STEP_SECONDS,
+    FACTOR_ENTRIES,
+    FACTOR_SECONDS,
+    KRYLOV_SECONDS,
+    MEMORY_SHARE,
+    MORE_SOLVES,
+    ROW_ENTRIES,
+    SOLVES_OF_FINER_MESH,
+    SOLVES_OF_LATER_STEP,
+    SOLVES_PER_DOUBLING,
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
+
+    Attributes:
+        unknowns: displacement components that are not prescribed.
+        contact_nodes: nodes of all contact boundaries.
+        linear_algebra: ``full`` or ``condensed``, and why.
+        linear_solves: from and to, of all load steps.
+        factorisation_seconds: of one sparse factorisation.
+        factorisation_bytes: its factor.
+        seconds: linear algebra of the whole solve, from and to.
+        memory_bytes: of the whole process.
+    """
+
+    unknowns: int
+    contact_nodes: int
+    linear_algebra: str
+    linear_solves: tuple[int, int]
+    factorisation_seconds: float
+    factorisation_bytes: float
+    seconds: tuple[float, float]
+    memory_bytes: float
+
+
+def contact_nodes(d: Body) -> int:
+    """The number of nodes of all contact boundaries; collective."""
+    if d.boundary is None:
+        return 0
+    return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+
+
+def friction_kind(scene: Scene, contacts: Sequence[Contact]) -> str:
+    """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
+    acting = [contact.friction for contact in contacts if friction_acts(contact.friction)]
+    if any(isinstance(law, CoulombFriction) for law in acting):
+        return "newton" if scene.solver.coulomb == "newton" else "fp"
+    return "tresca" if acting else "none"
+
+
+def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
+    """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
+    if not scene.contact:
+        return steps * levels, steps * levels
+    more = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
+    size = math.log2(max(nodes / 2 ** (levels - 1), 4))
+    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], more, strict=True))
+    # A later load step starts from the sets of the one before, a finer mesh from those of the coarser one.
+    low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
+    least, most = SOLVES_OF_FINER_MESH
+    return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
+
+
+def estimated_cost(d: Body) -> Cost:
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three."""
+    comm = d.comm
+    n = d.dofs
+    nodes = contact_nodes(d)
+    dim = d.tagged.dimension
+    least, slope, offset = FACTOR_ENTRIES[dim]
+    entries = n * max(least, slope * (math.log2(n) - offset) if dim == 2 else slope * n**offset)
+    factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
+    kind = friction_kind(d.scene, d.scene.contact)
+    solves = linear_solves(d.scene, kind, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
+    setting, dense = d.scene.solver.linear_algebra, 0
+    reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
+    if setting == "krylov":
+        reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
+    elif d.boundary is not None:
+        against = choice.against_condensing(d, dim * nodes)
+        if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
+            dense = dim * nodes
+            step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+            reason, once, each = "condensed", CONDENSING * factorisation, step
+        else:
+            reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
+    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
+    matrix = 12.0 * ROW_ENTRIES[dim] * n
+    return Cost(
+        unknowns=free,
+        contact_nodes=nodes,
+        linear_algebra=reason,
+        linear_solves=solves,
+        factorisation_seconds=factorisation,
+        factorisation_bytes=9.0 * entries,
+        seconds=(once + solves[0] * each, once + solves[1] * each),
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + 12.0 * entries + 24.0 * dense**2,
+    )
+
+
+def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
+    """A warning where the machine has too little memory; collective."""
+    there = parallel.machine_memory(comm)
+    if cost.memory_bytes < MEMORY_SHARE * there:
+        return []
+    message = (
+        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {there / 1e9:.0f}: use a coarser mesh"
+    )
+    return [Finding("warning", "mesh", message)]

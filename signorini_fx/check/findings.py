@@ -1,0 +1,338 @@
+"""What to know of a scene and its result: what may go wrong, and what to do about it.
+
+``checks`` says it before a scene is solved, ``solver`` with the solution; both by the functions of this module, from
+data that they have anyway.  What is said of gaps and of uniqueness is a rule of thumb, and says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.deformation import Deformation
+from signorini_fx.body.discretisation import LOCKING_POISSON, Body
+from signorini_fx.check.equilibrium import MOST_LISTED, equilibrium, load_on, rounded
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.statics import ZERO
+from signorini_fx.records import SMALL_DEFORMATION, Finding
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
+from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
+
+_Rows = npt.NDArray[np.float64]
+# A gap this many times larger than the estimated displacements is called out.
+_FAR = 10.0
+
+
+def scene_findings(
+    body: Body, law: FrictionLaw | None, data: RegularisedData | None, *, estimates: bool = True
+) -> list[Finding]:
+    """What the scene and its mesh say; collective, the same on every rank.
+
+    Args:
+        body: the scene and its mesh.
+        law: its friction law, None without.
+        data: its contact data, None without contact.
+        estimates: whether to say what is only estimated of displacements: a solution knows better.
+    """
+    scene = body.scene
+    found = [*_pieces(body), *_locking(body), *equilibrium(body, law)]
+    # Without an estimate all that counts is whether anything acts at all.
+    moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
+    if estimates:
+        found += _large_displacements(body, moved)
+    if body.boundary is not None and data is not None:
+        found += [
+            *_gaps(body, data, moved, estimates=estimates),
+            *_heights(body),
+            *_uniqueness(scene, body.boundary, law),
+            *_regularisation(scene, data, scene.young / body.tagged.size),
+            *_monolithic(scene),
+        ]
+    return found
+
+
+def _locking(body: Body) -> list[Finding]:
+    scene = body.scene
+    if body.reduced is not None or scene.element.degree > 1:
+        return []
+    cure = {
+        "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",
+        "tetrahedron": "use hexahedra with element.volumetric = 'reduced'",
+    }.get(body.tagged.mesh.topology.cell_name(), "set element.volumetric = 'auto', or element.degree = 2")
+    return [
+        Finding(
+            "warning",
+            f"material[{index}].poisson",
+            f"linear elements lock as nu -> 0.5 (nu = {material.poisson:g}): the body comes out too stiff; {cure}",
+        )
+        for index, material in enumerate(scene.material)
+        if material.hypothesis == "plane strain" and material.poisson >= LOCKING_POISSON
+    ]
+
+
+def result_findings(deformations: Sequence[Deformation], *, touching: bool | None) -> list[Finding]:
+    """What a result says, whatever its scene looked like.
+
+    Args:
+        deformations: of each load step.
+        touching: whether there is contact anywhere; None for a scene without.
+    """
+    found = []
+    worst = max(deformations, key=lambda deformation: deformation.largest)
+    far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
+    if worst.gradient > SMALL_DEFORMATION:
+        message = (
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: this is no small deformation, of which "
+            "alone linear elasticity speaks; check the units of E, of the loads and of the lengths"
+        )
+        found.append(Finding("warning", "material, traction, body_force, displacement", message))
+    elif worst.displacement > SMALL_DEFORMATION:
+        message = (
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body travels, while gap and "
+            "normals are those of where it was; check the gap and the unit of lengths"
+        )
+        found.append(Finding("warning", "contact.gap, displacement", message))
+    if touching is False:
+        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+        found.append(Finding("warning", "contact.gap", message))
+    return found
+
+
+def _pieces(body: Body) -> list[Finding]:
+    """A body in several pieces: each of them must be held."""
+    pieces = body.motions.pieces
+    if pieces.count == 1:
+        return []
+    listed = "; ".join(pieces.describe(piece) for piece in range(min(pieces.count, MOST_LISTED)))
+    more = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
+    pairs = [
+        f"{one + 1} and {other + 1}" for one, other in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
+    ]
+    hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
+    message = (
+        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each must be held by itself: "
+        f"{listed}{more}{hinges}; where one body is meant let the cells share their nodes (in gmsh: fragment)"
+    )
+    return [Finding("note", "mesh", message)]
+
+
+# --- gaps and displacements ------------------------------------------------------------------------------------------
+
+
+def _gaps(body: Body, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
+    boundary = body.boundary
+    assert boundary is not None
+    comm, size = boundary.comm, body.tagged.size
+    unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
+    smallest = -parallel.global_max(comm, parallel.local_max(-data.gap, -np.inf))
+    found = []
+    if smallest < -ZERO * size:
+        level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
+        found.append(
+            Finding(
+                level,
+                "contact.gap",
+                f"the gap is negative, down to {smallest:g}: the body penetrates its foundation before it is loaded",
+            )
+        )
+    two_sided = parallel.any_rank(comm, not unilateral.all())
+    if body.motions.free.shape[1] > 0 or two_sided:
+        return found
+    if smallest >= -ZERO * size and moved == 0.0:
+        message = "there is no load, and every prescribed displacement is 0: the solution is 0"
+        found.append(Finding("warning", "traction, body_force, displacement", message))
+    elif estimates and smallest > _FAR * moved:
+        found.append(
+            Finding(
+                "warning",
+                "contact.gap",
+                f"the smallest gap is {smallest:g}, while prescribed displacements and loads move the body by about "
+                f"{moved:.1g} (an estimate): contact will hardly ever close; check the gap and the units",
+            )
+        )
+    return found
+
+
+def _heights(body: Body) -> list[Finding]:
+    """Gaps that look like the height above the foundation, where they are measured along normals that turn."""
+    boundary = body.boundary
+    assert boundary is not None
+    found = []
+    for index, effect in enumerate(body.scene.contact):
+        if effect.direction is not None or isinstance(effect.gap, float):
+            continue
+        here = boundary.part == index
+        step = _STEP * body.tagged.size
+        slope = _slope(effect.gap, boundary.x[here], step)
+        for direction in _fall_lines(slope, boundary.comm):
+            # A height falls by one per unit of length along its direction, wherever the foundation is.
+            heights = np.abs(slope @ direction + 1.0) <= _SAME_SLOPE
+            along = boundary.normal[here] @ direction
+            count, number, total = parallel.global_sum(
+                boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
+            )
+            least = -parallel.global_max(boundary.comm, parallel.local_max(-along[heights], -1.0))
+            turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
+            if 2 * count > number and 2 * total > count and turned > _TURNED:
+                told = ", ".join(rounded(c) for c in direction)
+                message = (
+                    f"it looks like the distance to the foundation along ({told}), but it is measured along the "
+                    f"normals, which turn by up to {turned:.0f} degrees from there: write direction = [{told}], or "
+                    "give the distance along the normals"
+                )
+                found.append(Finding("warning", f"contact[{index}].gap", message))
+                break
+    return found
+
+
+# A gap is a height if it falls by one along a direction, up to this; normals turn if by more than so many degrees.
+_SAME_SLOPE, _TURNED = 1e-5, 5.0
+# Step of the differences, over the size of the body.
+_STEP = 1e-4
+
+
+def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
+    """Gradient of a gap by differences, shape (n, d); infinite where it cannot be had."""
+    slope = np.full(x.shape, np.inf)
+    for axis in range(x.shape[1]):
+        values = []
+        for sign in (1.0, -1.0):
+            points = in_space(x)
+            points[axis] += sign * step
+            values.append(sample(gap, points))
+        with np.errstate(invalid="ignore"):
+            slope[:, axis] = (values[0] - values[1]) / (2 * step)
+    return np.where(np.isfinite(slope).all(axis=1)[:, None], slope, np.inf)
+
+
+def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
+    """Directions along which a gap of this gradient may be a height: the axes, and the line of steepest descent."""
+    dim = slope.shape[1]
+    lines = [sign * axis for axis in np.eye(dim)[::-1] for sign in (-1.0, 1.0)]
+    known = slope[np.isfinite(slope).all(axis=1)]
+    *total, count = parallel.global_sum(comm, np.append(known.sum(axis=0), float(len(known))))
+    mean = np.array(total) / max(count, 1.0)
+    if abs(float(np.hypot.reduce(mean)) - 1.0) <= _SAME_SLOPE:
+        lines.append(-mean)
+    return lines
+
+
+def _large_displacements(body: Body, moved: float) -> list[Finding]:
+    """Loads under which linear elasticity is not what is expected; as a rule two units do not agree."""
+    size = body.tagged.size
+    if moved < size:
+        return []
+    message = (
+        f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
+        "no small deformation; check the units of E and of the loads"
+    )
+    return [Finding("warning", "material, traction, body_force, displacement", message)]
+
+
+def _acts(body: Body) -> bool:
+    """Whether there is a load or a prescribed displacement in any load step; collective."""
+    acting = [load for load in body.applied if any(load.factors)]
+    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))
+
+
+def _displacement_scale(body: Body, step: int) -> float:
+    """Largest prescribed displacement, and what a beam of the body's outline would bend under the loads, a length."""
+    owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
+    prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
+    force = float(load_on(body, step)[1].sum())
+    x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
+    low, high = parallel.global_bounds(body.comm, x)
+    softest = min(material.young for material in body.scene.material)
+    return prescribed + 4 * force / softest * float(body.tagged.size / (high - low).min()) ** 3
+
+
+# --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
+
+
+def friction_indication(material: LinearElastic) -> float:
+    """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
+
+    An indication, no theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential displacement,
+    and this the pressure; for every k, the fixed point that Coulomb friction is contracts below this coefficient
+    (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound for
+    uniqueness that is both proved and independent of the mesh is not known: a solution exists for every coefficient in
+    two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound that falls to zero
+    with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples with several solutions
+    are known.
+    """
+    nu = material.poisson
+    if material.hypothesis == "plane stress":
+        nu = nu / (1 + nu)
+    return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
+
+
+def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None) -> list[Finding]:
+    limit = min(friction_indication(material) for material in scene.material)
+    found = []
+    for index, _ in enumerate(scene.contact):
+        here = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
+        largest = parallel.global_max(boundary.comm, parallel.local_max(here))
+        if largest > limit:
+            found.append(
+                Finding(
+                    "warning",
+                    f"contact[{index}].friction.coefficient",
+                    f"F = {largest:g} is above {limit:.3g} (an indication from the half-plane, no proven bound): the "
+                    "problem may have several solutions and the fixed point may not contract; compare solutions from "
+                    "different solver.initial_contact, and try solver.coulomb = 'newton'",
+                )
+            )
+    return found
+
+
+def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list[Finding]:
+    """Gamma and sigma against E over the size of the body."""
+    settings, found = scene.solver, []
+    gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
+    if not scene.has_friction:
+        del gammas["gamma_t"]
+    # Path-following looks for gamma itself; exact ends without.
+    for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
+        if gamma > LARGEST_GAMMA * natural:
+            message = (
+                f"{gamma:g} is above {LARGEST_GAMMA * natural:.1g}, {LARGEST_GAMMA:g} times E over the size of the "
+                "body: round-off takes the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
+            )
+            found.append(Finding("warning", f"solver.{name}", message))
+        if gamma < START_GAMMA * natural and settings.algorithm != "alm":
+            error = "a penetration" if name == "gamma_n" else "an elastic slip"
+            message = (
+                f"{gamma:g} is below {START_GAMMA * natural:.1g}, {START_GAMMA:g} times E over the size of the body: "
+                f"{error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
+                "'auto', or algorithm = 'alm'"
+            )
+            found.append(Finding("warning", f"solver.{name}", message))
+    if scene.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
+        message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
+        found.append(Finding("warning", "solver.sigma", message))
+    return found
+
+
+def _monolithic(scene: Scene) -> list[Finding]:
+    """Where coulomb = newton is not what will be done."""
+    if scene.solver.coulomb != "newton" or not scene.has_coulomb:
+        return []
+    capped = any(isinstance(c.friction, CoulombFriction) and c.friction.cap is not None for c in scene.contact)
+    reasons = {
+        "a cap": capped,
+        "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
+    }
+    given = [reason for reason, holds in reasons.items() if holds]
+    if not given:
+        return []
+    return [
+        Finding("note", "solver.coulomb", f"newton does not go with {' and '.join(given)}: the fixed point is used")
+    ]

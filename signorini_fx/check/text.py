@@ -1,0 +1,53 @@
+"""What ``check`` found out, for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+
+from signorini_fx.check.checks import Check
+from signorini_fx.check.cost import Cost
+
+
+def render(check: Check) -> str:
+    """A check for a terminal."""
+    rows = [("effect", "", "why", "form", "unknowns", "linear solves")]
+    for effect in check.effects:
+        unknowns = f"{effect.unknowns:+d}" if effect.unknowns else ""
+        low, high = effect.solves
+        solves = "" if effect.solves == (0, 0) else f"{low:+d}" if low == high else f"{low:+d} to {high:+d}"
+        rows.append((effect.name, "on" if effect.on else "-", effect.why, ", ".join(effect.forms), unknowns, solves))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    count = len(check.warnings)
+    verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
+    lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
+    for finding in check.findings:
+        lines += _wrapped(f"{finding.level}: {finding.path}: {finding.message}")
+    return "\n".join(lines)
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, width=110, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+
+
+def _estimate(cost: Cost) -> str:
+    low, high = cost.linear_solves
+    solves = f"{low}" if low == high else f"{low} to {high}"
+    return (
+        f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
+        f"{solves} linear solves ({cost.linear_algebra}); "
+        f"one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
+        f"altogether {' to '.join(dict.fromkeys(map(_seconds, cost.seconds)))} and {_bytes(cost.memory_bytes)}"
+    )
+
+
+def _seconds(value: float) -> str:
+    if value < 0.01:
+        return "below 0.01 s"
+    return f"{value:.1g} s" if value < 10 else f"{value:.0f} s" if value < 600 else f"{value / 60:.0f} min"
+
+
+def _bytes(value: float) -> str:
+    if value < 1e6:
+        return "below 1 MB"
+    return f"{value / 1e6:.0f} MB" if value < 1e9 else f"{value / 1e9:.1f} GB"

@@ -1,0 +1,46 @@
+"""The command line: words in, exit code out.
+
+Help and mistakes in a scene come without importing dolfinx; text is printed by one rank.  Nothing imports this package.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+from signorini_fx.cli import commands
+from signorini_fx.cli.exit_codes import on_one_process, on_ranks
+from signorini_fx.cli.options import parser
+from signorini_fx.machine import terminal
+
+_ON_ONE_PROCESS = {
+    "new": commands.new,
+    "schema": commands.schema,
+    "report": commands.report,
+    "convert": commands.mesh_file,
+    "mesh-info": commands.mesh_file,
+}
+_ON_RANKS = {
+    "solve": commands.solve,
+    "check": commands.check,
+    "work-precision": commands.work_precision,
+    "info": commands.info,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit code is the same on every rank."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        del sys.argv[1:]  # dolfinx reads them when it is imported, and does not survive what is not UTF-8
+    terminal.prepare()
+    petsc_options: list[str] = []
+    if "--" in arguments:
+        split = arguments.index("--")
+        arguments, petsc_options = arguments[:split], arguments[split + 1 :]
+    options = parser().parse_args(arguments)
+    options.petsc_options = petsc_options
+    if options.command in _ON_ONE_PROCESS:
+        return on_one_process(partial(_ON_ONE_PROCESS[options.command], options))
+    return on_ranks(partial(_ON_RANKS[options.command], options), source=getattr(options, "scene", None))

@@ -1,0 +1,202 @@
+"""What each command does with its options; those on one process return what to print, the others the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import textwrap
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
+from signorini_fx.cli.options import overrides
+from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
+
+if TYPE_CHECKING:
+    from signorini_fx.results.solution import Solution
+    from signorini_fx.scene.model import Scene
+
+
+def _read_scene(options: argparse.Namespace, changes: dict[str, dict[str, Any]] | None = None) -> Scene:
+    """The scene on every rank, with changes table by table; PETSc is started with the options of the user."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+    from signorini_fx.petsc_start import start_petsc
+    from signorini_fx.scene.reading import parse_scene_text, read_scene_text
+
+    text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
+    scene = parse_scene_text(text, options.scene, changes)
+    start_petsc(MPI.COMM_WORLD, options.petsc_options)
+    return scene
+
+
+def solve(options: argparse.Namespace) -> int:
+    """Solve a scene and write its results."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    comm = MPI.COMM_WORLD
+    path = options.out or Path("results") / options.scene.stem
+    progress = _Progress()
+    scene = _read_scene(options, overrides(options))
+    from signorini_fx.results import files
+    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.summary import render, table_row
+    from signorini_fx.solving import solver
+
+    def write_level(solution: Solution) -> None:
+        files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        progress.last_level = path / files.LAST_LEVEL
+
+    observers: list[Callable[[Any], None]] = [progress]
+    if not options.quiet:
+        observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
+    try:
+        with ResultFolder(comm, path) as folder:
+            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
+            progress.solved = True
+            summary = files.write_results(
+                solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
+            )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(str(progress)) from None
+    if not options.quiet:
+        parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
+    if not solution.converged:
+        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
+        return EXIT_NO_SOLUTION
+    return EXIT_OK
+
+
+class _Progress:
+    """How far a solve has come: an observer of its history, and what an interruption says."""
+
+    def __init__(self) -> None:
+        self.solves = self.meshes = 0
+        self.solved = False
+        self.last_level: Path | None = None
+
+    def __call__(self, record: Any) -> None:
+        if isinstance(record, str):
+            self.meshes += record.startswith("level ")
+        elif hasattr(record, "solve"):
+            self.solves += 1
+
+    def __str__(self) -> str:
+        if self.solved:
+            return " while the results were written: they are not kept"
+        mesh = f" on mesh {self.meshes}" if self.meshes else ""
+        kept = f": the mesh before is in {self.last_level}/" if self.last_level else ": nothing is complete yet"
+        return f" after {self.solves} linear solves,{mesh}{kept}".replace(",:", ":")
+
+
+def work_precision(options: argparse.Namespace) -> int:
+    """Compare all methods on a scene, and say which is cheapest."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    comm = MPI.COMM_WORLD
+    path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
+    if comm.size > 1:
+        raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
+    scene = _read_scene(options)
+    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.studies.conclusions import advice
+    from signorini_fx.studies.files import write_study
+    from signorini_fx.studies.work_precision import run_study
+
+    with ResultFolder(comm, path) as folder:  # find out early that it cannot be written
+        study = run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+        try:
+            write_study(study, folder.part)
+        except OSError as error:
+            raise cannot_be_written(path, error) from None
+        folder.commit(())
+    parallel.log_on_root(comm, f"\n{textwrap.fill(advice(study), width=110)}\n\nresults: {path}/")
+    return EXIT_OK
+
+
+def check(options: argparse.Namespace) -> int:
+    """Print what a scene will do, without solving it."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    comm = MPI.COMM_WORLD
+    try:
+        scene = _read_scene(options)
+        from signorini_fx.check.checks import check_scene
+        from signorini_fx.check.text import render
+
+        found = check_scene(scene, comm)
+    except SignoriniError as error:
+        if options.json:
+            problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
+            report = {"problems": [{"path": path, "message": message} for path, message in problems]}
+            parallel.log_on_root(comm, json.dumps(report, indent=2))
+        raise
+    parallel.log_on_root(comm, json.dumps(found.as_dict(), indent=2) if options.json else render(found))
+    return EXIT_OK
+
+
+def info(_: argparse.Namespace) -> int:
+    """Print versions, and the factorisations in use."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+    from signorini_fx.linalg.full import factorisation_package
+    from signorini_fx.results.summary import versions
+
+    comm = MPI.COMM_WORLD
+    lines = [f"{name:14s} {version}" for name, version in versions().items()]
+    lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
+    lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
+    parallel.log_on_root(comm, "\n".join(lines))
+    return EXIT_OK
+
+
+def new(options: argparse.Namespace) -> str:
+    """Write the starting scene."""
+    from signorini_fx.scene.template import starting_scene
+
+    file: Path = options.file
+    try:
+        with file.open("x", encoding="utf-8") as out:
+            out.write(starting_scene())
+    except FileExistsError:
+        raise OutputError(f"{file}: is there already: give another name, or remove it") from None
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(file, error) from None
+    return f"{file} is a scene that solves as it is; change it, then: signorini-fx check {file}"
+
+
+def report(options: argparse.Namespace) -> str:
+    """Write the page of a result folder."""
+    from signorini_fx.report.page import write_report
+
+    return str(write_report(options.folder, options.out))
+
+
+def mesh_file(options: argparse.Namespace) -> str:
+    """Rewrite or describe a mesh file."""
+    from signorini_fx.mesh.files.formats import read_file, write_file
+    from signorini_fx.mesh.info import mesh_info, render
+
+    if options.command == "convert":
+        mesh = read_file(options.source, size=options.size)
+        write_file(mesh, options.target)
+        return render(mesh_info(mesh), str(options.target))
+    info = mesh_info(read_file(options.file, size=options.size))
+    return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
+
+
+def schema(_: argparse.Namespace) -> str:
+    """The JSON schema of scene files."""
+    from signorini_fx.scene.template import scene_schema
+
+    return json.dumps(scene_schema(), indent=2)

@@ -1,0 +1,110 @@
+"""How a command ends: every error, interruption and exit code, the same on every rank."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+
+from signorini_fx.errors import SceneError, SignoriniError
+from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import started_as_root
+
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; limits are in ulimit -a"
+_PATIENCE = 1.0  # seconds
+
+
+def _complain(text: object) -> int:
+    terminal.say(f"signorini-fx: error: {text}", error=True)
+    return EXIT_BAD_INPUT
+
+
+def on_one_process(run: Callable[[], str]) -> int:
+    """Run a command that one of several processes does, and print what it gives."""
+    if not started_as_root():
+        return EXIT_OK
+    try:
+        terminal.say(run())
+    except SignoriniError as error:
+        return _complain(error)
+    except MemoryError:
+        return _complain(_OUT_OF_MEMORY)
+    except KeyboardInterrupt:
+        terminal.say("signorini-fx: interrupted", error=True)
+        return EXIT_INTERRUPTED
+    return EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK
+
+
+def on_ranks(run: Callable[[], int], source: object = None) -> int:
+    """Run a command that all ranks share; every way in which it can end, in one place.
+
+    Args:
+        run: the command; returns the exit code.
+        source: what to call the scene in messages; None: the command has none.
+    """
+    from signorini_fx.machine.requirements import check_fenicsx, check_machine
+
+    try:
+        check_machine()
+        check_fenicsx()
+    except SignoriniError as error:
+        return _complain(error) if started_as_root() else EXIT_BAD_INPUT
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+
+    def end(code: int) -> int:
+        """An error that only one rank meets would leave the others waiting for ever."""
+        if comm.size > 1:
+            comm.Abort(code)
+        return code
+
+    # mpirun and batch systems ask with SIGTERM, and kill soon after.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = run()
+        return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
+    except SignoriniError as error:  # these come on all ranks alike
+        _forget_petsc_options()
+        if isinstance(error, SceneError) and source is not None:
+            error = error.of(source)
+        return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
+    except KeyboardInterrupt as interruption:
+        if comm.rank == 0:
+            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
+        return end(EXIT_INTERRUPTED)
+    except Exception as error:
+        told = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
+        if told is not None:
+            if comm.rank > 0:  # if the first rank has met it too, it has ended this one by then
+                time.sleep(_PATIENCE)
+            return end(_complain(told))
+        traceback.print_exc()
+        return end(EXIT_CRASH)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _forget_petsc_options() -> None:
+    """At its end PETSc lists options that nobody has used, and obeys others: not after an error that comes before."""
+    if "petsc4py.PETSc" in sys.modules:
+        from petsc4py import PETSc
+
+        options = PETSc.Options()
+        for name in options.getAll():
+            options.delValue(name)
+
+
+def _refused_by_petsc(error: Exception) -> SignoriniError | None:
+    """What to say of an error of PETSc that options of the user may have caused."""
+    if "petsc4py" not in sys.modules:
+        return None
+    from petsc4py import PETSc
+
+    from signorini_fx.linalg.options import refused
+
+    return refused(error) if isinstance(error, PETSc.Error) else None

@@ -1,0 +1,138 @@
+"""The words of the command line: commands, their options, and what they say in place of the scene."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+from signorini_fx import __version__
+from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
+from signorini_fx.errors import shortened
+from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import started_as_root
+
+# Mesh files that are read.
+_READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
+
+
+class _Parser(argparse.ArgumentParser):
+    """Prints on one rank, and ends with the exit code of bad input."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message and started_as_root():
+            terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {shortened(message)}\n{self.format_usage()}")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The commands and their options."""
+    after = (
+        "What follows -- goes to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted."
+    )
+    main = _Parser(
+        prog="signorini-fx",
+        description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
+        epilog=after,
+    )
+    main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
+    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=after)
+    solve.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    solve.add_argument(
+        "--out", type=Path, metavar="DIR", help="result folder (default: results/NAME of the scene file)"
+    )
+    solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
+    solve.add_argument(
+        "--accuracy",
+        type=parsed_accuracy,
+        metavar="E",
+        help="relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)",
+    )
+    quantities = ("energy", "pressure", "force", "zone", "peak")
+    solve.add_argument(
+        "--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of; default: energy)"
+    )
+    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles where the error is")
+    solve.add_argument(
+        "--budget",
+        action="append",
+        type=parsed_budget,
+        metavar="60s|4GB",
+        help="what the accuracy may cost, in s, min or h, or in MB or GB; may be repeated",
+    )
+    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    check = commands.add_parser("check", help="say what a scene will do and what may go wrong, without solving it")
+    check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    check.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
+    report.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
+    report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: report.html in the folder)")
+    study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
+    study.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
+    study.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
+    )
+    study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
+    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
+    new.add_argument(
+        "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)"
+    )
+    convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
+    convert.add_argument("source", type=Path, metavar="IN", help=f"mesh: {_READ}")
+    convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
+    info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
+    info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
+    for one in (convert, info):
+        one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
+    info.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
+    return main
+
+
+_NUMBER = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*"
+# Ending -> key of the scene, and what one of it is there: seconds, GB.
+_BUDGETS = {
+    **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
+    **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
+}
+
+
+def parsed_accuracy(text: str) -> float:
+    """0.05 or 5%."""
+    found = re.fullmatch(rf"{_NUMBER}(%?)\s*", text)
+    try:
+        return float(found[1]) / 100 if found and found[2] else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
+
+
+def parsed_budget(text: str) -> tuple[str, float]:
+    """60s or 4GB as the key of the scene and its value."""
+    found = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
+    if found is None:
+        expected = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is expected"
+        raise argparse.ArgumentTypeError(f"{expected}, got {text!r}")
+    key, unit = _BUDGETS[found[2]]
+    return key, float(found[1]) * unit
+
+
+def overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """What the command line says in place of the scene, table by table."""
+    accuracy = {
+        "target": options.accuracy,
+        "of": options.of,
+        "refinement": options.adaptive,
+        **dict(options.budget or ()),
+    }
+    tables = {"solver": {"levels": options.levels}, "accuracy": accuracy}
+    given = {name: {k: v for k, v in table.items() if v is not None} for name, table in tables.items()}
+    return {name: table for name, table in given.items() if table}

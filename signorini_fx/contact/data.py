@@ -1,0 +1,97 @@
+"""The contact data of a scene on the nodes of its contact boundary: gap, friction, regularisation, first sets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.discretisation import Body
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.magnitudes import LARGEST
+from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.settings import Box
+from signorini_fx.tuned import AUTOMATIC_GAMMA
+
+
+def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
+    """Nodal data of the friction laws; None where no law can act."""
+    if not scene.has_friction:
+        return None
+    given, coefficient, cap = np.zeros(boundary.size), np.zeros(boundary.size), np.full(boundary.size, np.inf)
+    for index, effect in enumerate(scene.contact):
+        here = boundary.part == index
+        path = f"contact[{index}].friction"
+        match effect.friction:
+            case TrescaFriction(bound=value) if friction_acts(effect.friction):
+                given[here] = _nodal(value, boundary, here, f"{path}.bound", minimum=0.0)
+            case CoulombFriction(coefficient=value, cap=limit) if friction_acts(effect.friction):
+                coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)
+                if limit is not None:
+                    cap[here] = _nodal(limit, boundary, here, f"{path}.cap", minimum=0.0)
+    capped = any(isinstance(e.friction, CoulombFriction) and e.friction.cap is not None for e in scene.contact)
+    return FrictionLaw(given, coefficient, cap if capped else None)
+
+
+def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: FrictionLaw | None) -> RegularisedData:
+    """The regularised problem that the scene asks for, with no shifts and the given part of the friction bound."""
+    gap = np.zeros(boundary.size)
+    for index, effect in enumerate(scene.contact):
+        here = boundary.part == index
+        gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
+    automatic = AUTOMATIC_GAMMA * scene.young / body.tagged.size
+    settings = scene.solver
+    zero = np.zeros(boundary.size)
+    return RegularisedData(
+        gap=gap,
+        gamma_n=automatic if settings.gamma_n == "auto" else settings.gamma_n,
+        gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
+        sigma=np.inf if settings.sigma == "auto" else settings.sigma,
+        lambda_hat=zero,
+        mu_hat=np.zeros(boundary.tangents.shape[::2]),
+        bound=None if law is None else law.given,
+        bilateral=bilateral_nodes(scene, boundary),
+    )
+
+
+def bilateral_nodes(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
+    """The nodes whose contact cannot open, None if the scene has none."""
+    parts = [index for index, effect in enumerate(scene.contact) if isinstance(effect, BilateralContact)]
+    return np.isin(boundary.part, parts) if parts else None
+
+
+def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
+    """Values at the nodes ``here``, checked on all ranks together."""
+    points = in_space(boundary.x[here])
+    values = sample(value, points)
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST) | (values < minimum))
+    error = None
+    if bad.size:
+        place = ", ".join(f"{x:g}" for x in boundary.x[here][bad[0]])
+        wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
+        error = SceneError([(path, f"is {values[bad[0]]:g} at ({place}); it must be {wanted}")])
+    parallel.raise_together(boundary.comm, error)
+    return values
+
+
+def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
+    """The sets of the first linear solve and its number (section 7: a solve that only makes the start has number 0)."""
+    region = scene.solver.initial_contact
+    every = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
+    if isinstance(region, str):
+        return every, 0
+    if isinstance(region, Box):
+        near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
+        inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+        for axis, (low, high) in enumerate((region.x, region.y, region.z)[: boundary.x.shape[1]]):
+            inside &= (boundary.x[:, axis] >= low - near) & (boundary.x[:, axis] <= high + near)
+    else:
+        inside = sample(region, in_space(boundary.x)) > 0
+    if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
+        raise SceneError([("solver.initial_contact", "holds no contact node")])
+    return ActiveSets.of(inside, every.direction), 1

@@ -1,0 +1,155 @@
+"""Active sets that hold the body: what to do with sets that would leave a rigid motion free.
+
+A linear step with such sets has no solution although the problem may have one: the sets of an iterate are only a guess.
+Statics decides first: if no admissible contact tractions could balance the load, nothing holds the body, and that is
+said by name.  Otherwise some of the nodes that are about to be released are kept, half of them if that is enough, those
+that ask for it least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length
+from signorini_fx.records import Status
+
+
+def hold(
+    following: ActiveSets,
+    sets: ActiveSets,
+    pressure: Nodal,
+    shear: Nodal,
+    data: RegularisedData,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    resultant: npt.NDArray[np.float64],
+    escaping: Callable[[], npt.NDArray[np.bool_]],
+) -> tuple[ActiveSets, Status | None, bool]:
+    """Sets near ``following`` that hold the body, or how the body gets away; collective.
+
+    Args:
+        following: the sets that the iterate asks for.
+        sets: those that it was computed with.
+        pressure: lambda of the iterate with ``sets``.
+        shear: mu of the iterate with ``sets``.
+        data: the problem.
+        boundary: the contact nodes.
+        motions: rigid motions of the body.
+        resultant: what the load does on the rigid motions of the pieces, shape (m pieces,).
+        escaping: gives the assemblies that no admissible tractions can keep, see ``statics.unbalanced``.
+
+    Returns:
+        The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
+    """
+    unresisted = motions.unheld(boundary, following.contact, _stick(following, data))
+    if not unresisted.any():
+        return following, None, False
+    bound = data.friction_bound(pressure)
+    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    able = (bound > 0) if data.has_friction else ~everywhere
+    if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
+        return following, Status.NOT_HELD, False
+    assembly = motions.assembly_of(boundary.nodes)
+    leaving = escaping() & unresisted
+    if leaving.any():
+        here = leaving[assembly]
+        pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
+        # Without a load a pressure is round-off.
+        pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
+        return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
+    # In space a slipping node, too, resists what would turn its slip.
+    unresisted = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
+    if not unresisted.any():
+        return following, None, False
+    here = unresisted[assembly]  # what the sets hold is left to them
+    slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
+    opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
+    for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
+        for share in _shares(max(_count(boundary, slipping), _count(boundary, opening))):
+            kept_stick = _least(boundary, slipping, share) if slipping_counts else ~everywhere
+            kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
+            stick = kept_stick | (kept_contact & able & ~sets.slip)
+            held = replace(following, contact=following.contact | kept_contact).sticking(stick)
+            if motions.held_by(boundary, held.contact, _stick(held, data), held.turned):
+                return held, None, True
+    # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
+    contact = following.contact | (here & sets.contact)
+    everything = replace(following, contact=contact).sticking(here & contact & able)
+    if motions.held_by(boundary, contact, _stick(everything, data), everything.turned):
+        return everything, None, True
+    return sets, None, True
+
+
+def fewest_constraints(
+    sets: ActiveSets,
+    opening: Nodal,
+    slipping: Nodal,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """A few nodes that, tied to where they are, hold a body that the sets do not hold; collective.
+
+    Args:
+        sets: the sets.
+        opening: by how much open nodes violate contact, stress; infinite where a node cannot be tied along its normal.
+        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be tied sideways.
+        boundary: the contact nodes.
+        motions: rigid motions of the body.
+
+    Returns:
+        Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
+    """
+    normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
+    stick = ~sets.slip & np.isfinite(slipping)
+    here = motions.unheld(boundary, normal, stick, sets.turned)[motions.assembly_of(boundary.nodes)]
+    along = _ranked(boundary, here & np.isfinite(opening) & ~sets.contact, opening)
+    across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
+    most = max(_count(boundary, along), _count(boundary, across))
+    while True:
+        fixed_along, fixed_across = ((places >= 0) & (places < count) for places in (along, across))
+        for pair in (nothing, fixed_across), (fixed_along, nothing), (fixed_along, fixed_across):
+            if motions.held_by(boundary, normal | pair[0], stick | pair[1], sets.turned):
+                return pair
+        if count >= most:
+            return fixed_along, fixed_across
+        count *= 2
+
+
+def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
+    return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
+
+
+def _ranked(boundary: ContactBoundary, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:
+    """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the other nodes."""
+    # Position breaks ties: a uniform state would otherwise keep all of them or none.
+    ranking = np.column_stack((violation, boundary.x))
+    places = {
+        row: place
+        for place, row in enumerate(sorted(map(tuple, parallel.gather_rows(boundary.comm, ranking[candidates]))))
+    }
+    result = np.full(candidates.size, -1, dtype=np.int64)
+    result[candidates] = [places[tuple(row)] for row in ranking[candidates]]
+    return result
+
+
+def _count(boundary: ContactBoundary, places: npt.NDArray[np.int64]) -> int:
+    return int(parallel.global_sum(boundary.comm, np.array(np.count_nonzero(places >= 0))))
+
+
+def _shares(count: int) -> list[float]:
+    """Half, three quarters, ... of the candidates, at last all but one; nothing where there is only one."""
+    shares = [1 - 0.5**power for power in range(1, 64) if 0.5**power * count > 1]
+    return [*shares, 1 - 1 / count] if count > 1 else []
+
+
+def _least(boundary: ContactBoundary, places: npt.NDArray[np.int64], share: float) -> npt.NDArray[np.bool_]:
+    """The share of the candidates with the least violation, never all of them."""
+    count = _count(boundary, places)
+    return (places >= 0) & (places < min(round(share * count), count - 1))

@@ -1,0 +1,340 @@
+"""The pointwise contact and friction laws in d dimensions, and their generalised derivatives.  No finite elements.
+
+Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
+of its point, shape (n, d - 1): one in the plane, two in space.  Pressures and shears are stresses, lambda and mu of the
+paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
+
+The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an interval, a direction
+is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping point carries the direction e of its
+shear, and its shear for fixed sets is
+
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
+
+with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
+form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
+572-596, for the disc).  In R^1 the second term vanishes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Nodal = npt.NDArray[np.float64]
+
+# A shear within this share of its bound is at the bound: then the slip decides, not round-off.
+_AT_BOUND = 1e-12
+
+
+def length(vectors: Nodal) -> Nodal:
+    """Euclidean length of each row, shape (n,); exact for rows of one component."""
+    return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
+
+
+def inner(a: Nodal, b: Nodal) -> Nodal:
+    """Scalar product of each pair of rows, shape (n,)."""
+    return np.einsum("ij,ij->i", a, b)
+
+
+def unit(vectors: Nodal) -> Nodal:
+    """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for zero."""
+    size = length(vectors)
+    found = np.zeros_like(vectors)
+    found[:, :1] = 1.0
+    np.divide(vectors, size[:, None], out=found, where=(size > 0)[:, None])
+    return found
+
+
+@dataclass(frozen=True)
+class ActiveSets:
+    """The sets of Algorithm (SSN), step 2.
+
+    Attributes:
+        contact: True on A_c, False on I_c, shape (n,).
+        slip: True on A_f, False on I_f (stick), shape (n,).
+        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on
+            A_f,-.
+        turning: k, stress per length: how the shear follows a slip across its direction, shape (n,); without effect in
+            the plane.
+    """
+
+    contact: npt.NDArray[np.bool_]
+    slip: npt.NDArray[np.bool_]
+    direction: Nodal
+    turning: Nodal
+
+    @classmethod
+    def of(cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None) -> ActiveSets:
+        """Sets from the contact set and the directions, which are zero where the point sticks."""
+        slip = length(direction) > 0.5
+        return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
+
+    @classmethod
+    def all_in_contact(cls, points: int, tangents: int) -> ActiveSets:
+        """Contact and stick everywhere: the unconstrained dual problem with which section 7 starts."""
+        return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
+
+    @property
+    def side(self) -> npt.NDArray[np.int8]:
+        """+1 and -1 on A_f,+ and A_f,- of the plane, in space +1 on all of A_f; 0 on I_f, shape (n,).
+
+        In space no more can be said without the tangents that somebody chose.
+        """
+        signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
+        return signs.astype(np.int8)
+
+    @property
+    def turned(self) -> Nodal:
+        """The directions of the points whose shear resists a slip across them, shape (n, d - 1), zero at the others."""
+        return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
+
+    def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
+        """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
+        turned = inner(self.direction, other.direction) < 0
+        return (self.contact != other.contact) | (self.slip != other.slip) | turned
+
+    def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
+        """The sets with the points ``where`` put into I_f."""
+        slip = self.slip & ~where
+        return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning)
+
+    def across(self, vectors: Nodal) -> Nodal:
+        """(I - e e^T) v, shape (n, d - 1); zero in the plane."""
+        return vectors - inner(self.direction, vectors)[:, None] * self.direction
+
+
+@dataclass(frozen=True)
+class RegularisedData:
+    """The data of the regularised problem (P_gamma) on the contact points: all that outer algorithms ever change.
+
+    Attributes:
+        gap: d, length, shape (n,).
+        gamma_n: gamma_1, stress per length.
+        gamma_t: gamma_2, stress per length.
+        sigma: sigma of (3.3c), length per stress; infinite: a point passes through stick between the slip sets.
+        lambda_hat: shift of the contact pressure, stress, shape (n,).
+        mu_hat: shift of the shear, stress, shape (n, d - 1).
+        bound: given friction bound F g, stress, shape (n,); None if there is no friction.
+        coupling: F where the bound is F lambda(y) of the iterate itself (monolithic Coulomb friction), added to
+            ``bound``, shape (n,); None where the bound is given.
+        bilateral: points whose contact cannot open, shape (n,); None: there are none.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
+            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the step before.
+    """
+
+    gap: Nodal
+    gamma_n: float
+    gamma_t: float
+    sigma: float
+    lambda_hat: Nodal
+    mu_hat: Nodal
+    bound: Nodal | None
+    coupling: Nodal | None = None
+    bilateral: npt.NDArray[np.bool_] | None = None
+    slip_origin: Nodal | None = None
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether a friction condition is part of the problem."""
+        return self.bound is not None
+
+    def friction_bound(self, pressure: Nodal) -> Nodal:
+        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
+        if self.bound is None:
+            return np.zeros_like(pressure)
+        return self.bound if self.coupling is None else self.bound + self.coupling * np.maximum(pressure, 0.0)
+
+
+def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """The tangential displacement that friction acts against, length, shape (n, d - 1)."""
+    return u_t if data.slip_origin is None else u_t - data.slip_origin
+
+
+def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """The contact set with the bilateral points, which belong to it always."""
+    return contact if data.bilateral is None else contact | data.bilateral
+
+
+def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b)."""
+    return data.lambda_hat + data.gamma_n * (u_n - data.gap)
+
+
+def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
+    return data.mu_hat + data.gamma_t * slip_of(u_t, data)
+
+
+def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
+    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be infinite."""
+    beyond = length(shear) > bound
+    return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
+
+
+def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
+    pushing = np.maximum(pressure, 0.0)
+    pressure = pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)
+    return pressure, onto_disc(shear, data.friction_bound(pressure))
+
+
+def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
+
+    lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2 tau_T y on I_f, and
+    F g e + k (I - e e^T)(tau_T y + mu_hat / gamma_2) on A_f; zero without friction.
+    """
+    pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
+    if data.bound is None:
+        return pressure, np.zeros_like(u_t)
+    # A point about to leave has a negative pressure for one step, and its bound follows: the map stays affine.
+    bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
+    trial = trial_shear(u_t, data)
+    turned = (sets.turning / data.gamma_t)[:, None] * sets.across(trial)
+    return pressure, np.where(sets.slip[:, None], at_bound(sets, bound) + turned, trial)
+
+
+def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
+    """F g e on A_f and zero on I_f, where the bound may be infinite."""
+    return np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
+
+
+def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d - 1)."""
+    return np.where(sets.slip[:, None], slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t, 0.0)
+
+
+def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
+
+    A point slips where |mu + xi / sigma| > F g, in the direction of that sum.  In the plane this is (3.3c); with sigma
+    infinite mu decides, and xi where mu is at its bound.  A point whose bound is zero transmits nothing and belongs to
+    the side to which it moves; ``transmitting`` leaves it out.
+    """
+    trial = trial_pressure(u_n, data)
+    contact = keep_closed(trial > 0, data)
+    if data.bound is None:
+        return ActiveSets.of(contact, np.zeros_like(u_t))
+    bound = data.friction_bound(trial)
+    size = length(mu)
+    over = size - bound
+    # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
+    leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
+    if np.isinf(data.sigma):
+        slip = np.where(np.abs(over) <= _AT_BOUND * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
+    else:
+        slip = data.sigma * over * (size + bound) + leaning > 0
+    transmits = bound > 0
+    motion = slip_of(u_t, data)
+    direction = np.where(transmits[:, None], unit(mu + xi / data.sigma), unit(motion))
+    direction = np.where((slip | ~transmits)[:, None], direction, 0.0)
+    return ActiveSets.of(contact, direction, _turning(direction, motion, bound, data))
+
+
+def _turning(direction: Nodal, motion: Nodal, bound: Nodal, data: RegularisedData) -> Nodal:
+    """K of ``ActiveSets``: F g over the slip along e, no less than what reaches the bound."""
+    along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
+    reach = np.maximum(along, bound)
+    return data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=(reach > 0) & np.isfinite(bound))
+
+
+def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
+    trial = trial_shear(u_t, data)
+    if data.bound is None:
+        return next_sets(u_n, u_t, trial, trial, data)
+    # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
+    bound = data.friction_bound(trial_pressure(u_n, data))
+    shear = at_bound(sets, bound) + (sets.turning / data.gamma_t)[:, None] * sets.across(trial)
+    direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
+    mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
+    return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
+
+
+def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
+    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is.
+
+    In the plane these points slip along the tangent, in space without a direction: none is distinguished.  Where the
+    bound is infinite all stick.
+    """
+    if data.bound is None:
+        return sets
+    sets = sets.sticking(np.isinf(data.bound))
+    free = ~(data.bound > 0)
+    if data.coupling is not None:
+        free &= ~(data.coupling > 0) | ~sets.contact
+    first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
+    direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
+    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning)
+
+
+def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
+    """The sets with the points that can transmit no shear put into I_f, for counting and comparing."""
+    return sets.sticking(~(bound > 0))
+
+
+def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
+    """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length, shape (n, d, d).
+
+    Symmetric unless the bound follows the pressure.
+    """
+    count, tangents = sets.direction.shape
+    blocks = np.zeros((count, 1 + tangents, 1 + tangents))
+    blocks[:, 0, 0] = np.where(sets.contact, data.gamma_n, 0.0)
+    if data.bound is None:
+        return blocks
+    identity = np.eye(tangents)
+    across = identity - sets.direction[:, :, None] * sets.direction[:, None, :]
+    blocks[:, 1:, 1:] = np.where(
+        sets.slip[:, None, None], sets.turning[:, None, None] * across, data.gamma_t * identity
+    )
+    if data.coupling is not None:
+        blocks[:, 1:, 0] = sets.direction * (data.coupling * blocks[:, 0, 0])[:, None]
+    return blocks
+
+
+def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, given friction only."""
+    contact = keep_closed(trial_pressure(u_n, data) > 0, data)
+    if data.bound is None:
+        return ActiveSets.of(contact, np.zeros_like(u_t))
+    trial, motion = trial_shear(u_t, data), slip_of(u_t, data)
+    slip = length(trial) > data.bound
+    transmits = data.bound > 0
+    direction = np.where((slip & transmits)[:, None], unit(trial), 0.0)
+    # Nothing is transmitted where the bound is zero; the direction is a matter of form.
+    direction = np.where(transmits[:, None], direction, unit(motion))
+    return ActiveSets.of(contact, direction, _turning(direction, motion, data.bound, data))
+
+
+def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+    """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
+
+    Zero in the plane once the sets repeat.  In space a direction may still turn while the sets stay.
+    """
+    pressure, mu = multipliers(sets, u_n, u_t, data)
+    if data.bound is None:
+        return np.zeros_like(pressure)
+    return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """The friction bound as a function of the contact pressure: given + coefficient * lambda.
+
+    Attributes:
+        given: Tresca's g, stress, shape (n,); zero at other points.
+        coefficient: Coulomb's F, shape (n,); zero at other points.
+        cap: largest bound, stress, shape (n,); None: unlimited.
+    """
+
+    given: Nodal
+    coefficient: Nodal
+    cap: Nodal | None = None
+
+    def bound(self, pressure: Nodal) -> Nodal:
+        """F g with g = lambda at Coulomb points (6.1), stress; |lambda| where contact is bilateral."""
+        bound = self.given + self.coefficient * np.abs(pressure)
+        return bound if self.cap is None else np.minimum(bound, self.cap)

@@ -1,0 +1,117 @@
+"""Where a body that is not held comes to rest on its foundation: the origin from which displacements are counted.
+
+A body that first drops by a millimetre and then is deformed by a nanometre would have its contact forces computed as
+differences of numbers that agree in six digits.  Measured from the place where the rigid body touches its foundation,
+displacements and gaps are as small as the deformation, and so is their round-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import Nodal, RegularisedData
+
+# Share of the largest one below which a motion is not resisted by the normals, and a gap is closed.
+_SMALL = 1e-6
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A rigid motion, and what it is at the contact nodes.
+
+    Attributes:
+        motion: coefficients of the rigid motions of each piece of the body, lengths, shape (m pieces,).
+        u_n: its tau_N y.
+        u_t: its tau_T y.
+    """
+
+    motion: npt.NDArray[np.float64]
+    u_n: Nodal
+    u_t: Nodal
+
+    def data_from(self, data: RegularisedData) -> RegularisedData:
+        """The problem for displacements that are counted from here."""
+        slip_origin = data.slip_origin
+        if self.u_t.any():
+            slip_origin = (0.0 if slip_origin is None else slip_origin) - self.u_t
+        return replace(data, gap=data.gap - self.u_n, slip_origin=slip_origin)
+
+
+def resting_place(
+    data: RegularisedData,
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    resultant: npt.NDArray[np.float64],
+) -> Rest | None:
+    """Where the load takes the rigid body; None where nothing stops it without friction, or supports hold it;
+    collective.
+
+    The work of the load is largest over the rigid motions that do not enter the foundation: a linear programme with
+    as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest each by itself.
+    """
+    if motions.free.shape[1] == 0:
+        return None
+    modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
+    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
+    bilateral = np.zeros(boundary.size) if data.bilateral is None else data.bilateral
+    of_node = motions.assembly_of(boundary.nodes)
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, data.gap, bilateral, of_node)))
+    motion = np.zeros(motions.free.shape[0])
+    for number, columns, _ in motions.assemblies():
+        here = table[table[:, -1] == number]
+        if len(here) and not here[:, -2].any():
+            free = motions.free[:, columns]
+            moved = _rest_of(here[:, :-3][:, columns], here[:, -3], free.T @ resultant)
+            motion += 0.0 if moved is None else free @ moved
+    if not motion.any():
+        return None
+    at_nodes = boundary.free * (motions.at(boundary.nodes) @ (motions.free.T @ motion))
+    u_n = np.einsum("ij,ij->i", boundary.normal, at_nodes)
+    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_nodes)
+    # A motion along the normals has no tangential part but for round-off.
+    still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
+    return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
+
+
+def _rest_of(
+    normal_modes: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], load: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64] | None:
+    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests.
+
+    Args:
+        normal_modes: what each motion is along the normals of its contact nodes, shape (n, k).
+        gap: at these nodes, shape (n,).
+        load: what the load does on the motions, shape (k,).
+    """
+    values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
+    resisted: npt.NDArray[np.float64] = vectors[:, values > _SMALL * values[-1]]
+    work = resisted.T @ load
+    size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
+    if size == 0 or largest == 0:
+        return None
+    place = _furthest(normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest))
+    return None if place is None else size * (resisted @ place)
+
+
+def _furthest(
+    rows: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], work: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64] | None:
+    """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
+    if work.size == 1:
+        along = rows[:, 0] * np.sign(work[0])
+        stops = along > _SMALL * along.max(initial=0.0)  # beside a wall that it slides along nothing but round-off
+        return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
+    result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
+    if result.status != 0:
+        return None
+    # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
+    closed = rows @ result.x >= gap - _SMALL
+    place: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
+    return place

@@ -1,0 +1,180 @@
+"""What is measured after a solve, the same way for every algorithm: contact state, forces, functionals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner, project, trial_pressure
+from signorini_fx.contact.laws import length as length_of
+
+
+@dataclass(frozen=True, repr=False)
+class ContactState:
+    """The contact nodes of this rank after a solve, arrays of shape (n,).
+
+    Attributes:
+        boundary: nodes, weights and normals.
+        gap: d, length.
+        u_n: tau_N y, length; u_n - gap > 0 is penetration.
+        u_t: tau_T y, length, shape (n, d - 1).
+        pressure: lambda = -sigma_N, stress.
+        shear: mu = -sigma_T, stress, shape (n, d - 1).
+        bound: friction bound F g, stress; zero without friction.
+        in_contact: True on A_c.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+            -1 on A_f,-.
+        has_friction: whether a friction law acts.
+        bilateral: nodes whose contact cannot open.
+        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step, shape
+            (n, d - 1).
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
+    """
+
+    boundary: ContactBoundary
+    gap: Nodal
+    u_n: Nodal
+    u_t: Nodal
+    pressure: Nodal
+    shear: Nodal
+    bound: Nodal
+    in_contact: npt.NDArray[np.bool_]
+    direction: Nodal
+    has_friction: bool
+    bilateral: npt.NDArray[np.bool_]
+    slip_length: Nodal
+    xi: Nodal
+
+    def __repr__(self) -> str:
+        return f"<ContactState: {self.boundary.size} nodes of this rank, {self.in_contact.sum()} in contact>"
+
+    @cached_property
+    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
+        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
+        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
+        comm = self.boundary.comm
+        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
+
+    @cached_property
+    def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Moments about the origin of what ``forces`` has, in space only, shape (3,); collective."""
+        boundary = self.boundary
+        none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
+        found = [
+            parallel.global_sum(boundary.comm, -np.cross(boundary.x, boundary.nodal_forces(*tractions)).sum(axis=0))
+            for tractions in ((self.pressure, none_t), (none_n, self.shear))
+        ]
+        return found[0], found[1]
+
+    @cached_property
+    def friction_work(self) -> float:
+        """Work that slip takes out of the body in this load step, (mu, xi) with xi of (3.3c), never negative;
+        collective.
+
+        xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
+        """
+        work = np.dot(self.boundary.weight, inner(self.shear, self.xi))
+        return float(parallel.global_sum(self.boundary.comm, work))
+
+    @cached_property
+    def mean_tangential_displacement(self) -> float | Nodal:
+        """Mean of tau_T y over the contact boundary, length: along the tangent; in space a vector, shape (3,);
+        collective.
+        """
+        weight = self.boundary.weight
+        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.tangential(self.u_t), weight.sum()))
+        mean: Nodal = sums[:-1] / sums[-1]
+        return float(mean[0]) if mean.size == 1 else mean
+
+    def tangential(self, vectors: Nodal) -> Nodal:
+        """Tangential vectors, shape (n, d - 1), as tables have them: in the plane along the tangent, shape (n, 1), in
+        space as vectors of space, shape (n, 3), which depend on no choice of tangents.
+        """
+        if vectors.shape[1] == 1:
+            return vectors
+        return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
+
+    def sliding_side(self) -> npt.NDArray[np.int8]:
+        """``ActiveSets.side``; a node that transmits nothing moves freely."""
+        side = ActiveSets.of(self.in_contact, self.direction).side
+        moving = np.where(self.slip_length[:, 0] < 0, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
+        return np.where(self.bound > 0, side, moving).astype(np.int8)
+
+    @cached_property
+    def areas(self) -> dict[str, float]:
+        """What is in contact, and what of the nodes with a friction bound sticks and slips, areas (in the plane
+        lengths); collective.
+        """
+        weight, slip = self.boundary.weight, self.sliding_side() != 0
+        acting = self.bound > 0
+        sums = [np.dot(weight, where) for where in (self.in_contact, acting & ~slip, acting & slip)]
+        total = parallel.global_sum(self.boundary.comm, np.array(sums))
+        return dict(zip(("contact", "stick", "slip"), map(float, total), strict=True))
+
+
+@dataclass(frozen=True)
+class Functionals:
+    """Primal and dual functional of the regularised problem with given friction, energies per thickness.
+
+    Their difference is never negative for feasible lambda and mu, and zero where (3.3b) and (3.3c) hold; together with
+    equilibrium (3.3a) it is a certificate of optimality.
+
+    Attributes:
+        primal: J_gamma(y) of section 3.
+        dual: -J*_gamma(lambda, mu) of section 3, written for prescribed displacements that need not vanish.
+    """
+
+    primal: float
+    dual: float
+
+    @property
+    def relative_gap(self) -> float:
+        """(primal - dual) / |primal|."""
+        return (self.primal - self.dual) / abs(self.primal) if self.primal != 0 else self.primal - self.dual
+
+
+def functionals(elastic: float, contact: ContactState, data: RegularisedData) -> Functionals:
+    """Evaluate J_gamma (section 3) and its dual at a solution; collective.
+
+    Args:
+        elastic: a(y, y) / 2 - L(y), an energy per thickness.
+        contact: the contact nodes.
+        data: the regularised problem.
+
+    The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
+    displacement at hand, which is its minimiser as far as (3.3a) holds.
+    """
+    c, w = contact, contact.boundary.weight
+    pressure, shear = project(c.pressure, c.shear, data)
+    bound = data.friction_bound(pressure)
+    overlap, slip = c.u_n - c.gap, c.slip_length
+    if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
+        primal, dual = bound * length_of(slip), pressure * overlap + inner(shear, slip)
+    else:
+        trial = trial_pressure(c.u_n, data)
+        pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
+        primal = pushing**2 / (2 * data.gamma_n) + _smoothed_friction(slip, data, bound)
+        dual = (
+            pressure * overlap
+            + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
+            + inner(shear, slip)
+            + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
+        )
+    sums = parallel.global_sum(
+        contact.boundary.comm,
+        np.array([np.dot(w, primal), np.dot(w, dual)]),
+    )
+    return Functionals(elastic + float(sums[0]), elastic + float(sums[1]))
+
+
+def _smoothed_friction(slip: Nodal, data: RegularisedData, bound: Nodal) -> Nodal:
+    """F g h(tau_T y, mu_hat) / gamma_2 of (3.2)."""
+    trial = length_of(data.gamma_t * slip + data.mu_hat)
+    sliding = bound * (trial - bound / 2)
+    return np.where(trial >= bound, sliding, trial**2 / 2) / data.gamma_t

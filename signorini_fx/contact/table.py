@@ -1,0 +1,144 @@
+"""The contact boundary as a table: nodes of all ranks in an order of its own, and in the plane the zones on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import chains
+from signorini_fx.contact.laws import length
+from signorini_fx.contact.state import ContactState
+from signorini_fx.display import html_table
+
+# Rows of a table that a notebook shows.
+_SHOWN_ROWS = 20
+
+
+@dataclass(frozen=True, repr=False)
+class ContactTable:
+    """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
+
+    Attributes:
+        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
+            ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
+            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space
+            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.
+        chains: the connected pieces of the boundary, as ranges of rows; in space none.
+        nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
+            table that belongs to no mesh.
+    """
+
+    columns: dict[str, npt.NDArray[Any]]
+    chains: list[range]
+    nodes: npt.NDArray[np.int64] | None = None
+
+    def __repr__(self) -> str:
+        return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the first rows."""
+        rows = list(zip(*(column[:_SHOWN_ROWS].tolist() for column in self.columns.values()), strict=True))
+        return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
+
+    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
+        x, y = self.columns["x"], self.columns["y"]
+        runs = []
+        for chain in self.chains:
+            start = None
+            for row in [*chain, None]:
+                inside = row is not None and bool(mask[row])
+                if inside and start is None:
+                    start = row
+                if not inside and start is not None:
+                    last = row - 1 if row is not None else chain[-1]
+                    runs.append([[float(x[start]), float(y[start])], [float(x[last]), float(y[last])]])
+                    start = None
+        return runs
+
+
+def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
+    """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
+
+    In the plane the order is that along the boundary, which has no counterpart on a surface: there it is that of the
+    coordinates.
+
+    Args:
+        contact: the nodes of this rank.
+        names: name of the boundary of each effect in ``scene.contact``.
+    """
+    boundary = contact.boundary
+    dim = boundary.x.shape[1]
+    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    scalars = {
+        "gap": contact.gap,
+        "u_n": contact.u_n,
+        "pressure": contact.pressure,
+        "bound": contact.bound,
+        "touching": contact.in_contact,
+        "side": contact.sliding_side(),
+        "weight": boundary.weight,
+    }
+    vectors = {
+        "x": boundary.x,
+        "n": boundary.normal,
+        "u_t": contact.tangential(contact.u_t),
+        "shear": contact.tangential(contact.shear),
+        "slip": contact.tangential(contact.slip_length),
+    }
+    rows = parallel.gather_rows(boundary.comm, np.column_stack((*scalars.values(), *vectors.values())))
+    x = rows[:, len(scalars) : len(scalars) + dim]
+    if dim == 2:
+        segments = parallel.gather_rows(boundary.comm, boundary.segments)
+        pieces, order = chains(numbers, segments, x)
+    else:
+        pieces, order = [], _by_position(numbers[:, 0], x)
+    rows, part = rows[order], numbers[order, 0]
+    ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
+    of = dict(zip(scalars, rows.T, strict=False))
+    parts = {name: rows[:, a:b] for name, a, b in zip(vectors, ends, ends[1:], strict=False)}
+    slipping = np.array(["slip-", "stick", "slip+"] if dim == 2 else ["", "stick", "slip"])
+    state = slipping[of["side"].astype(int) + 1]
+    columns: dict[str, npt.NDArray[Any]] = {
+        **dict(zip("xyz", parts["x"].T, strict=False)),
+        "gap": of["gap"],
+        "u_n": of["u_n"],
+        **_components("u_t", parts["u_t"]),
+        "pressure": of["pressure"],
+        **_components("shear", parts["shear"]),
+        "bound": of["bound"],
+        "state": np.where(of["touching"] > 0, state, "open"),
+        "friction": np.where(of["bound"] > 0, state, "none"),
+        **_components("slip", parts["slip"]),
+        "boundary": np.array(names)[part.astype(int)],
+        **({"s": _along(parts["x"], pieces)} if dim == 2 else {}),
+        **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
+        "weight": of["weight"],
+    }
+    return ContactTable(columns, pieces, numbers[order])
+
+
+def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:
+    """A tangential vector as columns: itself in the plane; its length and its components in space."""
+    if vectors.shape[1] == 1:
+        return {name: vectors[:, 0]}
+    return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}
+
+
+def _along(x: npt.NDArray[np.float64], pieces: list[range]) -> npt.NDArray[np.float64]:
+    """Arc length along each connected piece, from its beginning."""
+    along = np.zeros(len(x))
+    for chain in pieces:
+        steps = np.hypot(*np.diff(x[chain.start : chain.stop], axis=0).T)
+        along[chain.start + 1 : chain.stop] = np.cumsum(steps)
+    return along
+
+
+def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """The order by boundary, then by coordinates, rounded so that round-off does not decide."""
+    rounded = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
+    return np.lexsort((*rounded.T[::-1], part)).astype(np.int64)

@@ -1,0 +1,5 @@
+"""Distributed meshes with named boundaries and regions, their refinement, and what a mesh file holds.
+
+This package knows dolfinx meshes, the generators of ``meshes/`` and the formats in ``files/``.  It must not know finite
+element spaces, materials or contact.
+"""

@@ -1,0 +1,311 @@
+"""Meshes in Abaqus input files (.inp): nodes, elements, and the sets and surfaces that name parts of them.
+
+meshio knows neither the plane elements CPE3, CPE4, CPS4R ... nor surfaces on the faces of elements, so this is a reader
+of our own.  Keywords that say nothing of the mesh are passed over.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mesh.files.arrays import MeshArrays, RawMesh, plain, rows_of
+from signorini_fx.mesh.files.cells import Corners, straight
+from signorini_fx.mesh.files.shape import Ints
+
+_SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
+_LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
+_KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+_SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
+_KIND_IN_SPACE = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
+# Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
+_FACES: dict[str, tuple[Corners, ...]] = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+}
+
+
+def _kind(element: str) -> tuple[str, int]:
+    """The shape of an element type and its number of nodes.
+
+    Raises:
+        ValueError: it is not one of a plane or solid body.
+    """
+    if found := _SOLID.match(element):
+        if (count := int(found[1])) not in _KIND_IN_SPACE:
+            raise ValueError(f"element type {element}: known are C3D4, C3D8, C3D10 and C3D20")
+        return _KIND_IN_SPACE[count], count
+    if element == "CAX4P":  # what meshio calls any quadrilateral
+        return "quad", 4
+    if found := _SOLID_IN_PLANE.match(element):
+        return _KIND[int(found[1])], int(found[1])
+    if found := _LINE.match(element):
+        # B21 has two nodes, T2D2 too.
+        count = int(found[1]) + (element[0] == "B")
+        return ("line" if count == 2 else "line3"), count
+    if element.startswith("CAX"):
+        raise ValueError(f"axisymmetric elements ({element}): only plane problems are solved")
+    raise ValueError(
+        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
+        "S4 ..., and in space C3D4, C3D8, C3D10, C3D20 ..."
+    )
+
+
+@dataclass
+class _Block:
+    """A keyword with its parameters, its line in the file, and its data lines split at commas."""
+
+    keyword: str
+    parameters: dict[str, str]
+    line: int
+    rows: list[list[str]] = field(default_factory=list)
+
+
+def _blocks(text: str) -> Iterator[_Block]:
+    """The keywords one after the other."""
+    block: _Block | None = None
+    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that goes on
+    following = 1
+    for whole in joined.split("\n"):
+        number, following = following, following + 1 + whole.count("\0")
+        line = whole.replace("\0", "").strip()
+        if not line or line.startswith("**"):
+            continue
+        if line.startswith("*"):
+            if block is not None:
+                yield block
+            first, *others = (word.strip() for word in line[1:].split(","))
+            pairs = (word.partition("=") for word in others)
+            parameters = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
+            block = _Block(" ".join(first.upper().split()), parameters, number)
+        elif block is not None:
+            block.rows.append([word for word in (part.strip().strip('"') for part in line.split(",")) if word])
+    if block is not None:
+        yield block
+
+
+# Sets of sets may name the same elements over and over: more members than this in all sets are a mistake.
+_MOST_MEMBERS = 20_000_000
+
+
+class _Reader:
+    """What has been read so far.
+
+    Args:
+        room: more nodes or elements than this cannot be in the file.
+    """
+
+    def __init__(self, room: int) -> None:
+        self._room = room
+        self._members = 0
+        self.points: dict[int, list[float]] = {}
+        self.blocks: list[tuple[str, list[list[int]]]] = []
+        self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
+        self.element_sets: dict[str, list[int]] = {}
+        self.node_sets: dict[str, list[int]] = {}
+        self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
+
+    def read(self, keyword: str, parameters: dict[str, str], rows: list[list[str]]) -> None:
+        match keyword:
+            case "NODE":
+                for number, *x in rows:
+                    if int(number) in self.points:
+                        raise ValueError(f"node {number} is there twice: a file with several parts is not understood")
+                    self.points[int(number)] = [float(value.upper().replace("D", "E")) for value in x[:3]]
+                if "NSET" in parameters:
+                    self.node_sets.setdefault(parameters["NSET"], []).extend(int(row[0]) for row in rows)
+            case "ELEMENT":
+                self._read_elements(parameters, rows)
+            case "NSET":
+                self._read_set(self.node_sets, parameters["NSET"], parameters, rows)
+            case "ELSET":
+                self._read_set(self.element_sets, parameters["ELSET"], parameters, rows)
+            case "SURFACE":
+                self._read_surface(parameters, rows)
+            case "INCLUDE":
+                raise ValueError("*INCLUDE is not followed: put everything into one file")
+            case "INSTANCE" if rows:
+                raise ValueError("*INSTANCE moves its part: write the mesh where it stands")
+
+    def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
+        kind, count = _kind(parameters["TYPE"].upper())
+        words = [int(word) for row in rows for word in row]
+        if len(words) % (count + 1):
+            raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes for each are expected")
+        table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
+        for row, (number, *_) in enumerate(table):
+            if number in self.elements:
+                raise ValueError(f"element {number} is there twice: a file with several parts is not understood")
+            self.elements[number] = len(self.blocks), row
+        if table:
+            self.blocks.append((kind, [nodes for _, *nodes in table]))
+        if "ELSET" in parameters:
+            self.element_sets.setdefault(parameters["ELSET"], []).extend(row[0] for row in table)
+
+    def _read_set(
+        self, sets: dict[str, list[int]], name: str, parameters: dict[str, str], rows: list[list[str]]
+    ) -> None:
+        members: dict[int, None] = dict.fromkeys(sets.get(name, ()))
+        taken: set[str] = set()
+        for row in rows:
+            if "GENERATE" in parameters:
+                first, last, step = (*map(int, row), 1)[:3]
+                if step < 1 or (last - first) // step > self._room:
+                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not what the file can hold")
+                members.update(dict.fromkeys(range(first, last + 1, step)))
+                continue
+            for word in row:
+                if word.isdigit():
+                    members[int(word)] = None
+                elif word == name:
+                    raise ValueError(f"set {name!r} is named as a part of itself")
+                elif word not in taken:
+                    taken.add(word)
+                    members.update(dict.fromkeys(self._member(sets, word)))
+        self._members += len(members) - len(sets.get(name, ()))
+        if self._members > _MOST_MEMBERS:
+            raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
+        sets[name] = list(members)
+
+    def _member(self, sets: dict[str, list[int]], word: str) -> list[int]:
+        """A set within a set, perhaps with the name of its instance before it."""
+        for name in (word, word.rpartition(".")[2]):
+            if name in sets:
+                return sets[name]
+        if (number := word.rpartition(".")[2]).isdigit():
+            return [int(number)]
+        raise ValueError(f"set {word!r} is not there")
+
+    def _read_surface(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
+        name, kind = parameters["NAME"], parameters.get("TYPE", "ELEMENT").upper()
+        for row in rows:
+            if kind == "NODE":
+                self.node_sets.setdefault(name, []).extend(
+                    [int(row[0])] if row[0].isdigit() else self._member(self.node_sets, row[0])
+                )
+            elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
+                members = [int(row[0])] if row[0].isdigit() else self._member(self.element_sets, row[0])
+                faces = self.surfaces.setdefault(name, [])
+                faces.extend((element, int(row[1][1:])) for element in members)
+                self._members += len(members)
+                if self._members > _MOST_MEMBERS:
+                    raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
+
+    def result(self) -> RawMesh:
+        """Everything in the numbers of arrays."""
+        place = {number: index for index, number in enumerate(self.points)}
+        width = max((len(x) for x in self.points.values()), default=2)
+        points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
+        blocks = [
+            (kind, np.array([[place[n] for n in row] for row in nodes], dtype=np.int64)) for kind, nodes in self.blocks
+        ]
+        sets = {name: self._rows(members, len(blocks)) for name, members in self.element_sets.items()}
+        for name, faces in self.surfaces.items():
+            sides = [self._side(blocks, name, element, face) for element, face in faces]
+            for kind, corners in (("line", 2), ("triangle", 3), ("quad", 4)):
+                own = [side for side in sides if len(side) == corners]
+                if not own:
+                    continue
+                blocks.append((kind, np.array(own, dtype=np.int64)))
+                none = np.empty(0, dtype=np.int64)
+                sets = {label: [*members, none] for label, members in sets.items()}
+                before = sets.get(name, [none] * len(blocks))
+                sets[name] = [*before[:-1], np.arange(len(own))]
+        node_sets = {
+            name: np.array([place[n] for n in nodes], dtype=np.int64) for name, nodes in self.node_sets.items()
+        }
+        return RawMesh(points, blocks, sets, node_sets)
+
+    def _rows(self, members: list[int], count: int) -> list[Ints]:
+        found: list[list[int]] = [[] for _ in range(count)]
+        for member in members:
+            block, row = self.elements[member]
+            found[block].append(row)
+        return [np.array(rows, dtype=np.int64) for rows in found]
+
+    def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
+        block, row = self.elements[element]
+        kind, nodes = blocks[block]
+        faces = _FACES.get(kind.rstrip("0123456789"), ())
+        if not 1 <= face <= len(faces):
+            raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
+        return [int(nodes[row, corner]) for corner in faces[face - 1]]
+
+
+def read(file: Path) -> RawMesh:
+    """The mesh of an Abaqus input file.
+
+    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
+    surfaces name boundaries.
+
+    Raises:
+        MeshError: it is no such file, or one of several parts; elements that are neither plane nor solid.
+    """
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    reader = _Reader(len(text))
+    for block in _blocks(text):
+        with _named(file, f"line {block.line}, *{block.keyword}"):
+            reader.read(block.keyword, block.parameters, block.rows)
+    with _named(file, "sets and elements"):
+        mesh = reader.result()
+    return mesh
+
+
+@contextmanager
+def _named(file: Path, place: str) -> Iterator[None]:
+    """Say where it is what cannot be read."""
+    try:
+        yield
+    except KeyError as error:
+        raise MeshError(f"{file}: {place}: {error} is missing") from None
+    except (ValueError, IndexError, TypeError, OverflowError) as error:
+        raise MeshError(f"{file}: {place}: {error}") from None
+
+
+def write(mesh: MeshArrays, file: Path) -> None:
+    """Write solid or plane strain elements, regions as element sets, boundaries as node sets and as surfaces.
+
+    Raises:
+        MeshError: quadrilaterals with nine nodes or hexahedra with 27, which Abaqus does not have.
+    """
+    if mesh.kind == "quad9":
+        raise MeshError(f"{file}: Abaqus has no plane quadrilateral with nine nodes")
+    if mesh.kind == "hexahedron27":
+        raise MeshError(f"{file}: Abaqus has no plain hexahedron with 27 nodes: use .vtu or .msh")
+    lines = ["*HEADING", "*NODE"]
+    lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate(plain(mesh.points), start=1)]
+    lines.append(f"*ELEMENT, TYPE={'CPE' if mesh.dim == 2 else 'C3D'}{mesh.cells.shape[1]}")
+    lines += [f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(plain(mesh.cells + 1), start=1)]
+    for name, cells in mesh.regions.items():
+        lines += [f"*ELSET, ELSET={_quoted(name)}", *_wrapped(cells + 1)]
+    faces = _FACES[straight(mesh.cell).kind]
+    sides = mesh.cells[:, np.array(faces)].reshape(-1, len(faces[0]))
+    where = rows_of(mesh.facet_corners, sides)
+    for name, rows in mesh.boundaries.items():
+        lines += [f"*NSET, NSET={_quoted(name)}", *_wrapped(np.unique(mesh.facets[rows]) + 1)]
+        found = [divmod(side, len(faces)) for side in plain(where[rows])]
+        lines += [
+            f"*SURFACE, TYPE=ELEMENT, NAME={_quoted(name)}",
+            *(f"{cell + 1}, S{face + 1}" for cell, face in found),
+        ]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _quoted(name: str) -> str:
+    return name if re.fullmatch(r"\w[\w-]*", name) else f'"{name}"'
+
+
+def _wrapped(numbers: Ints) -> list[str]:
+    """Sixteen a line, as many as Abaqus takes."""
+    return [", ".join(map(str, numbers[n : n + 16])) for n in range(0, len(numbers), 16)]

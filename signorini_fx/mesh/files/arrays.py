@@ -1,0 +1,407 @@
+"""A mesh in the plane or in space as plain arrays, whole on one rank: what files are read into.  No dolfinx here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.magnitudes import LARGEST
+
+# What names a boundary or region: a number in the cell data of the file, or a rule, a function of the position.
+Selection = int | Callable[[Floats], Floats]
+
+# Elements of one and two dimensions; all others are taken for cells of a body in space.
+_LINES = ("line", "line3", "line4")
+_SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
+
+
+def plain(values: npt.NDArray[Any]) -> Any:
+    """Numbers of Python, in lists."""
+    return values.tolist()
+
+
+@dataclass
+class RawMesh:
+    """What a file holds, in meshio's layout: blocks of elements of one kind, sets and data block by block.
+
+    Attributes:
+        points: positions, shape (n, 2) or (n, 3).
+        blocks: (kind in meshio's words, nodes of shape (elements, nodes of each)).
+        sets: name -> for each block the numbers of its elements that belong.
+        node_sets: name -> numbers of points.
+        data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
+            several its numbers, shape (elements, k); below 0 is none.
+    """
+
+    points: Floats
+    blocks: list[tuple[str, Ints]]
+    sets: dict[str, list[Ints]] = field(default_factory=dict)
+    node_sets: dict[str, Ints] = field(default_factory=dict)
+    data: dict[str, list[Ints]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """A mesh of one kind of cell in the plane or in space, with the names of its boundaries and regions.
+
+    Attributes:
+        points: positions of the nodes, every one of some cell, shape (n, d).
+        kind: a kind of cell of ``CELLS``, of d dimensions.
+        cells: nodes of each cell in the order of its kind, shape (m, k).
+        facets: nodes of each exterior facet in the order of its kind, shape (f, l).
+        boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
+        regions: name -> rows of ``cells``, sorted; regions may overlap.
+    """
+
+    points: Floats
+    kind: str
+    cells: Ints
+    facets: Ints
+    boundaries: Mapping[str, Ints]
+    regions: Mapping[str, Ints]
+
+    @property
+    def cell(self) -> Cell:
+        """The kind of the cells."""
+        return CELLS[self.kind]
+
+    @property
+    def facet(self) -> Cell:
+        """The kind of the facets."""
+        return CELLS[self.cell.facet]
+
+    @property
+    def dim(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.cell.dim
+
+    @property
+    def corners(self) -> Ints:
+        """Corners of each cell, shape (m, c)."""
+        return self.cells[:, : len(self.cell.corners)]
+
+    @property
+    def facet_corners(self) -> Ints:
+        """Corners of each exterior facet along its perimeter, shape (f, c)."""
+        return self.facets[:, : len(self.facet.corners)]
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the geometry."""
+        return self.cell.degree
+
+
+def from_raw(
+    raw: RawMesh,
+    name: str,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+) -> MeshArrays:
+    """The cells of a raw mesh with their exterior facets and all names.
+
+    The mesh is one in space if it has cells of three dimensions, else it must be in a plane x[2] = constant.
+
+    Args:
+        raw: the mesh as its file has it.
+        name: what to call it in messages.
+        boundaries: names that the scene gives; they stand above those of the file.  A rule takes the exterior facets
+            whose corners all satisfy it (true or positive).
+        regions: the same for cells and all their corners.
+        data: the cell data that numbers refer to; None: the only one that has any.
+
+    Raises:
+        MeshError: there are no cells, or of several kinds; they are a surface in space, folded or flat; or a node is
+            not there.
+        SceneError: a selection takes nothing.
+    """
+    kind, body = _body(raw, name)
+    if (whole := completed(kind)) is not None:
+        raw, kind = _completed(raw, body, *whole)
+    cell = CELLS[kind]
+    points, cells, renumber = _points_of(raw, body, cell.dim, name)
+    corners = cells[:, : len(cell.corners)]
+    check_shape(points, cells, cell, name)
+    _check_twice(corners, name)
+    facets = _exterior(cells, cell, name)
+    width = len(CELLS[cell.facet].corners)
+    named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
+    given = [renumber[raw.blocks[n][1][:, :width]] for n in named]
+    ends = np.cumsum([len(rows) for rows in given])[:-1]
+    every = np.concatenate([np.empty((0, width), dtype=np.int64), *given])
+    rows = np.split(rows_of(every, facets[:, :width]), ends) if named else []
+    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), facets[:, :width])
+    first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
+    own = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
+    parts = _Entities("regions", "cell", own, corners)
+    # Where a name is that of facets and of nodes, as in Abaqus, the facets are what is meant.
+    names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
+    names_of_parts = _names(raw, parts, data, name)
+    problems: list[tuple[str, str]] = []
+    for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
+        for label, selection in (chosen or {}).items():
+            if isinstance(selection, int):
+                found, message = _numbered(raw, entities, selection, data, name)
+            elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
+                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is one of the plane: there is no x[2]"
+            else:
+                found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
+                extents = ", ".join(
+                    f"x[{k}] {low:.6g} to {high:.6g}"
+                    for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
+                )
+                message = f"{name}: takes no {entities.word}; the body is {extents}"
+            result[label] = found
+            if not found.size:
+                problems.append((f"mesh.{entities.key}.{label}", message))
+    if problems:
+        raise SceneError(problems)
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts)
+
+
+def _corners_of(kind: str) -> int:
+    """How many corners an element of one or two dimensions has; 0: another one, or unknown."""
+    if kind in _LINES:
+        return 2
+    return (3 if kind.startswith("triangle") else 4) if kind in _SURFACES else 0
+
+
+def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
+    """The raw mesh with the nodes that its cells lack, each as often as cells have it, joined where cells meet."""
+    incomplete = np.concatenate([raw.blocks[n][1] for n in body])
+    there = incomplete.shape[1]
+    new = cell.nodes[there:]
+    # A face is known by its corners, and a cell by itself.
+    faces = np.concatenate([incomplete[:, list(own)] for own in new[:-1]])
+    first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
+    inside = len(first) + np.arange(len(incomplete))
+    count = len(raw.points)
+    added = np.column_stack((number.reshape(len(new) - 1, -1).T, inside)) + count
+    x = np.einsum("nt,ctd->cnd", weights[there:], np.asarray(raw.points, dtype=np.float64)[incomplete])
+    points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
+    blocks, start = list(raw.blocks), 0
+    for n in body:
+        rows = slice(start, start := start + len(raw.blocks[n][1]))
+        blocks[n] = (cell.kind, np.column_stack((incomplete[rows], added[rows])))
+    return replace(raw, points=points, blocks=blocks), cell.kind
+
+
+@dataclass(frozen=True)
+class _Entities:
+    """What can have names: the exterior facets, or the cells.
+
+    Attributes:
+        key: where the scene names them.
+        word: one of them.
+        rows: block of the raw mesh -> which of them each element is, -1: none.
+        nodes: corners of each.
+    """
+
+    key: str
+    word: str
+    rows: Mapping[int, Ints]
+    nodes: Ints
+
+    def take(self, members: Callable[[int], Ints]) -> Ints:
+        """Those that are elements ``members(block)``."""
+        found = [rows[members(block)] for block, rows in self.rows.items()]
+        every = np.concatenate([np.empty(0, dtype=np.int64), *found])
+        return np.unique(every[every >= 0])
+
+    def values(self, numbers: list[Ints]) -> list[int]:
+        """The numbers that elements have; below 0 is none."""
+        return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
+
+    def with_number(self, numbers: list[Ints], value: int) -> Ints:
+        """Those whose elements have this number."""
+        return self.take(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
+
+
+def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:
+    """The names that sets give, or without any those that numbers make."""
+    named = {
+        label: entities.take(members.__getitem__)
+        for label, members in raw.sets.items()
+        if any(members[block].size for block in entities.rows)
+    }
+    numbers = _numbers(raw, entities, data, name)
+    if named or numbers is None:
+        return named
+    word = "boundary" if entities.key == "boundaries" else "region"
+    return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
+
+
+def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
+    """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
+    named: dict[str, Ints] = {}
+    for label, nodes in raw.node_sets.items():
+        marked = np.zeros(count + 1, dtype=bool)  # the last one stands for points that no cell uses
+        marked[renumber[nodes]] = True
+        marked[-1] = False
+        found = np.flatnonzero(marked[corners].all(axis=1))
+        if found.size:
+            named[label] = found
+    return named
+
+
+def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, name: str) -> tuple[Ints, str]:
+    """Those with a number, and what to say if there are none."""
+    numbers = _numbers(raw, entities, data, name)
+    if numbers is None:
+        known = ", ".join(map(repr, raw.data)) or "none"
+        return np.empty(0, dtype=np.int64), f"{name}: set mesh.data to the cell data that is meant; there are: {known}"
+    known = ", ".join(map(str, entities.values(numbers))) or "none"
+    found = entities.with_number(numbers, value)
+    return found, f"{name}: takes no {entities.word}; the numbers there are: {known}"
+
+
+def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
+    """The kind of the cells and the blocks that hold them.
+
+    Raises:
+        MeshError: no cells, cells of several kinds, or of one that there is no element for.
+    """
+    sizes: dict[str, int] = {}
+    for kind, nodes in raw.blocks:
+        if len(nodes) and kind not in (*_LINES, "vertex"):
+            sizes[kind] = sizes.get(kind, 0) + len(nodes)
+    solid = {kind: n for kind, n in sizes.items() if kind not in _SURFACES and not kind.startswith("polygon")}
+    sizes = solid or sizes  # the surfaces of a body in space are facets
+    if not sizes:
+        raise MeshError(
+            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in space"
+        )
+    if len(sizes) > 1:
+        counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
+        hint = "; a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
+        raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
+    (kind,) = sizes
+    if kind not in CELLS and completed(kind) is None:
+        known = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
+        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known}")
+    return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
+
+
+def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floats, Ints, Ints]:
+    """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
+    cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
+    count = len(raw.points)
+    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
+        raise MeshError(f"{name}: an element has a node that is not there")
+    used = np.zeros(count, dtype=bool)
+    used[cells] = True
+    renumber = np.where(used, np.cumsum(used) - 1, -1)
+    points = np.asarray(raw.points, dtype=np.float64)[used]
+    if not (np.abs(points) <= LARGEST).all():
+        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST:g}")
+    if points.shape[1] < dim:
+        raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
+    if dim == 2 and points.shape[1] > 2:
+        _check_plane(points, name)
+    return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
+
+
+def _check_plane(points: Floats, name: str) -> None:
+    """Refuse cells of two dimensions that are not in a plane x[2] = constant."""
+    spread = np.ptp(points, axis=0)
+    if spread[2] <= 1e-9 * max(spread[:2]):
+        return
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(extents) < 3 or extents[2] <= 1e-9 * extents[0]:
+        normal = ", ".join(f"{value + 0.0:.3g}" for value in np.round(axes[2], 12))
+        where = f"it is in one with the normal ({normal}): turn it"
+    else:
+        where = (
+            "it is a surface in space (a shell); a body in space has tetrahedra or hexahedra: in gmsh, put the volume "
+            "into a physical group of dimension 3"
+        )
+    raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant, x[2] varies by {spread[2]:g}; {where}")
+
+
+def _check_twice(corners: Ints, name: str) -> None:
+    twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
+    if twice:
+        hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
+        raise MeshError(f"{name}: {twice} cells are there twice ({hint})")
+
+
+def sides_of(cells: Ints, cell: Cell) -> Ints:
+    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a facet)."""
+    return cells[:, np.array(cell.facet_nodes)].reshape(-1, len(cell.facet_nodes[0]))
+
+
+def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
+    """The facets that one cell has alone, in the order of the cells."""
+    sides = sides_of(cells, cell)
+    keys = row_keys(sides[:, : len(CELLS[cell.facet].corners)])
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    if counts.max() > 2:
+        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
+    if counts.min() > 1:
+        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
+    return sides[np.sort(first[counts == 1])]
+
+
+def row_keys(rows: Ints) -> Ints:
+    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
+    ordered = np.sort(rows, axis=1) + 1
+    largest = int(ordered.max(initial=0)) + 1
+    keys: Ints = ordered[:, 0]
+    for column in ordered.T[1:]:  # numbered anew each time: the product of two counts does not overflow
+        keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
+    return keys
+
+
+def rows_of(wanted: Ints, there: Ints) -> Ints:
+    """Where each row of nodes is in a table that has each of its own once, in any order of nodes; -1: nowhere."""
+    keys = row_keys(np.concatenate((there, wanted)))
+    place = np.full(int(keys.max(initial=0)) + 1, -1)
+    place[keys[: len(there)]] = np.arange(len(there))
+    return place[keys[len(there) :]]
+
+
+def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
+    """The cell data that numbers refer to; None where there is none or a choice."""
+    if data is not None:
+        if data not in raw.data:
+            known = ", ".join(map(repr, raw.data)) or "none"
+            raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {known}")])
+        return raw.data[data]
+    possible = [numbers for numbers in raw.data.values() if entities.values(numbers)]
+    return possible[0] if len(possible) == 1 else None
+
+
+def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:
+    x = np.zeros((3, len(points)))
+    x[: points.shape[1]] = points.T
+    values = np.asarray(rule(x))
+    with np.errstate(invalid="ignore"):
+        return np.broadcast_to(values > 0, (len(points),))
+
+
+def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str, tuple[int, ...]]]:
+    """One tag for each combination of groups that overlap.
+
+    Args:
+        groups: name -> members, numbers below ``count``.
+        count: how many may be members.
+
+    Returns:
+        Tag of each, from 1 on, 0 where it is in no group, shape (count,); and name -> its tags.
+    """
+    tags = np.zeros(count, dtype=np.int64)
+    for members in groups.values():
+        member = np.zeros(count, dtype=np.int64)
+        member[members] = 1
+        kinds, tags = np.unique(2 * tags + member, return_inverse=True)
+        # What is in no group stays 0; without it the numbers begin at 1.
+        tags = tags.reshape(-1) + int(kinds.size > 0 and kinds[0] != 0)
+    return tags, {name: tuple(plain(np.unique(tags[members]))) for name, members in groups.items()}

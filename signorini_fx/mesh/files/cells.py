@@ -1,0 +1,176 @@
+"""Reference cells: what kinds of elements mesh files have, their corners, nodes and facets, and the order of each.
+
+The order is that of meshio and VTK: corners, then the nodes in the middle of edges, of faces, of the cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+Corners = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A kind of element.
+
+    Attributes:
+        kind: in meshio's words.
+        word: what people call several of them.
+        corners: their places on the reference cell, whole numbers, shape (corners, dim).
+        nodes: of each node the corners that it is in the middle of; a corner is in the middle of itself.
+        facets: corners of each facet, along its perimeter.
+        facet: kind of the facets, "" for an element that is a line.
+        gmsh: number of gmsh.
+        gmsh_order: node k of gmsh is node ``gmsh_order[k]`` here.
+    """
+
+    kind: str
+    word: str
+    corners: tuple[Corners, ...]
+    nodes: tuple[Corners, ...]
+    facets: tuple[Corners, ...]
+    facet: str
+    gmsh: int
+    gmsh_order: tuple[int, ...]
+
+    @property
+    def dim(self) -> int:
+        """Topological dimension."""
+        return len(self.corners[0])
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the geometry."""
+        return 1 if len(self.nodes) == len(self.corners) else 2
+
+    @property
+    def simplex(self) -> bool:
+        """Whether the cell has one corner more than dimensions."""
+        return len(self.corners) == self.dim + 1
+
+    @cached_property
+    def facet_nodes(self) -> tuple[Corners, ...]:
+        """Nodes of each facet, in the order of the kind of the facets."""
+        place = {frozenset(own): node for node, own in enumerate(self.nodes)}
+        pattern = CELLS[self.facet].nodes
+        return tuple(tuple(place[frozenset(facet[c] for c in own)] for own in pattern) for facet in self.facets)
+
+    def shape(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
+        linear = self._linear(x)
+        if self.degree == 1:
+            return linear
+        if self.simplex:  # corners: v (2 v - 1), edges: 4 v w
+            columns = [
+                linear[:, own[0]] * (2 * linear[:, own[0]] - 1) if len(own) == 1 else 4 * linear[:, list(own)].prod(1)
+                for own in self.nodes
+            ]
+            return np.stack(columns, axis=1)
+        along = np.stack(((2 * x - 1) * (x - 1), 4 * x * (1 - x), x * (2 * x - 1)))  # at 0, 1/2 and 1
+        twice = [2 * np.mean([self.corners[c] for c in own], axis=0).astype(np.float64) for own in self.nodes]
+        return np.stack(
+            [np.prod([along[int(at), :, k] for k, at in enumerate(place)], axis=0) for place in twice], axis=1
+        )
+
+    def weights(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Shape functions of the corners alone, shape (places, corners): they tell places of a cell apart."""
+        return self._linear(x)
+
+    def _linear(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        if self.simplex:
+            return np.column_stack((1 - x.sum(axis=1), x))
+        return np.stack([np.where(corner, x, 1 - x).prod(axis=1) for corner in self.corners], axis=1)
+
+
+_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
+_TRIANGLE = ((0, 0), (1, 0), (0, 1))
+_TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+_CUBE = (*((*c, 0) for c in _SQUARE), *((*c, 1) for c in _SQUARE))
+_AROUND_3: tuple[Corners, ...] = ((0, 1), (1, 2), (2, 0))
+_AROUND_4: tuple[Corners, ...] = ((0, 1), (1, 2), (2, 3), (3, 0))
+_EDGES_4: tuple[Corners, ...] = (*_AROUND_3, (0, 3), (1, 3), (2, 3))
+_EDGES_8: tuple[Corners, ...] = (*_AROUND_4, (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_FACES_4: tuple[Corners, ...] = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+# The order of VTK's hexahedra of 27 nodes.
+_FACES_8: tuple[Corners, ...] = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7))
+_EDGES_OF_GMSH = (8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14)
+
+
+def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...], gmsh: int, *order: int) -> Cell:
+    word, facets, straight = {
+        2: ("lines", ((0,), (1,)), ""),
+        3: ("triangles", _AROUND_3, "line"),
+        4: ("quadrilaterals", _AROUND_4, "line") if len(corners[0]) == 2 else ("tetrahedra", _FACES_4, "triangle"),
+        8: ("hexahedra", _FACES_8, "quad"),
+    }[len(corners)]
+    curved = {"line": "line3", "triangle": "triangle6", "quad": "quad9", "": ""}[straight] if between else straight
+    nodes = (*((c,) for c in range(len(corners))), *between)
+    return Cell(kind, word, corners, nodes, facets, curved, gmsh, order or tuple(range(len(nodes))))
+
+
+_ALL = (
+    _made("line", ((0,), (1,)), (), 1),
+    _made("line3", ((0,), (1,)), ((0, 1),), 8),
+    _made("triangle", _TRIANGLE, (), 2),
+    _made("triangle6", _TRIANGLE, _AROUND_3, 9),
+    _made("quad", _SQUARE, (), 3),
+    _made("quad9", _SQUARE, (*_AROUND_4, (0, 1, 2, 3)), 10),
+    _made("tetra", _TETRAHEDRON, (), 4),
+    _made("tetra10", _TETRAHEDRON, _EDGES_4, 11, *range(8), 9, 8),
+    _made("hexahedron", _CUBE, (), 5),
+    _made(
+        "hexahedron27",
+        _CUBE,
+        (*_EDGES_8, *_FACES_8, tuple(range(8))),
+        12,
+        *range(8),
+        *_EDGES_OF_GMSH,
+        *(24, 22, 20, 21, 23, 25, 26),
+    ),
+)
+CELLS = {cell.kind: cell for cell in _ALL}
+
+
+def of_gmsh(number: int) -> Cell | None:
+    """The kind of element with gmsh's number; None for one that is not known here."""
+    return next((cell for cell in _ALL if cell.gmsh == number), None)
+
+
+def straight(cell: Cell) -> Cell:
+    """The kind with the same corners and no nodes between."""
+    return next(one for one in _ALL if one.corners == cell.corners and one.degree == 1)
+
+
+def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
+    """What an element that lacks the nodes in the middle of its faces is made of, exactly the same in shape.
+
+    Returns:
+        The complete kind, and the weights of the nodes that there are in each of its nodes, shape (nodes, nodes there);
+        None for any other kind.
+    """
+    if kind != "hexahedron20":
+        return None
+    whole = CELLS["hexahedron27"]
+    x = 2 * np.array([np.mean([whole.corners[c] for c in own], axis=0) for own in whole.nodes]) - 1
+    corner = 2.0 * np.array(whole.corners) - 1
+    at_corners = [((1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - 2)) / 8 for c in corner]
+    at_edges = [_serendipity(x, np.mean(corner[list(own)], axis=0)) for own in _EDGES_8]
+    return whole, np.stack([*at_corners, *at_edges], axis=1)
+
+
+def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Shape function of the node in the middle of an edge, on [-1, 1]^3."""
+    factors: list[Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]] = [
+        (lambda v: 1 - v * v) if c == 0 else (lambda v, c=c: 1 + v * c)  # type: ignore[misc]
+        for c in edge
+    ]
+    return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 4
+
+
+__all__ = ["CELLS", "Cell", "completed", "of_gmsh", "straight"]

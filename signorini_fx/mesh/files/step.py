@@ -1,0 +1,76 @@
+"""Names of faces in a STEP file, which gmsh passes over: told by their vertices."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+_ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_0-9]+)\s*\(((?:[^;']|'(?:[^']|'')*')*)\)\s*;")
+_REFERENCE = re.compile(r"#(\d+)")
+_NAME = re.compile(r"\s*'((?:[^']|'')*)'")
+_NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+# What leads from a face to its vertices: edges, not the curves and surfaces that they are on.
+_ON_THE_WAY = ("FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP", "ORIENTED_EDGE", "EDGE_CURVE")
+# Vertices closer than this share of the body are the same.
+_NEAR = 1e-6
+
+
+def names_of_faces(file: Path, corners: Mapping[int, Sequence[Sequence[float]]]) -> dict[int, str]:
+    """Which surfaces have a name in a STEP file.
+
+    A face and a surface are the same if they have the same vertices; several that share all of them, as the halves of
+    a hole do, are taken in the order of the file.  A file whose parts have been moved into place, as in an assembly,
+    has other vertices than its faces, and no names.
+
+    Args:
+        file: the file.
+        corners: surface -> its vertices, in any unit.
+    """
+    entities = {
+        int(number): (kind, text)
+        for number, kind, text in _ENTITY.findall(file.read_text(encoding="utf-8", errors="replace"))
+    }
+    faces = [
+        (label.group(1).replace("''", "'"), _vertices(entities, number))
+        for number, (kind, text) in entities.items()
+        if kind == "ADVANCED_FACE" and (label := _NAME.match(text))
+    ]
+    everything = [x for _, vertices in faces for x in vertices], [x for own in corners.values() for x in own]
+    if not all(everything):
+        return {}
+    theirs, ours = (float(np.abs(np.array(x)).max()) for x in everything)
+    there: dict[frozenset[tuple[int, ...]], list[int]] = {}
+    for surface in sorted(corners):
+        there.setdefault(_rounded(corners[surface], ours), []).append(surface)
+    found = {}
+    for name, vertices in faces:
+        same = there.get(_rounded(vertices, theirs), [])
+        if same and (surface := same.pop(0)) and name.strip():
+            found[surface] = name.strip()
+    return found
+
+
+def _rounded(places: Sequence[Sequence[float]], size: float) -> frozenset[tuple[int, ...]]:
+    return frozenset(tuple(int(value) for value in np.rint(np.array(x) / (_NEAR * (size or 1.0)))) for x in places)
+
+
+def _vertices(entities: Mapping[int, tuple[str, str]], face: int) -> list[list[float]]:
+    """Positions of the vertices of a face, in the file's unit."""
+    found: list[list[float]] = []
+    todo, seen = [face], {face}
+    while todo:
+        for reference in map(int, _REFERENCE.findall(entities[todo.pop()][1])):
+            if reference in seen or reference not in entities:
+                continue
+            seen.add(reference)
+            kind, text = entities[reference]
+            if kind in _ON_THE_WAY:
+                todo.append(reference)
+            elif kind == "VERTEX_POINT":
+                point = next((int(r) for r in _REFERENCE.findall(text) if int(r) in entities), None)
+                _, _, place = entities[point][1].partition(",") if point is not None else ("", "", "")
+                found.append([float(value) for value in _NUMBER.findall(place)[:3]])
+    return [x for x in found if len(x) == 3]

@@ -1,0 +1,138 @@
+"""What to know of a mesh file before writing a scene for it: names, counts, quality, size, and what has no name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
+from signorini_fx.mesh.files.shape import Floats, Ints, measures, quality
+
+# Points closer than this share of the body's size are where one node was meant.
+_COINCIDENT = 1e-10
+# What the size of the body, of its surface and of a boundary are called, by dimension.
+_MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
+
+
+def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
+    """A summary that JSON can hold.
+
+    Returns:
+        ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
+        each), ``area`` and ``perimeter``, in space ``volume`` and ``surface``, with curved sides where they are;
+        ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
+        ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
+        ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
+        ``length``, in space ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
+        space ``volume``.
+    """
+    shape = quality(mesh.points, mesh.corners)
+    size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
+    whole, around, of_facets = _MEASURES[mesh.dim]
+    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+
+    def facets(rows: Ints) -> dict[str, Any]:
+        found: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
+        return found | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
+
+    def cells(rows: Ints) -> dict[str, Any]:
+        return {"cells": len(rows), whole: float(size[rows].sum())}
+
+    return {
+        "cells": len(mesh.cells),
+        "kind": mesh.cell.word,
+        "degree": mesh.degree,
+        "points": len(mesh.points),
+        "bounds": _bounds(mesh.points),
+        whole: float(size.sum()),
+        around: float(outside.sum()),
+        "quality": {
+            "min": float(shape.min()),
+            "mean": float(shape.mean()),
+            "worst": plain(mesh.points[mesh.corners[np.argmin(shape)]].mean(axis=0)),
+        },
+        "pieces": _pieces(mesh),
+        "coincident": _coincident(mesh.points, _COINCIDENT * diagonal),
+        "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
+        "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
+        "regions": {name: cells(rows) for name, rows in mesh.regions.items()},
+        "rest": cells(_without(mesh.regions, len(mesh.cells))),
+    }
+
+
+def _bounds(points: Floats) -> list[list[float]]:
+    found: list[list[float]] = plain(np.stack((points.min(axis=0), points.max(axis=0))))
+    return found
+
+
+def _without(named: Mapping[str, Ints], count: int) -> Ints:
+    return np.setdiff1d(np.arange(count), np.concatenate([np.empty(0, dtype=np.int64), *named.values()]))
+
+
+def _pieces(mesh: MeshArrays) -> int:
+    """Number of parts that share no facet, through which forces pass."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
+    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facets))
+    count = len(mesh.cells) + int(sides.max()) + 1
+    links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
+    return int(connected_components(links, directed=False)[0])
+
+
+def _coincident(points: Floats, near: float) -> int:
+    """Number of points that have another one at the same place."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    return int(np.unique(pairs).size)
+
+
+def render(info: Mapping[str, Any], name: str) -> str:
+    """The summary for a terminal."""
+    shape, lines = info["quality"], []
+
+    def row(title: str, text: str) -> None:
+        lines.append(f"  {title:14s}{text}")
+
+    degree = f", geometry of degree {info['degree']}" if info["degree"] > 1 else ""
+    lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
+    whole = "volume" if "volume" in info else "area"
+    row("extent", f"{_extent(info['bounds'])}; {whole} {info[whole]:g}")
+    row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
+    if info["pieces"] > 1:
+        shared = "face" if "volume" in info else "side"
+        row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
+    if info["coincident"]:
+        row("warning", f"{info['coincident']} points are where another one is: the cells there do not hang together")
+    for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
+        for label, entry in entries.items():
+            row(title, f"{label:16s} {_amount(entry)}")
+            title = ""
+        if not entries:
+            row(title, "none")
+    if info["unnamed"]["facets"]:
+        row("unnamed", f"{'exterior facets':16s} {_amount(info['unnamed'])}")
+    if info["rest"]["cells"] and info["regions"]:
+        row("unnamed", f"{'cells':16s} {_amount(info['rest'])}")
+    return "\n".join(lines)
+
+
+def _point(x: list[float]) -> str:
+    return ", ".join(f"{value:.4g}" for value in x)
+
+
+def _amount(entry: Mapping[str, Any]) -> str:
+    size = next(f"{word} {entry[word]:g}" for word in ("volume", "area", "length") if word in entry)
+    if "cells" in entry:
+        return f"{entry['cells']} cells, {size}"
+    if not entry["facets"]:
+        return "no exterior facets"
+    return f"{entry['facets']} facets, {size}, {_extent(entry['bounds'])}"
+
+
+def _extent(bounds: list[list[float]]) -> str:
+    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*bounds, strict=True)))

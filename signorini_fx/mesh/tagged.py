@@ -1,0 +1,408 @@
+"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or the caller's own."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from pydantic import TypeAdapter, ValidationError
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.distance import cdist
+
+from signorini_fx import compat, meshes, parallel
+from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.mesh.files import formats
+from signorini_fx.mesh.files.arrays import Selection
+from signorini_fx.mesh.files.gmsh_files import CAD
+from signorini_fx.scene.dimension import dimension_problems
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
+from signorini_fx.scene.validation import plain_message
+from signorini_fx.scene.values import kind_of
+
+# Dimension of the body, boundaries and regions.
+_Names = tuple[int, formats.Tags, formats.Tags]
+# Midside nodes farther off than this share of the body's size make a side curved.
+STRAIGHT = 1e-9
+
+
+@dataclass(frozen=True, repr=False)
+class TaggedMesh(TaggedMeshBase):
+    """A mesh and the names of its boundaries.
+
+    Attributes:
+        mesh: the distributed mesh.
+        facet_tags: tags on facets.
+        boundaries: name of a boundary -> its tag, or all its tags where boundaries overlap.
+        cell_tags: tags on cells, None where the body is one region.
+        regions: name of a part of the body -> its tag, or all its tags.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    boundaries: Mapping[str, int | tuple[int, ...]]
+    cell_tags: dmesh.MeshTags | None = None
+    regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        cells = self.mesh.topology.index_map(self.dimension).size_global
+        names = ", ".join(self.boundaries) or "none"
+        return f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
+
+    @property
+    def dimension(self) -> int:
+        """D, 2 or 3: of the points and of the cells alike."""
+        return int(self.mesh.topology.dim)
+
+    def cells(self, region: str) -> npt.NDArray[np.int32]:
+        """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
+        if self.cell_tags is None or region not in self.regions:
+            raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
+        return _tagged(self.cell_tags, self.regions[region])
+
+    def facets(self, name: str) -> npt.NDArray[np.int32]:
+        """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
+
+        Raises:
+            MeshError: the name is not there; the message lists those that are.
+        """
+        if name not in self.boundaries:
+            known = ", ".join(sorted(self.boundaries)) or "none"
+            raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {known}")
+        # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
+        tagged = _tagged(self.facet_tags, self.boundaries[name])
+        self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
+        return np.intersect1d(tagged, dmesh.exterior_facet_indices(self.mesh.topology)).astype(np.int32)
+
+    @cached_property
+    def size(self) -> float:
+        """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
+
+        The diagonal of a rectangle, however it is turned: scales that follow from it, gamma = auto among them, do not
+        depend on the axes.
+        """
+        dim = self.mesh.topology.dim
+        self.mesh.topology.create_connectivity(dim - 1, dim)
+        self.mesh.topology.create_connectivity(dim, dim - 1)
+        facets = dmesh.exterior_facet_indices(self.mesh.topology)
+        # dolfinx divides by the number of facets, and a rank may have none.
+        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
+        own = self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64)
+        x = parallel.gather_rows(self.mesh.comm, own)
+        low, high = x.min(axis=0), x.max(axis=0)
+        try:
+            corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        except QhullError:
+            extents = " by ".join(f"{extent:g}" for extent in high - low)
+            raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
+        return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
+
+
+def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """Entities with any of the tags, sorted."""
+    own = (values,) if isinstance(values, int) else values
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, own)]))
+
+
+def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
+    """The mesh that a scene names.
+
+    Raises:
+        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells; keys of a scene
+            in the plane where the mesh is one of space, and the other way round.
+        MeshError: the file is no mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
+    """
+    match scene.mesh:
+        case TaggedMesh():
+            tagged = scene.mesh
+        case MeshFile():
+            # A drawing of a CAD program gets curved cells where the elements can follow them.
+            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in CAD
+            tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
+        case MeshGenerator(generator=name, parameters=parameters):
+            tagged = generate_mesh(name, parameters, comm)
+        case _:
+            raise TypeError(f"no mesh: {scene.mesh!r}")
+    check_dimension(tagged)
+    problems = dimension_problems(scene, tagged.dimension)
+    if problems:
+        raise SceneError(problems)
+    if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
+        # Such elements cannot even turn without strain: no refinement would help.
+        message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
+        raise SceneError([("element.degree", message)])
+    return tagged
+
+
+def check_dimension(tagged: TaggedMesh) -> None:
+    """Whether cells and points have the same dimension, 2 or 3; collective.
+
+    Raises:
+        MeshError: they have not; the message says what the mesh is.
+    """
+    cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
+    if cells == points and cells in (2, 3):
+        return
+    if (cells, points) != (2, 3):
+        raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
+    extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
+    flat = np.flatnonzero(extent <= STRAIGHT * extent.max())
+    if flat.size and flat[-1] == 2:
+        raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
+    if flat.size:
+        axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
+        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
+    raise MeshError("the mesh is a shell, a surface in space: a body in space has tetrahedra or hexahedra")
+
+
+def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
+    """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
+    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
+
+
+def curvature(tagged: TaggedMesh) -> float:
+    """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
+    mesh = tagged.mesh
+    if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
+        return 0.0
+    cell = getattr(basix.CellType, mesh.topology.cell_name())
+    ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, : tagged.dimension]
+    away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
+    return parallel.global_max(mesh.comm, parallel.local_max(np.linalg.norm(away, axis=2)))
+
+
+def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:
+    """Run the generator ``name`` (a module of ``meshes/`` with a function ``generate(comm, ...)``).
+
+    Raises:
+        SceneError: unknown generator, or parameters that it refuses.
+    """
+    generate: Callable[..., TaggedMesh] = _generator(name, parameters).generate
+    return generate(comm, **parameters)
+
+
+def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
+
+    Raises:
+        SceneError: the generator has no function ``coarser(parameters, factor)``.
+    """
+    coarser = getattr(_generator(name, parameters), "coarser", None)
+    if coarser is None:
+        raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
+    result: dict[str, Any] = coarser(dict(parameters), factor)
+    return result
+
+
+def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
+
+    None where it cannot.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    simplices = getattr(_generator(name, parameters), "simplices", None)
+    return None if simplices is None else simplices(dict(parameters))
+
+
+def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` puts cells of degree 2 on its arcs; None where it has none.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    known = inspect.signature(_generator(name, parameters).generate).parameters
+    return {**parameters, "order": 2} if "order" in known else None
+
+
+def read_mesh(
+    file: Path,
+    comm: MPI.Comm,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
+    size: float | None = None,
+) -> TaggedMesh:
+    """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
+
+    Args:
+        file: the file.
+        comm: the ranks that share the mesh.
+        boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
+            positive where all corners of an exterior facet of the boundary are.
+        regions: the same for cells with all their corners.
+        data: the cell data that numbers refer to; None: the only one.
+        halvings: how often the sides of all cells are halved, of a drawing on the true shape.
+        degree: of the geometry, as in ``formats.read_file``.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
+
+    Raises:
+        MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
+        SceneError: a number or a rule takes nothing.
+    """
+
+    def build() -> _Names:
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
+        if not any(rows.size for rows in arrays.boundaries.values()):
+            raise MeshError(
+                f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
+            )
+        return arrays.dim, *formats.draw(formats.start_gmsh(), arrays, by_name=False)
+
+    return _from_gmsh(comm, build)
+
+
+def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
+    """The module of a generator, which takes these parameters.
+
+    Raises:
+        SceneError: there is none of this name, or it refuses parameters: all that are wrong.
+    """
+    known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    if name not in known:
+        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
+    module = importlib.import_module(f"signorini_fx.meshes.{name}")
+    generate = inspect.unwrap(module.generate)
+    types = get_type_hints(generate, include_extras=True)
+    names = [key for key, one in inspect.signature(generate).parameters.items() if one.kind is one.KEYWORD_ONLY]
+    problems: list[tuple[str, str]] = []
+    for key, value in parameters.items():
+        path = f"mesh.parameters.{key}"
+        if key not in names:
+            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
+            continue
+        try:
+            TypeAdapter(types[key]).validate_python(value)
+        except ValidationError as error:
+            problems += [(path, plain_message(detail)) for detail in error.errors()]
+    if problems:
+        raise SceneError(problems)
+    return module
+
+
+def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
+    """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
+
+    Args:
+        comm: the ranks that share the mesh.
+        draw: called on the first rank only; leaves a meshed model with physical groups, of two or three dimensions.
+        name: what to call the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
+            nor small, and have the same numbers in all units.
+
+    Raises:
+        MeshError: the model has no cells, no physical group for the body, or no named boundary.
+    """
+
+    def build() -> _Names:
+        gmsh = formats.start_gmsh()
+        try:
+            draw(gmsh)
+        except SignoriniError:
+            raise
+        except Exception as error:  # gmsh has no exceptions of its own
+            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
+        groups = gmsh.model.getPhysicalGroups()
+        top = max((dim for dim, _ in groups), default=0)
+        if top < 2:
+            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+        kinds = {kind for dim, tag in groups if dim == top for kind in _cell_kinds(gmsh, top, tag)}
+        if not kinds:
+            raise MeshError(f"{name}: the body has no cells")
+        if len(kinds) > 1:
+            raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
+        boundaries: formats.Tags = {}
+        regions: formats.Tags = {}
+        for dim, tag in groups:
+            names, kind = (regions, "region") if dim == top else (boundaries, "boundary")
+            if dim >= top - 1:
+                names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
+        if not boundaries:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+        return top, boundaries, regions
+
+    tagged = _from_gmsh(comm, build)
+    tagged.mesh.geometry.x[:] *= unit
+    return tagged
+
+
+def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
+    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
+    try:
+        dim, boundaries, regions = parallel.on_root(comm, build)
+        model = None
+        if parallel.is_root(comm):
+            import gmsh
+
+            model = gmsh.model
+        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
+    finally:
+        if parallel.is_root(comm):
+            import gmsh
+
+            if gmsh.isInitialized():
+                gmsh.finalize()
+    return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+
+def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:
+    """One tag stands for itself."""
+    return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
+
+
+def _cell_kinds(gmsh: Any, dim: int, group: int) -> set[int]:
+    entities = gmsh.model.getEntitiesForPhysicalGroup(dim, group)
+    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(dim, entity)}
+
+
+def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
+    """An expression that is true or positive, as a marker."""
+    expression = Expression(text)
+    return lambda x: expression(x) > 0
+
+
+def tag_boundaries(
+    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[npt.NDArray[np.float64]], Any]]
+) -> TaggedMesh:
+    """Name the exterior facets whose vertices all satisfy a marker.
+
+    Args:
+        mesh: the mesh.
+        markers: name -> rule: a function of points of shape (3, n) that gives truth values of shape (n,), or an
+            expression of the position such as "x[0] < 1e-9".
+
+    Raises:
+        TypeError: an argument is of another kind.
+    """
+    if not isinstance(mesh, dmesh.Mesh):
+        raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")
+    rules = {name: _rule(rule) if isinstance(rule, str) else rule for name, rule in markers.items()}
+    for name, rule in rules.items():
+        if not callable(rule):
+            raise TypeError(
+                f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
+            )
+    dim = mesh.topology.dim - 1
+    found = [dmesh.locate_entities_boundary(mesh, dim, rule) for rule in rules.values()]
+    facets = np.concatenate(found).astype(np.int32)
+    tags = np.concatenate([np.full(len(f), tag) for tag, f in enumerate(found, start=1)]).astype(np.int32)
+    order = np.argsort(facets, kind="stable")
+    facets, first = np.unique(facets[order], return_index=True)
+    facet_tags = dmesh.meshtags(mesh, dim, facets, tags[order][first])
+    return TaggedMesh(mesh, facet_tags, {name: tag for tag, name in enumerate(markers, start=1)})

@@ -1,0 +1,216 @@
+"""The unregularised limit, gamma = infinity: nodal complementarity solved by elimination of the active constraints.
+
+On A_c the normal displacement is set to the gap, on I_f the tangential one to zero, and lambda and mu are the nodal
+reactions: no penalty, hence no round-off of one.  The sets follow from (2.3b), (2.3c) and (2.8), which no longer depend
+on gamma.  It needs normals along the axes; ``linalg.rotated`` turns the contact nodes for other ones.
+
+In space a slipping node has the shear of ``laws``, F g e + k (I - e e^T) tau_T y with k = F g / (e . tau_T y), and a
+node that begins to slip a k so large that it hardly moves across e.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import (
+    ActiveSets,
+    Nodal,
+    at_bound,
+    inner,
+    keep_closed,
+    length,
+    onto_disc,
+    slip_of,
+    unit,
+)
+from signorini_fx.linalg import ElasticSystem
+from signorini_fx.problem.regularised import ProblemState
+
+# The largest k, over the stiffness that a contact node meets.
+_HARDLY = 1e4
+
+
+class ExactProblem(ProblemState):
+    """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see
+    ``problem.ContactProblem``.
+
+    x^ is x with the constraints of the current sets put in, so that a full Newton step solves the problem with these
+    sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
+    +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
+    """
+
+    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
+        super().__init__(system, boundary, motions)
+        self._factorised: dict[int, npt.NDArray[np.float64]] = {}
+        self._inserted: dict[int, npt.NDArray[np.float64]] = {}
+        unknowns, blocks = system.contact.entries()
+        place = np.abs(blocks).argmax(axis=2)
+        rows = np.arange(boundary.size)[:, None]
+        # The unknown that each component of the relative displacement is, the normal one first, and its sign.
+        self._unknown = unknowns[rows, place]
+        self._sign = np.sign(blocks[rows, np.arange(blocks.shape[1]), place])
+        self._free = ~system.fixed[self._unknown]
+        self._work = system.load.duplicate()
+        self._stress = self._stiffness / boundary.weight  # of a slip by one
+
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
+        self.system.matrix.mult(x, self._work)
+        self._work.axpy(-1.0, self.system.load)
+        reaction = self._work.getArray(readonly=True)[self._unknown]
+        traction = np.where(self._free, -self._sign * reaction / self.boundary.weight[:, None], 0.0)
+        pressure = np.where(sets.contact, traction[:, 0], 0.0)
+        if not self.data.has_friction:
+            return pressure, np.zeros_like(traction[:, 1:])
+        slipping = self._at_bound(x, sets, pressure)
+        return pressure, np.where(sets.slip[:, None], slipping, traction[:, 1:])
+
+    def _at_bound(self, x: PETSc.Vec, sets: ActiveSets, pressure: Nodal) -> Nodal:
+        """Mu at slip points; a bound that follows a pressure follows it below zero, so that the map stays affine."""
+        data = self.data
+        _, u_t = self.traces(x)
+        if data.bound is None:
+            return np.zeros_like(u_t)
+        bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
+        # What a slip across its direction adds is zero in the plane.
+        return at_bound(sets, bound) + sets.turning[:, None] * sets.across(slip_of(u_t, data))
+
+    def _classify(self, x: PETSc.Vec) -> ActiveSets:
+        u_n, u_t = self.traces(x)
+        pressure, shear = self.multipliers(x, self.sets)
+        contact = np.where(self.sets.contact, pressure > 0, u_n > self.data.gap)
+        contact = keep_closed(contact, self.data) & self._free[:, 0]
+        if not self.data.has_friction:
+            return ActiveSets.of(contact, np.zeros_like(u_t))
+        bound, motion = self.data.friction_bound(pressure), slip_of(u_t, self.data)
+        # A point passes through stick: from slip it sticks where it would move against mu, from stick it slips.
+        slip = np.where(self.sets.slip, ~(inner(self.sets.direction, motion) < 0), length(shear) > bound)
+        turned = at_bound(self.sets, bound) + self.sets.turning[:, None] * self.sets.across(motion)
+        turned = np.where((length(turned) > 0)[:, None], unit(turned), self.sets.direction)
+        direction = np.where(slip[:, None], np.where(self.sets.slip[:, None], turned, unit(shear)), 0.0)
+        # Where a support decides on the slip there is nothing to iterate; where the bound is zero, it moves freely.
+        moves = np.where((length(motion) > 0)[:, None], unit(motion), 0.0)
+        direction = np.where(self._free[:, 1:].any(axis=1)[:, None], direction, moves)
+        direction = np.where((bound > 0)[:, None], direction, unit(motion))
+        bound = np.where(np.isfinite(bound), bound, 0.0)
+        least = bound / (_HARDLY * self._stress)
+        reach = np.maximum(inner(direction, motion), least)
+        turning = np.divide(bound, reach, out=np.zeros_like(bound), where=reach > 0)
+        return ActiveSets.of(contact, direction, turning)
+
+    def _constraints(self, sets: ActiveSets) -> tuple[Any, Nodal]:
+        """Constrained local unknowns and the values that they are set to."""
+        constrained = np.empty_like(self._free)
+        constrained[:, 0] = sets.contact
+        constrained[:, 1:] = ~sets.slip[:, None] & self.data.has_friction
+        constrained &= self._free
+        origin = 0.0 if self.data.slip_origin is None else self.data.slip_origin
+        target = np.empty(self._free.shape)
+        target[:, 0], target[:, 1:] = self.data.gap, origin
+        # All normal ones first: a node of two boundaries has the values of the later one.
+        order = constrained.T
+        return self._unknown.T[order], (self._sign * target).T[order]
+
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+        bound = self.data.friction_bound(self.multipliers(x, self.sets)[0])
+        return bound, bound
+
+    def away(self, x: PETSc.Vec) -> Nodal:
+        """See ``ProblemState``: how far mu is from the projection of mu + c tau_T y, c the stiffness of a node."""
+        pressure, shear = self.multipliers(x, self.sets)
+        if not self.data.has_friction:
+            return np.zeros_like(pressure)
+        trial = shear + self._stress[:, None] * slip_of(self.traces(x)[1], self.data)
+        return length(shear - onto_disc(trial, self.data.friction_bound(pressure)))
+
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """See ``ContactProblem``."""
+        jacobian = super().create_jacobian(symmetric=symmetric)
+        jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return jacobian
+
+    def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """See ``ContactProblem``."""
+        trial = self.next.trial if self._forced_first else self._classify(x)
+        self._hold(trial, *self.multipliers(x, self.sets))
+        sets = self.next.sets
+        dofs, values = self._constraints(sets)
+        shear = np.zeros((self.boundary.size, self._unknown.shape[1] - 1))
+        placed = x.copy()
+        placed.getArray()[dofs] = values
+        if self.data.has_friction:
+            pressure, _ = self.multipliers(placed, sets)
+            slipping = sets.slip[:, None] & self._free[:, 1:]
+            shear = np.where(slipping, self._at_bound(placed, sets, pressure), 0.0)
+        self.system.matrix.mult(placed, f)
+        self._measure(f, placed)
+        f.axpy(-1.0, self.system.load)
+        self.system.contact.add_forces(np.zeros(self.boundary.size), shear, f)
+        f.getArray()[dofs] = self._stiffness * (x.getArray(readonly=True)[dofs] - values)
+
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """See ``ContactProblem``."""
+        self._factorised[jacobian.handle] = self._inserted[jacobian.handle]
+
+    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+        """See ``ContactProblem``."""
+        self.sets = self.next.sets
+        self._forced_first = False
+        dofs, _values = self._constraints(self.sets)
+        comm = self.system.comm
+        slopes, turning = self._slopes(self.sets), self._turning(self.sets)
+        state = np.concatenate([dofs, slopes.ravel(), turning.ravel()])
+        factorised = self._factorised.get(jacobian.handle)
+        differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, state))
+        self.moved = None if differs else 0  # rows come and go: either the matrix is the same or it is another one
+        last = self._inserted.get(jacobian.handle)
+        if not parallel.any_rank(comm, last is None or not np.array_equal(last, state)):
+            return
+        self._inserted[jacobian.handle] = state
+        matrix = self.system.matrix
+        matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first = matrix.getOwnershipRange()[0]
+        if self.data.coupling is not None:
+            for point, component in np.argwhere(slopes):  # the rows of a point have the same columns
+                normal, *tangential = first + self._unknown[point]
+                columns, values = matrix.getRow(normal)
+                jacobian.setValues(
+                    tangential[component],
+                    columns,
+                    slopes[point, component] * values,
+                    addv=PETSc.InsertMode.ADD_VALUES,
+                )
+            jacobian.assemble()
+        if parallel.any_rank(comm, bool(turning.any())):
+            for point in np.flatnonzero(turning.any(axis=(1, 2))):
+                tangential = (first + self._unknown[point, 1:]).astype(PETSc.IntType)
+                jacobian.setValues(tangential, tangential, turning[point], addv=PETSc.InsertMode.ADD_VALUES)
+            jacobian.assemble()
+        jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._stiffness)
+        self._declare(jacobian)
+
+    def _turning(self, sets: ActiveSets) -> Nodal:
+        """W k (I - e e^T) at slip points in the unknowns of the system, shape (n, d - 1, d - 1); zero in the plane."""
+        direction = sets.direction
+        across = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
+        share = np.where(sets.slip, self.boundary.weight * sets.turning, 0.0) if self.data.has_friction else 0.0
+        signs = self._sign[:, 1:] * self._free[:, 1:]
+        if direction.shape[1] == 1:
+            return np.zeros_like(across)
+        return np.asarray(np.reshape(share, (-1, 1, 1)) * across * signs[:, :, None] * signs[:, None, :])
+
+    def _slopes(self, sets: ActiveSets) -> Nodal:
+        """Share of the row along the normal in those along the tangents: d mu / d lambda where mu = F lambda e."""
+        coupling = self.data.coupling
+        if coupling is None:
+            return np.zeros_like(sets.direction)
+        pressing = (sets.contact & self._free[:, 0])[:, None] & self._free[:, 1:]
+        return np.where(pressing, -self._sign[:, 1:] * self._sign[:, :1] * sets.direction * coupling[:, None], 0.0)

@@ -1,0 +1,250 @@
+"""What a solve leaves behind: outcomes and records.  Plain data, no solver types."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from enum import Enum
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from signorini_fx.machine.compilation import compiling
+
+T = TypeVar("T")
+
+# A violation above this share of the solution's own scale refuses the certificate.
+CERTIFICATE_TOLERANCE = 1e-6
+# Strains, rotations and displacements (over the size of the body) from which on linear elasticity is off by notable
+# terms: the neglected part of the strain is half of this share.
+SMALL_DEFORMATION = 0.1
+# With fewer nodes in contact neither the ends of the zone nor the largest pressure say much.
+FEW_NODES = 8
+
+
+class Status(Enum):
+    """How a solve ended.  Every member carries the sentence that tells the user what to do."""
+
+    CONVERGED = "converged"
+    MAX_ITERATIONS = "maximum iterations reached"
+    OUTER_MAX_ITERATIONS = "maximum outer iterations reached"
+    CYCLING = "active sets cycle"
+    NOT_HELD = "body not held"
+    OPEN = "contact opens, no static equilibrium"
+    SLIDES = "slides, no static equilibrium"
+    SINGULAR = "linear system singular"
+    LINEAR_SOLVER = "linear solver failed"
+    ROUND_OFF = "residual stagnates"
+    TOO_LARGE = "deformation too large for linear elasticity"
+    NOT_CERTIFIED = "certificate does not hold"
+    BUDGET = "budget ends before the accuracy"
+    OUT_OF_REACH = "accuracy out of reach"
+
+    @property
+    def advice(self) -> str:
+        """What to do about this outcome."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.CONVERGED: "the active sets repeat and the residual is small",
+    Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
+    Status.OUTER_MAX_ITERATIONS: (
+        "raise solver.max_outer_iterations; a fixed point that does not contract points to a friction coefficient "
+        "above the uniqueness bound"
+    ),
+    Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
+    Status.NOT_HELD: (
+        "a rigid motion is resisted neither by the prescribed displacements nor by any contact: prescribe a "
+        "displacement or add friction"
+    ),
+    Status.OPEN: (
+        "the load moves the body off its foundation and nothing else holds it: check the direction of the loads and "
+        "the gap, or prescribe a displacement"
+    ),
+    Status.SLIDES: (
+        "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "
+        "prescribe a displacement"
+    ),
+    Status.SINGULAR: "check that the prescribed displacements and the contact hold the body, and the mesh for slivers",
+    Status.LINEAR_SOLVER: (
+        "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
+        "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
+    ),
+    Status.TOO_LARGE: (
+        "strains, rotations or displacements are beyond what linear elasticity can mean: check the units of E, of the "
+        "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
+    ),
+    Status.NOT_CERTIFIED: (
+        "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
+    ),
+    Status.BUDGET: (
+        "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "
+        "see the price list for what is missing; raise the budget, or ask for less"
+    ),
+    Status.OUT_OF_REACH: (
+        "the result is a certified solution, less accurate than asked for, and no finer mesh would have the accuracy: "
+        "the events of the history say why"
+    ),
+    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
+}
+
+
+@dataclass(frozen=True)
+class IterationRecord:
+    """One linear solve of the semi-smooth Newton iteration (Algorithm SSN, step 4).
+
+    Attributes:
+        solve: running number of the linear solve, from 1.
+        outer: running number of the outer iteration, from 0.
+        iteration: number k of the inner iteration, from 1.
+        active_contact: number of nodes in A_c of this solve.
+        slip_plus: number of nodes in A_f,+ of this solve.
+        slip_minus: number of nodes in A_f,- of this solve.
+        changed: number of nodes whose state changes by this solve, i.e. between sets k and k + 1.
+        residual: Euclidean norm of the residual after this solve with the new sets, relative to the forces at work.
+        factorised: whether the matrix had to be factorised anew for it.
+        seconds: wall time since the solve began, on this rank.
+    """
+
+    solve: int
+    outer: int
+    iteration: int
+    active_contact: int
+    slip_plus: int
+    slip_minus: int
+    changed: int
+    residual: float
+    factorised: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class OuterRecord:
+    """One outer iteration, that is one regularised problem solved.
+
+    Attributes:
+        outer: running number from 0.
+        linear_solves: inner linear solves that it took.
+        gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
+        change: what the outer algorithm stops on (FP: d_g of section 7), None where it is not defined yet.
+        status: how the inner solve ended.
+    """
+
+    outer: int
+    linear_solves: int
+    gamma_n: float
+    change: float | None
+    status: str
+
+
+@dataclass
+class Inventory:
+    """What a scene made the program compile and assemble: nothing that it does not name.
+
+    Attributes:
+        forms: what was compiled, in order.
+        matrices: matrices assembled.
+    """
+
+    forms: list[str] = field(default_factory=list)
+    matrices: list[str] = field(default_factory=list)
+
+    def compile(self, name: str, make: Callable[[], T]) -> T:
+        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache.
+
+        Raises:
+            MachineError: it cannot be compiled.
+        """
+        if name not in self.forms:
+            self.forms.append(name)
+        with compiling():
+            return make()
+
+
+@dataclass
+class Timings:
+    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the time spent inside the ``with`` block to the phase ``name``."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
+    """Records as dictionaries, in order, ready for CSV or JSON."""
+    return [asdict(record) for record in records]
+
+
+Observer = Callable[[IterationRecord | OuterRecord | str], None]
+
+
+@dataclass(repr=False)
+class History:
+    """What happened, in order.
+
+    Attributes:
+        iterations: one record per linear solve.
+        outer: one record per regularised problem.
+        events: decisions that a user should know of, such as a fall-back.
+        observers: called with each new record or event, to show progress.
+        limit: the number of linear solves at which all methods end; infinite: none.
+        shared: whether this limit is one for several meshes, so that none of them gets its own.
+    """
+
+    iterations: list[IterationRecord] = field(default_factory=list)
+    outer: list[OuterRecord] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
+    observers: list[Observer] = field(default_factory=list)
+    limit: float = np.inf
+    shared: bool = False
+
+    def __repr__(self) -> str:
+        return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
+
+    @property
+    def linear_solves(self) -> int:
+        """Linear solves so far."""
+        return len(self.iterations)
+
+    def allow(self, solves: int) -> None:
+        """Set the limit to so many more linear solves, unless it is to be kept."""
+        if not self.shared:
+            self.limit = self.linear_solves + solves
+
+    def add(self, record: IterationRecord | OuterRecord | str) -> None:
+        """Keep a record or an event and show it."""
+        match record:
+            case IterationRecord():
+                self.iterations.append(record)
+            case OuterRecord():
+                self.outer.append(record)
+            case str():
+                self.events.append(record)
+        for observer in self.observers:
+            observer(record)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something to know of a scene or of its result.
+
+    Attributes:
+        level: a warning hurts, a note does not.
+        path: key of the scene that it is about.
+        message: what is the matter, and what to do.
+    """
+
+    level: Literal["warning", "note"]
+    path: str
+    message: str

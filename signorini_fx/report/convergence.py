@@ -1,0 +1,146 @@
+"""How a solution was approached: active sets and residual over the linear solves, errors over the meshes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+
+from signorini_fx.report.reading import Table
+from signorini_fx.report.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
+
+
+def iteration_history(
+    path_stem: str | Path,
+    rows: Sequence[Mapping[str, Any]] | Table,
+    *,
+    title: str = "",
+    suffixes: Sequence[str] = BOTH,
+    dimension: int = 2,
+) -> None:
+    """Draw the course of the iteration against the linear solves: sizes of the active sets, changed nodes, residual.
+
+    Args:
+        path_stem: where to write, without suffix.
+        rows: one mapping per linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
+            slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
+        title: what to say above the picture.
+        suffixes: of the files to write.
+        dimension: of the body; in space slip has no sign, and slip_plus counts all nodes that slip.
+
+    Raises:
+        ValueError: there are no rows.
+    """
+    names = ("solve", "outer", "active_contact", "slip_plus", "slip_minus", "changed", "residual")
+    data: dict[str, Floats] = {
+        name: np.asarray(rows[name] if isinstance(rows, Mapping) else [row[name] for row in rows], dtype=np.float64)
+        for name in names
+    }
+    solve = data["solve"]
+    if not solve.size:
+        raise ValueError("the history has no linear solves")
+    size = min(3.5, max(1.2, 240 / solve.size))
+    firsts = np.flatnonzero(np.diff(data["outer"])) + 1
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(min(7.2, max(4.4, 2.5 + 0.12 * solve.size)), 4.4), layout="constrained")
+        grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
+        upper = figure.add_subplot(grid[0])
+        lower = figure.add_subplot(grid[1], sharex=upper)
+        upper.bar(solve, data["changed"], width=0.8, color=RULE, linewidth=0, label="nodes that change state")
+        curves: list[tuple[str, str, dict[str, Any]]] = [
+            ("active_contact", r"contact $|\mathcal{A}_c|$", {"color": INK, "marker": "o", "lw": 1.3})
+        ]
+        if dimension == 3 and np.any(data["slip_plus"]):
+            slip: dict[str, Any] = {"color": ORANGE, "marker": "^", "lw": 1.3, "ls": (0, (4.5, 1.8))}
+            curves.append(("slip_plus", r"slip  $|\mathcal{A}_f|$", slip))
+        elif np.any(data["slip_plus"]) or np.any(data["slip_minus"]):
+            plus: dict[str, Any] = {"color": ORANGE, "marker": "^", "lw": 2.2}
+            minus: dict[str, Any] = {"color": BLUE, "marker": "v", "lw": 1.1, "ls": (0, (3, 1.5)), "mfc": "white"}
+            curves.append(("slip_plus", r"slip $+$  $|\mathcal{A}_{f,+}|$", plus))
+            curves.append(("slip_minus", r"slip $-$  $|\mathcal{A}_{f,-}|$", minus))
+        for name, label, style in curves:
+            upper.plot(solve, data[name], label=label, markersize=size, **style)
+        upper.set(ylabel="number of nodes", ylim=(0, None))
+        upper.tick_params(axis="x", length=0, labelbottom=False)
+        residual = np.where(data["residual"] > 0, data["residual"], np.nan)
+        # A new outer iteration is a new problem: its residuals are a line of their own.
+        broken = [np.insert(values, firsts, np.nan) for values in (solve, residual)]
+        lower.semilogy(*broken, color=INK, marker="o", markersize=size, lw=1.3)
+        lower.set(ylabel="relative residual", xlabel="linear solve", xlim=(solve[0] - 0.6, solve[-1] + 0.6))
+        lower.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        _mark_outer(upper, lower, solve, data["outer"], firsts)
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=3)
+        finish(figure, path_stem, title, suffixes)
+
+
+def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: npt.NDArray[np.intp]) -> None:
+    """Lines between outer iterations, their numbers on top as far as they have room."""
+    if not firsts.size:
+        return
+    borders = [solve[0] - 0.6, *(0.5 * (solve[firsts - 1] + solve[firsts])), solve[-1] + 0.6]
+    for axes in (upper, lower):
+        for border in borders[1:-1]:
+            axes.axvline(border, color=MUTED, linewidth=0.5 if firsts.size < 30 else 0.25, zorder=0)
+    room = 0.03 * (borders[-1] - borders[0])
+    ticks, labels, free_from = [], [], -math.inf
+    for (left, right), number in zip(itertools.pairwise(borders), outer[[0, *firsts]], strict=True):
+        middle = 0.5 * (left + right)
+        if middle >= free_from:
+            ticks.append(middle)
+            labels.append(f"{number:.0f}")
+            free_from = middle + room
+    top = upper.secondary_xaxis("top")
+    top.set_ticks(ticks, labels)
+    top.tick_params(length=0, pad=1)
+    top.spines["top"].set_visible(False)
+    top.set_xlabel("outer iteration")
+
+
+_QUANTITIES = {
+    "energy": ("displacement (energy)", INK, "o", "-"),
+    "pressure": ("contact pressure", BLUE, "s", "--"),
+    "peak": ("largest pressure", ORANGE, "^", "-."),
+    "zone": ("ends of the contact zone", MUTED, "D", ":"),
+}
+
+
+def errors_against_time(
+    path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = BOTH
+) -> None:
+    """Estimated errors against the time that they cost, one point per mesh; the next mesh as an open marker.
+
+    Args:
+        path_stem: the files without their ending.
+        rows: the rows of price_list.csv, coarsest mesh first, the predicted one last.
+        title: what was solved.
+        suffixes: of the files to write.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.6, 3.3), layout=ConstrainedLayoutEngine())
+        axes = figure.add_subplot()
+        for name, (label, colour, marker, style) in _QUANTITIES.items():
+            points = [(row["seconds"], row[name], row["predicted"]) for row in rows if row[name]]
+            if not points:
+                continue
+            seconds, errors, _ = zip(*points, strict=True)
+            axes.plot(seconds, errors, style, color=colour, linewidth=1.2, label=label)
+            for second, error, predicted in points:
+                face = "white" if predicted else colour
+                axes.plot([second], [error], marker, color=colour, markerfacecolor=face, markersize=4.5)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("seconds for the mesh (open: the next one, predicted)")
+        axes.set_ylabel("estimated relative error")
+        axes.grid(visible=True, which="major", color=RULE, linewidth=0.4)
+        axes.legend()
+        finish(figure, path_stem, title, suffixes)

@@ -1,0 +1,152 @@
+"""Load steps: the forces from step to step, and the contact boundary as an animation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+
+from signorini_fx.report.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
+from signorini_fx.report.reading import Table
+from signorini_fx.report.style import (
+    BOTH,
+    LIMIT,
+    MOTION,
+    MULTIPLIER,
+    MUTED,
+    ORANGE,
+    RULE,
+    STYLE,
+    decimal_power,
+    finish,
+    largest_of,
+    times_power,
+)
+
+_ORDINALS = {"x": "first", "y": "second", "z": "third"}
+
+
+def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes: Sequence[str] = BOTH) -> None:
+    """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
+
+    Args:
+        path_stem: where to write, without suffix.
+        steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
+        title: what to say above the picture.
+        suffixes: of the files to write.
+    """
+    in_space = "contact_force_z" in steps
+    count = 3 if in_space else 2
+    names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in "xyz"[:count]]
+    forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
+    scale = largest_of(*forces.values())
+    power = decimal_power(scale)
+    pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}]
+    rubbing = [MOTION, MOTION | {"color": ORANGE}]
+    if in_space:  # most foundations are below, and press upwards
+        pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
+        rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
+    friction = max(names[count:], key=lambda name: largest_of(forces[name]))
+    measure, motion_name, which, said = "force per thickness", "mean_tangential_displacement", "", friction
+    if in_space:  # the motion is a vector: its component along the force that is drawn against it
+        measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
+        which = f", {_ORDINALS[friction[-1]]} component"
+        said = f"friction force{which}"
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.4, 4.6), layout="constrained")
+        upper, lower = figure.subplots(2, 1)
+        for name, style in zip(names, (*pressing, *rubbing), strict=True):
+            if largest_of(forces[name]) > 1e-6 * scale:  # what is left by symmetry and round-off is not shown
+                kind, _, axis = name.rpartition("_")
+                label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
+                upper.plot(steps["step"], forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
+        upper.set(xlabel="load step", ylabel=f"{measure}{times_power(power)}")
+        upper.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        motion = np.asarray(steps[motion_name], dtype=np.float64)
+        out = decimal_power(largest_of(motion))
+        lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
+        lower.set(
+            xlabel=f"mean tangential displacement{which}{times_power(out)}",
+            ylabel=f"{said.replace('_', ' ')}{times_power(power)}",
+        )
+        lower.locator_params(axis="x", nbins=6)
+        for axes in (upper, lower):
+            axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+        finish(figure, path_stem, title, suffixes)
+
+
+_MOST_FRAMES = 120
+_GIF_DPI = 110
+_FRAMES_A_SECOND = 4
+
+
+def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
+    """Write a GIF of pressure, shear and states along the contact boundary, one frame per load step.
+
+    Scales stay the same from frame to frame.  Of more than 120 steps every second, third, ... is shown, and the last.
+
+    Args:
+        path: the file.
+        table: columns of ``contact_steps.csv``, each of shape (n,): those of ``contact.csv`` that
+            ``boundary_profiles`` needs but for the lengths, and ``step``.
+        title: what to say above the picture.
+
+    Raises:
+        ValueError: the table has no rows.
+    """
+    numbers = np.asarray(table["step"], dtype=np.float64)
+    steps = np.unique(numbers)
+    if not steps.size:
+        raise ValueError("the table has no load steps")
+    stride = math.ceil(steps.size / _MOST_FRAMES)
+    stresses = [np.asarray(table[name], dtype=np.float64) for name in ("pressure", "shear")]
+    power = decimal_power(largest_of(*stresses))
+    every = np.concatenate([column[np.isfinite(column)] for column in stresses]) * 10.0**power
+    low, high = float(every.min(initial=0.0)), float(every.max(initial=0.0))
+    margin = 0.06 * (high - low) or 1.0
+    with mpl.rc_context(STYLE):
+        count = len(dict.fromkeys(table["boundary"]))
+        figure = Figure(figsize=(4.4, 2.5 * count + 0.5), layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03))
+        grid = figure.add_gridspec(2 * count, 1, height_ratios=[1, 0.07] * count)
+        panels = []
+        for i in range(count):
+            panel = figure.add_subplot(grid[2 * i])
+            panels.append((panel, figure.add_subplot(grid[2 * i + 1], sharex=panel)))
+        used = {key for boundary in boundaries_of(table) for key in boundary.states(of_friction=False)}
+        patches = state_patches(used)
+        figure.legend(handles=patches, loc="outside lower center", ncols=max(1, len(patches)), handlelength=1.6)
+        heading = figure.suptitle(" ", fontsize=9)
+        writer = PillowWriter(fps=_FRAMES_A_SECOND)
+        with writer.saving(figure, str(path), _GIF_DPI):
+            for step in (*steps[:-1:stride], steps[-1]):
+                here = {name: np.asarray(column)[numbers == step] for name, column in table.items()}
+                for (panel, strip), boundary in zip(panels, boundaries_of(here), strict=True):
+                    panel.clear()
+                    strip.clear()
+                    _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
+                    panel.set_ylim(low - margin, high + margin)
+                    state_strip(strip, boundary, boundary.states(of_friction=False), "")
+                heading.set_text(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}")
+                writer.grab_frame()
+                figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
+
+
+def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None:
+    """Pressure, shear and its bounds, one scale for all."""
+    pressure, shear, bound = (boundary.floats(key) * 10.0**power for key in ("pressure", "shear", "bound"))
+    if boundary.has_friction:
+        boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
+        boundary.draw(axes, -bound, **LIMIT)
+        boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
+    boundary.draw(axes, pressure, **MULTIPLIER, label=r"contact pressure $\lambda$")
+    finish_panel(axes, boundary, name, [pressure, shear], math.inf)
+    axes.set_ylabel(f"stress{times_power(power)}")

@@ -1,0 +1,94 @@
+"""HTML in Python: every text passes ``tag``, which escapes all that is not made by ``tag``."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+_LONG = 40  # rows from which on a table is folded
+_WIDE_TABLE = 8  # columns from which on print takes small letters
+_WIDE_CELL = 16  # letters from which on a cell is broken into lines
+_MOST_ROWS = 400  # of a table; the CSV file has all
+_VOID = frozenset({"br", "img", "meta"})
+
+
+class Markup(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+def tag(name: str, *children: str, **attributes: str) -> Markup:
+    """An element; children and values of attributes are escaped unless they are markup (``class_`` means class)."""
+    said = {key.rstrip("_"): value for key, value in attributes.items() if value or key != "class_"}
+    given = "".join(f' {key}="{html.escape(value)}"' for key, value in said.items())
+    if name in _VOID:
+        return Markup(f"<{name}{given}>")
+    return Markup(f"<{name}{given}>{joined(children)}</{name}>")
+
+
+def joined(parts: Iterable[str]) -> Markup:
+    """One after the other, escaped unless they are markup."""
+    return Markup("".join(part if isinstance(part, Markup) else html.escape(part, quote=False) for part in parts))
+
+
+def shown(value: Any) -> str:
+    """A value of a table."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, float | np.floating):
+        return f"{value + 0.0:.6g}"
+    if isinstance(value, list | tuple):
+        return f"({', '.join(map(shown, value))})"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} = {shown(item)}" for key, item in value.items() if item is not None)
+    return str(value)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number, or missing among numbers."""
+    return value is None or (isinstance(value, int | float | np.number) and not isinstance(value, bool))
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
+    """A table that scrolls sideways where it is wider than the page; columns of numbers are flush right."""
+    numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
+    head = [tag("th", name, class_="number" if right else "") for name, right in zip(columns, numeric, strict=True)]
+    body = []
+    for row, class_ in zip(rows, classes or [""] * len(rows), strict=True):
+        cells = []
+        for value, right in zip(row, numeric, strict=True):
+            text = shown(value)
+            cells.append(tag("td", text, class_="number" if right else "words" if len(text) > _WIDE_CELL else ""))
+        body.append(tag("tr", *cells, class_=class_))
+    size = "wide" if len(columns) > _WIDE_TABLE else ""
+    whole = tag("table", tag("thead", tag("tr", *head)), tag("tbody", *body), class_=size)
+    return tag("div", whole, class_="scroll", tabindex="0")
+
+
+def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
+    """Columns of a CSV file; a long table is folded, a very long one shows its two ends."""
+    rows = list(zip(*columns.values(), strict=True))
+    remark: list[Markup] = []
+    if len(rows) > _MOST_ROWS:
+        half = _MOST_ROWS // 2
+        text = f"The first and the last {half} of {len(rows)} rows; {file} has all."
+        remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
+    names = [name.replace("_", " ") for name in columns]
+    summary = tag("summary", f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}")
+    return tag("details", summary, *remark, table(names, rows), **({"open": ""} if len(rows) <= _LONG else {}))
+
+
+def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str = "still") -> Markup:
+    """A figure with its data in the page itself."""
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    return tag("figure", tag("img", src=source, alt=alternative), tag("figcaption", caption), class_=class_)

@@ -1,0 +1,120 @@
+"""A result folder as one page of HTML that needs nothing else: no network, no other file, no script.
+
+It is made from what ``solve`` wrote, without dolfinx: curves are drawn again from the CSV files as SVG, the deformed
+body is the picture that ``solve`` drew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from signorini_fx import __version__
+from signorini_fx.errors import ResultError, cannot_be_written
+from signorini_fx.report import sections
+from signorini_fx.report.markup import Markup, tag
+from signorini_fx.report.reading import ResultFiles, read_summary
+
+PAGE = "report.html"
+
+
+def page(folder: Path) -> str:
+    """The report of a result folder.
+
+    Raises:
+        ResultError: it is no result folder, or not whole.
+    """
+    summary = read_summary(folder)
+    try:
+        return _page(summary, ResultFiles(folder), folder.resolve().name)
+    except FileNotFoundError as error:
+        name = Path(error.filename).name
+        raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
+    except (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError) as error:
+        raise ResultError(
+            f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not belong together "
+            f"({type(error).__name__}: {error}): solve again"
+        ) from error
+
+
+def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
+    solid = sections.in_space(summary)
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
+    found = {
+        "Outcome": sections.outcome(summary),
+        "Certificate": sections.certificate(summary),
+        "Scene and effects": sections.scene(summary),
+        "What to do next": tag("ul", *(tag("li", line) for line in sections.next_steps(summary, contact))),
+        "Deformed body": sections.deformed(folder, solid=solid),
+    }
+    if contact and solid:
+        from signorini_fx.report import sections_in_space
+
+        facets = folder.facets(summary["contact_nodes"])
+        found["Contact surface"] = sections_in_space.surface(contact, facets)
+        found["Forces and areas"] = sections_in_space.resultants(summary, contact)
+    elif contact:
+        found["Contact boundary"] = sections.profiles(contact)
+        found["Zones"] = sections.zones(summary)
+    if "steps" in summary:
+        found["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])))
+    if "price_list" in summary:
+        found["Price list"] = sections.price_list(summary["price_list"])
+    if contact:
+        columns = folder.columns("history.csv", summary["linear_solves"])
+        found["Iteration"] = sections.history(folder, columns, dimension=3 if solid else 2)
+    found["Made with"] = sections.made_with(summary)
+    title = summary["title"] or name
+    style = Markup(resources.files("signorini_fx.report").joinpath("report.css").read_text(encoding="utf-8"))
+    anchors = {heading: heading.lower().replace(" ", "-") for heading in found}
+    parts = [tag("section", tag("h2", heading), text, id=anchors[heading]) for heading, text in found.items()]
+    whole = tag(
+        "html",
+        tag(
+            "head",
+            tag("meta", charset="utf-8"),
+            tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
+            tag("title", f"{title}: {summary['status']}"),
+            tag("style", style),
+        ),
+        tag(
+            "body",
+            tag("header", tag("h1", title), tag("p", name, class_="note")),
+            tag("nav", *(tag("a", heading, href=f"#{anchor}") for heading, anchor in anchors.items())),
+            tag("main", *parts),
+            tag("footer", tag("p", f"signorini_fx {__version__}: signorini-fx report {name}")),
+        ),
+        lang="en",
+    )
+    return f"<!DOCTYPE html>\n{whole}\n"
+
+
+def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
+    """Write the report of a result folder.
+
+    Args:
+        folder: what ``solve`` wrote.
+        file: where to; None: ``report.html`` in the folder.
+
+    Returns:
+        The file.
+
+    Raises:
+        ResultError: the folder is no result, or half written.
+        OutputError: the page cannot be written.
+    """
+    folder = Path(folder)
+    file = folder / PAGE if file is None else Path(file)
+    text = page(folder)
+    part = file.parent / f".{file.name}.part"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+        part.replace(file)
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        with contextlib.suppress(OSError, ValueError):
+            part.unlink(missing_ok=True)
+        raise cannot_be_written(file, error) from None
+    return file

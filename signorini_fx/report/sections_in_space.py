@@ -1,0 +1,86 @@
+"""The sections of the page that a body in space has in place of curves and zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.report.markup import Markup, joined, long_table, picture, table, tag
+from signorini_fx.report.sections import clean, file_of
+
+# Vectors of contact.csv, and what becomes of the columns that it has besides their lengths.
+_VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}
+_COLUMNS = ("state", "friction", "pressure", "shear", "bound", "gap", "u_n", "u_t", "slip")
+
+
+def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
+    """What the foundation exerts on the body, and how much of the contact boundary does it."""
+    force, friction = (np.array(summary[name], dtype=np.float64) for name in ("contact_force", "friction_force"))
+    moment, twist = (np.array(summary[name], dtype=np.float64) for name in ("contact_moment", "friction_moment"))
+    size = float(np.nanmax(np.abs([force, friction]), initial=0.0))
+    lever = float(np.nanmax(np.abs([moment, twist]), initial=0.0))
+    rows = [
+        (name, clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))
+        for name, f, m in (
+            ("contact force", force, moment),
+            ("friction force", friction, twist),
+            ("both", force + friction, moment + twist),
+        )
+    ]
+    parts = [table(["on the body", "components", "size", "moment about the origin"], rows)]
+    through = summary["contact_force_through"]
+    if through is not None:
+        extent = max(float(np.ptp(contact[axis])) for axis in "xyz")
+        left = float(force @ moment / np.linalg.norm(force))
+        row = (clean(through, extent), left if abs(left) > 1e-9 * lever else 0.0)
+        parts.append(table(["axis of the contact force, through", "moment about this axis"], [row]))
+    names = np.asarray(contact["boundary"])
+    weight, touching = np.asarray(contact["weight"]), contact["state"] != "open"
+    rubs = np.asarray(contact["friction"])
+    areas = []
+    for name in dict.fromkeys(map(str, names)):
+        here = names == name
+        parts_of = (here, here & touching, here & (rubs == "stick"), here & (rubs == "slip"))
+        areas.append((name, *(float(weight[where].sum()) for where in parts_of)))
+    if len(areas) > 1:
+        areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
+    parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], areas))
+    note = "Areas are those that the nodes stand for. Stick and slip where friction can act."
+    return joined([*parts, tag("p", note, class_="note")])
+
+
+def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
+    """The contact surface seen along its normal, and the table of its nodes."""
+    from signorini_fx.report.contact_surface import contact_surface
+
+    caption = (
+        "Contact pressure, shear as arrows; where friction acts, the state of each node, and slip as arrows, magnified "
+        "as the panel says."
+    )
+    drawn = picture(file_of(".svg", contact_surface, contact, facets), "svg+xml", "contact surface", caption)
+    note = (
+        "Seen along the outward normal, through the body. Arrows of shear point where the body slips or would slip; "
+        "the traction on the body is opposite."
+    )
+    return joined(
+        [drawn, tag("p", note, class_="note"), long_table("Every contact node", nodes(contact), "contact.csv")]
+    )
+
+
+def nodes(contact: dict[str, Any]) -> dict[str, Any]:
+    """The contact table with vectors as such: scalars and vectors by turns, one entry for each node."""
+    found: dict[str, Any] = {"boundary": contact["boundary"], "position": _vectors(contact, _VECTORS["position"])}
+    for name in _COLUMNS:
+        found[name] = contact[name]
+        if f"{name}_x" in contact:
+            found[f"{name} vector"] = _vectors(contact, tuple(f"{name}_{axis}" for axis in "xyz"))
+    return found | {"normal": _vectors(contact, _VECTORS["normal"]), "weight": contact["weight"]}
+
+
+def _vectors(contact: dict[str, Any], names: tuple[str, ...]) -> list[tuple[float, ...]]:
+    """Three columns as one of vectors, round-off beside the largest of them is zero."""
+    columns = np.column_stack([np.asarray(contact[name], dtype=np.float64) for name in names])
+    columns[np.abs(columns) <= 1e-9 * np.nanmax(np.abs(columns), initial=0.0)] = 0.0
+    return [tuple(map(float, row)) for row in columns]

@@ -1,0 +1,107 @@
+"""How every picture looks, and how it is written.
+
+Every picture is written twice, ``stem.png`` to look at and ``stem.pdf`` to print, unless ``suffixes`` asks for others,
+as a page does for ``.svg``.  It stays readable in black and white: line styles and lightness carry what the colours do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+Floats = npt.NDArray[np.float64]
+_PNG_DPI = 160
+_PDF_DPI = 300  # of what is rasterised in the PDF
+BOTH = (".png", ".pdf")
+INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
+BLUE, ORANGE = "#0072b2", "#e69f00"
+MULTIPLIER: dict[str, Any] = {"color": INK, "linewidth": 1.5}
+LIMIT: dict[str, Any] = {"color": MUTED, "linewidth": 1.3, "linestyle": (0, (1, 1.4))}
+MOTION: dict[str, Any] = {"color": BLUE, "linewidth": 1.3, "linestyle": (0, (4.5, 1.8))}
+STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8,
+    "mathtext.fontset": "dejavusans",
+    "axes.titlesize": 9,
+    "axes.labelsize": 8,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.labelcolor": INK,
+    "axes.formatter.use_mathtext": True,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "legend.handlelength": 2.4,
+    "legend.borderaxespad": 0.2,
+    "legend.labelspacing": 0.3,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "signorini_fx",  # the same data give the same identifiers
+    "text.color": INK,
+}
+
+
+def plain(text: str) -> str:
+    """A user's text for a picture: dollar signs are no mathematics."""
+    return text.replace("$", r"\$")
+
+
+def largest_of(*curves: Floats) -> float:
+    """The largest finite entry by size, 0 if there is none."""
+    values = np.abs(np.concatenate(curves))
+    return float(values[np.isfinite(values)].max(initial=0.0))
+
+
+def decimal_power(largest: float) -> int:
+    """The k with which figures up to ``largest``, times 10^k, need no exponent at an axis."""
+    return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
+
+
+def readable(ideal: float) -> float:
+    """The factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
+    decade = math.floor(math.log10(ideal))
+    steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
+    return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
+
+
+def times_power(power: int) -> str:
+    """What follows a label whose figures were multiplied by 10^power."""
+    return rf" $\times\,10^{{{power}}}$" if power else ""
+
+
+def math_number(value: float) -> str:
+    """A factor for mathtext: plain digits if they are few, else m x 10^k."""
+    if value == 0 or 0.01 <= abs(value) < 1e5:
+        return f"{value:.6g}"
+    digits, power = f"{value:.5e}".split("e")
+    digits = f"{float(digits):g}"
+    return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits}\cdot 10^{{{int(power)}}}"
+
+
+def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = BOTH) -> None:
+    """Title the figure and write it; without dates, so that the same data give the same files."""
+    if title:
+        figure.suptitle(title, x=0.012, ha="left", fontsize=9)
+    stem = Path(path_stem)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    for suffix in suffixes:
+        dpi = _PNG_DPI if suffix == ".png" else _PDF_DPI
+        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, metadata=dateless.get(suffix))

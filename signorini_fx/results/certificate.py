@@ -1,0 +1,381 @@
+"""The certificate: whether a displacement and the contact tractions are a solution of the scene.
+
+It takes the scene, the mesh, the displacement that the user gets, and the contact tractions (pressure and shear at the
+contact nodes); in a later load step also those of the step before, from which friction acts.  Nothing else of the
+solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and slip are
+evaluated anew by ``nodal_forces``, in NumPy.  So a fault on the solver's side shows, each in its own way:
+
+- a displacement that is not the one that the iteration has found (a rotation or a resting place that is left out, an
+  interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
+- a wrong row of the stiffness matrix, wrong moduli, a wrong load, a load factor: ``equilibrium``;
+- wrong weights or normals: ``equilibrium``, since they turn tractions into forces;
+- a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
+- an iteration that stops too early: whichever condition is not met yet.
+
+What it does not see is a fault in what both sides share: the mesh and its names, basix, the values of expressions,
+quadrature degrees, and loads given as UFL expressions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.results.nodal_forces import NodalForces, hooke
+from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+
+Nodal = npt.NDArray[np.float64]
+
+# The figures that decide.
+JUDGED = (
+    "equilibrium",
+    "supports",
+    "negative_pressure",
+    "friction_cone",
+    "wrong_way_slip",
+    "entered",
+    "pressure_at_distance",
+    "slip_below_bound",
+)
+# The others say what the regularisation leaves, and how far the body moves.
+REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
+# Forces below this share of stiffness times displacement are round-off of a stress-free motion.
+_ROUND_OFF = 1e-8
+# Contact stresses below this share of the mean stress in the body are not told from zero.
+_FAINT = 1e-3
+# A direction has a component along an axis if it is larger than this.
+_ALONG = 1e-8
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate:
+    """How far a result is from the conditions of its problem; every figure is relative.
+
+    Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear, lengths
+    to the deformation: the largest displacement without its rigid part (penetration, complementarity and slip at stick
+    nodes: to the largest displacement).
+
+    Attributes:
+        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress.
+        supports: largest difference from a prescribed displacement.
+        negative_pressure: largest -lambda.
+        friction_cone: largest |mu| - F g.
+        wrong_way_slip: slip against mu, in space also across it, which (2.3e') excludes: the smaller of the slip and of
+            the part of the shear that does not point along it.
+        entered: largest tau_N y - d beyond what the law allows for.
+        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
+        slip_below_bound: the complementarity (3.3c): the smaller of the slip and of what the shear lacks to its bound.
+        displacement: largest displacement, relative to the size of the body.
+        penetration: largest tau_N y - d; lambda / gamma by the regularisation.
+        complementarity: largest |lambda (tau_N y - d)|.
+        stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
+        law: the contact law that it was judged by.
+        strain_energy: a(y, y) / 2, an energy per thickness.
+        potential_energy: a(y, y) / 2 - L(y), an energy per thickness.
+    """
+
+    equilibrium: float = 0.0
+    supports: float = 0.0
+    negative_pressure: float = 0.0
+    friction_cone: float = 0.0
+    wrong_way_slip: float = 0.0
+    entered: float = 0.0
+    pressure_at_distance: float = 0.0
+    slip_below_bound: float = 0.0
+    displacement: float = 0.0
+    penetration: float = 0.0
+    complementarity: float = 0.0
+    stick_slip: float = 0.0
+    law: Law = UNREGULARISED
+    strain_energy: float = 0.0
+    potential_energy: float = 0.0
+
+    def __repr__(self) -> str:
+        verdict = "holds" if self.holds else "does not hold"
+        return f"<Certificate: {verdict}, largest figure {self.worst:.1e}, {self.law}>"
+
+    @property
+    def worst(self) -> float:
+        """The largest of the figures that are judged; what the regularisation leaves is not among them."""
+        return float(np.max([getattr(self, name) for name in JUDGED]))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the result is a solution by the law that its method promises."""
+        return self.worst <= CERTIFICATE_TOLERANCE
+
+    def as_dict(self) -> dict[str, float | bool | str]:
+        """All figures, the law, and the verdict."""
+        figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED)}
+        return {**figures, "law": str(self.law), "holds": self.holds}
+
+
+def certify(
+    scene: Scene,
+    tagged: TaggedMesh,
+    displacement: fem.Function,
+    tractions: Tractions | None,
+    *,
+    law: Law = UNREGULARISED,
+    step: int = 0,
+    scale: float = 1.0,
+    before: Before | None = None,
+) -> Certificate:
+    """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        displacement: y.
+        tractions: pressure and shear at the contact nodes; None for a scene without contact.
+        law: the contact law that the method promises.
+        step: the load step, from 0.
+        scale: factor of all loads and prescribed displacements.
+        before: the end of the load step before; None for the first one.  Where that kept to the regularised law and
+            this one does not, its elastic slip is none.
+
+    Raises:
+        ValueError: the tractions are not those of the contact nodes of the scene.
+    """
+    comm, space = tagged.mesh.comm, displacement.function_space
+    forces = NodalForces(scene, tagged, space)
+    dim = tagged.dimension
+    every = displacement.x.array.reshape(-1, dim)
+    y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :dim]
+    internal, external = forces.internal(every), forces.external(step, scale)
+    fixed, prescribed = _supports(forces, step, scale)
+    energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
+    strain_energy = max(0.0, float(energy) / 2)
+    modulus = max(a + b for a, b in map(hooke, scene.material))
+    far = _largest(comm, np.linalg.norm(y, axis=1))
+    # A stress-free motion has forces too, and one without change of volume: round-off of the largest modulus.
+    force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * modulus * _norm(comm, y))
+    length = max(_deformation(comm, x, y), _ROUND_OFF * far)
+    residual = internal - external
+    found: dict[str, Any] = {
+        "supports": _share(_largest(comm, np.abs(y - prescribed)[fixed]), length),
+        "displacement": far / tagged.size,
+    }
+    rest: dict[str, Any] = {
+        "law": law,
+        "strain_energy": strain_energy,
+        "potential_energy": strain_energy - float(work),
+    }
+    if tractions is None:
+        return Certificate(equilibrium=_share(_norm(comm, residual[~fixed]), force), **found, **rest)
+    nodes = _ContactNodes.of(scene, forces, x, tractions)
+    pressure, shear = nodes.pressure, nodes.shear
+    np.add.at(residual, nodes.nodes, nodes.forces())
+    # Where the contact transmits nothing its reactions are round-off of the stress in the body.
+    inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
+    finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
+    # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
+    sheared = np.linalg.norm(shear, axis=1)
+    tractions_at = np.maximum(np.abs(pressure), sheared)
+    free = ~nodes.supported(fixed)
+    carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
+    stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
+    if before is not None:  # what is added to it has its round-off
+        last = _ContactNodes.of(scene, forces, x, before.tractions)
+        so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
+        stress = max(
+            stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
+        )
+        length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
+    # Where everything sticks, nothing moves but for round-off of what the stresses could move.
+    still = _FAINT * stress / scene.young * tagged.size
+    length, far = max(length, still), max(far, still)
+    unbalanced = np.where(fixed, 0.0, residual)[nodes.nodes] / nodes.weight[:, None]
+    equilibrium = max(
+        _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
+    )
+    u_n, u_t = nodes.traces(y)
+    overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
+    if before is not None:
+        slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, dim))[1], last.shear
+        if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
+            elastic = replace(before.tractions, shear=before.elastic_slip)
+            slip = slip + _ContactNodes.of(scene, forces, x, elastic).shear
+    entered = overlap - pressure / law.gamma_n
+    xi = slip - (shear - origin) / law.gamma_t
+    if not np.isfinite(law.gamma_n):
+        # Where the supports decide on the distance, a penetration is the scene's own.
+        entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
+    bilateral = nodes.bilateral
+    distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
+    slipped = np.linalg.norm(xi, axis=1)
+    way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
+    along = np.sum(shear * way, axis=1)
+    astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
+    figures = {
+        "negative_pressure": (-pressure[~bilateral], stress),
+        "friction_cone": (sheared - nodes.bound, stress),
+        "wrong_way_slip": (_smaller(slipped, length, astray, stress), 1.0),
+        "entered": (np.where(bilateral, np.abs(entered), entered), length),
+        "pressure_at_distance": (_smaller(distance, length, pressure, stress), 1.0),
+        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), 1.0),
+        "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
+        "complementarity": (np.abs(pressure * overlap), stress * far),
+        "stick_slip": (np.linalg.norm(slip, axis=1)[sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
+    }
+    found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
+    return Certificate(equilibrium=equilibrium, **found, **rest)
+
+
+@dataclass(frozen=True)
+class _ContactNodes:
+    """The contact nodes of this rank, from the scene and the mesh, with the tractions at them.
+
+    Attributes:
+        nodes: local number of the node.
+        weight: area (in the plane: length) that the node stands for.
+        normal: outward unit normal, or the direction that the scene gives.
+        gap: d, length.
+        bound: F g of the friction law at the pressure at hand, stress.
+        bilateral: whether contact cannot open.
+        pressure: lambda.
+        shear: mu, shape (n, d).
+    """
+
+    nodes: npt.NDArray[np.int64]
+    weight: Nodal
+    normal: Nodal
+    gap: Nodal
+    bound: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    pressure: Nodal
+    shear: Nodal
+
+    @classmethod
+    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> _ContactNodes:
+        columns: list[tuple[Any, ...]] = []
+        unmatched = False
+        for part, effect in enumerate(scene.contact):
+            moment = forces.moments(effect.boundary)
+            weight = np.linalg.norm(moment, axis=1)
+            nodes = np.flatnonzero(weight > 0)
+            normal = moment[nodes] / weight[nodes, None]
+            if effect.direction is not None:
+                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
+            here = np.flatnonzero(np.asarray(tractions.part) == part)
+            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
+            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
+            pressure, shear = (
+                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
+                for values in (tractions.pressure, tractions.shear)
+            )
+            points = in_space(x[nodes])
+            columns.append(
+                (
+                    nodes,
+                    weight[nodes],
+                    normal,
+                    sample(effect.gap, points),
+                    _friction_bound(effect.friction, points, pressure),
+                    np.full(nodes.size, isinstance(effect, BilateralContact)),
+                    pressure,
+                    shear,
+                )
+            )
+        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
+            raise ValueError("the tractions are not those of the contact nodes of the scene")
+        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y), the latter as a vector, shape (n, d)."""
+        here = y[self.nodes]
+        normal = np.sum(here * self.normal, axis=1)
+        return normal, here - normal[:, None] * self.normal
+
+    def forces(self) -> Nodal:
+        """W (lambda n + mu), shape (n, d)."""
+        return self.weight[:, None] * (self.pressure[:, None] * self.normal + self.shear)
+
+    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Nodes where a support takes a part of the normal force."""
+        return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
+
+    def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Nodes that cannot move along their normal, because what is free at them is across it."""
+        return np.asarray(np.max(np.abs(self.normal) * free[self.nodes], axis=1, initial=0.0) <= _ALONG)
+
+
+def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
+    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
+    if not friction_acts(friction):
+        return np.zeros(pressure.size)
+    match friction:
+        case TrescaFriction(bound=bound):
+            return sample(bound, points)
+        case CoulombFriction(coefficient=coefficient, cap=cap):
+            bound = sample(coefficient, points) * np.abs(pressure)
+            return bound if cap is None else np.minimum(bound, sample(cap, points))
+    raise TypeError(f"no friction law: {friction!r}")
+
+
+def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
+    """Which components are prescribed, and to what, shape (owned nodes, d) both; a later effect wins; collective."""
+    scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
+    shape = (owned, forces.dimension)
+    fixed, value = np.zeros(shape, dtype=bool), np.zeros(shape)
+    x = space.tabulate_dof_coordinates()
+    dim = tagged.mesh.topology.dim - 1
+    for effect in scene.displacement:
+        nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
+        nodes = nodes[nodes < owned]
+        factor = scale * (1.0 if effect.factors is None else effect.factors[step])
+        prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
+        if effect.normal is not None:
+            outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
+            axis = int(np.argmax(np.abs(outward)))
+            prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
+        for component, given, sign in prescribed:
+            if given is not None:
+                fixed[nodes, component] = True
+                value[nodes, component] = sign * factor * sample(given, x[nodes].T)
+    return fixed, value
+
+
+def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
+    """The largest displacement that is left when the rigid motion nearest to it is taken away; collective."""
+    dim = x.shape[1]
+    count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
+    centre, mean = np.array(sums[:dim]) / count, np.array(sums[dim:]) / count
+    arm, motion = x - centre, y - mean
+    turns = dim * (dim - 1) // 2
+    turned = np.zeros((*x.shape, turns))
+    for k, (i, j) in enumerate(combinations(range(dim), 2)):
+        turned[:, i, k], turned[:, j, k] = -arm[:, j], arm[:, i]
+    flat = turned.reshape(motion.size, turns)
+    gram = parallel.global_sum(comm, np.column_stack((flat.T @ flat, flat.T @ motion.ravel())))
+    angles = np.linalg.solve(gram[:, :-1], gram[:, -1])
+    return _largest(comm, np.linalg.norm(motion - turned @ angles, axis=1))
+
+
+def _smaller(a: Nodal, unit_a: float, b: Nodal, unit_b: float) -> Nodal:
+    """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
+    return np.minimum(np.abs(a) / (unit_a or 1.0), np.maximum(b, 0.0) / (unit_b or 1.0))
+
+
+def _largest(comm: MPI.Comm, values: Nodal) -> float:
+    """The largest value over the ranks, not below zero; nan where one is nan."""
+    return parallel.global_max(comm, float(np.nan_to_num(np.max(values, initial=0.0), nan=np.inf)))
+
+
+def _norm(comm: MPI.Comm, values: Nodal) -> float:
+    return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else part

@@ -1,0 +1,417 @@
+"""What a result folder holds: summary, tables, fields, pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem, io
+from mpi4py import MPI
+from pydantic import BaseModel
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.material import shear_energy_density, stress
+from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.csv_text import as_text
+from signorini_fx.errors import cannot_be_written
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.records import as_rows
+from signorini_fx.results.folder import SUMMARY, ResultFolder
+from signorini_fx.results.solution import Solution
+from signorini_fx.results.summary import summarise
+from signorini_fx.scene.values import kind_of
+
+if TYPE_CHECKING:
+    from signorini_fx.results.outer_surface import OuterSurface
+
+T = TypeVar("T")
+# What the files of fields take on each rank besides their data.
+_BYTES_PER_RANK = 100_000
+# The result of the last complete mesh, while the next one is being solved.
+LAST_LEVEL = "last_level"
+# All that a run may write; some of it only some runs do.  The report is about an older result then.
+_FILES = (
+    *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
+    *("displacement.bp", "stress.bp", "density.bp", "von_mises.bp", "fields.xdmf", "fields.h5", "contact.vtu"),
+    *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
+    *("contact_surface.png", "contact_surface.pdf"),
+    *("field_displacement.png", "field_density.png", "report.html"),
+    LAST_LEVEL,
+)
+# The columns that come first in the table of all load steps, and those that it leaves out.
+_CONSTANT_COLUMNS = ("gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
+_LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
+
+
+def write_results(
+    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool = True
+) -> dict[str, Any]:
+    """Write the result folder; collective.
+
+    Args:
+        solution: what to write, converged or not.
+        folder: made if it is not there, or claimed before.
+        fields: write the fields for ParaView.
+        pictures: draw the deformed body, the contact boundary and the iteration history.
+
+    Returns:
+        The summary.
+
+    Raises:
+        TypeError: the first argument is no solution.
+        OutputError: something could not be written; an older result is still there, or there is no summary.json.
+    """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
+        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        claimed.commit(_FILES)
+    return summary
+
+
+def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool) -> dict[str, Any]:
+    """Write everything into the hidden part of a claimed folder; collective."""
+    comm, part = solution.comm, folder.part
+    table = solution.table if solution.contact is not None else None
+    summary = summarise(solution, table)
+    plane = solution.discretisation.tagged.dimension == 2
+    # What a scene in the plane, or one in space, does not have.
+    summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
+    steps = summary.get("steps", [])
+    if fields:
+        folder.reserve(_size_of_fields(solution))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+    along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
+    gathered = gather_cells(solution) if pictures and plane else None
+    outer = _outer_surface(solution) if pictures and not plane else None
+    facets = None if plane else _contact_facets(solution)
+
+    def write() -> None:
+        try:
+            write_csv(part / "history.csv", as_rows(solution.history.iterations))
+            write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            if solution.price_list:
+                write_csv(part / "price_list.csv", as_rows(solution.price_list))
+            if len(steps) > 1:
+                write_csv(part / "steps.csv", steps)
+            if table is not None:
+                write_csv(part / "contact.csv", _rows(table.columns))
+            if table is not None and facets is not None:
+                from signorini_fx.results.surface import write_surface
+
+                write_surface(part / "contact.vtu", table, facets)
+            if along_steps:
+                write_csv(part / "contact_steps.csv", along_steps)
+            if gathered is not None:
+                _draw(solution, gathered, table, part)
+            if pictures and not plane:
+                _draw_in_space(solution, outer, table, part)
+            text = json.dumps(_finite(summary), indent=2, allow_nan=False)
+            (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        except Exception as error:  # matplotlib fails once more on the file that a full disk has cut off
+            if (reason := _of_the_system(error)) is None:
+                raise
+            raise cannot_be_written(folder.path, reason) from None
+
+    parallel.on_root(comm, write)
+    return summary
+
+
+def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:
+    """The facets of the contact surface, None without contact; collective."""
+    from signorini_fx.results.surface import gather_facets
+
+    return None if solution.contact is None else gather_facets(solution.contact.boundary)
+
+
+def _of_the_system(error: BaseException | None) -> OSError | None:
+    """The error of the system that others have followed, None: there is none."""
+    while error is not None and not isinstance(error, OSError):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _finite(value: Any) -> Any:
+    """Plain data as JSON has it: what a solve that failed could not compute is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
+    """What all ranks write together; a rank that cannot is heard by all."""
+    result, error = None, None
+    try:
+        result = write()
+    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 have the second
+        error = cannot_be_written(folder.path, reason)
+    parallel.raise_together(comm, error)
+    return cast(T, result)
+
+
+def _rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Columns of equal length as rows."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
+    """The contact boundary of each load step in turn, step number first; collective."""
+    names = [effect.boundary for effect in solution.scene.contact]
+    found: list[dict[str, Any]] = []
+    for result in solution.steps:
+        if result.contact is not None:
+            columns = contact_table(result.contact, names).columns
+            first = [name for name in _LEADING_COLUMNS if name in columns]
+            rest = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
+            rows = _rows({name: columns[name] for name in (*first, *rest)})
+            found += [{"step": result.step, **row} for row in rows]
+    return found
+
+
+def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
+    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type.
+
+    Args:
+        value: the data.
+        without: keys of tables to leave out: what a scene in the plane, or one in space, does not have.
+    """
+    if isinstance(value, BaseModel):
+        names = (name for name in type(value).model_fields if name not in without)
+        return {name: describe(getattr(value, name), without) for name in names}
+    if isinstance(value, Mapping):
+        return {str(key): describe(item, without) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [describe(item, without) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    if isinstance(value, Path):
+        return value.name
+    return getattr(value, "text", f"<{type(value).__name__}>")
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Rows with a header; numbers with all their digits, names as text that no spreadsheet takes for a formula."""
+    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        if rows:
+            writer = csv.DictWriter(file, rows[0].keys())
+            writer.writeheader()
+            writer.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
+
+
+def _cell(value: Any) -> Any:
+    """A value as it stands in a CSV file."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return as_text(value) if isinstance(value, str) else value
+
+
+def _hypothesis(solution: Solution) -> str:
+    """Plane strain or plane stress: one for the whole body."""
+    return solution.scene.material[0].hypothesis
+
+
+def _stress_fields(solution: Solution) -> tuple[fem.Function, ...]:
+    """Stress, (xx, yy, xy) in the plane and a tensor in space, shear energy density, and in space the stress of von
+    Mises; discontinuous, of the degree that they have.
+    """
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    y = solution.displacement
+    sigma = stress(y, *d.lame)
+    density = shear_energy_density(y, *d.lame, _hypothesis(solution))
+    degree = max(solution.scene.element.degree, 1)
+    plane = d.tagged.dimension == 2
+    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,) if plane else (3, 3))), name="stress")
+    broken = fem.functionspace(mesh, ("DG", degree))
+    scalar = fem.Function(broken, name="shear_energy_density")
+    mises = () if plane else ((fem.Function(broken, name="von_mises"), ufl.sqrt(6 * d.lame[1] * density)),)
+    for function, expression in (
+        *mises,
+        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])) if plane else sigma),
+        (scalar, density),
+    ):
+        points = compat.interpolation_points(function.function_space.element)
+        with compiling():
+            compiled = fem.Expression(expression, points, dtype=default_scalar_type)
+        function.interpolate(compiled)
+    return vector, scalar, *(function for function, _ in mises)
+
+
+def _size_of_fields(solution: Solution) -> float:
+    """About how many bytes the fields take, rather too many: points, cells and values of three files."""
+    d = solution.discretisation
+    topology = d.tagged.mesh.topology
+    cells = topology.index_map(topology.dim).size_global
+    corners = int(d.space.dofmap.list.shape[1])
+    point, cell = 3 * 8 + 3 * (8 if d.tagged.dimension == 2 else 24) + 9, 8 * (corners + 1)
+    continuous, broken = d.dofs // d.tagged.dimension * point + cells * cell, cells * (corners * point + cell)
+    return continuous + 2 * broken + _BYTES_PER_RANK * solution.comm.size
+
+
+def write_fields(solution: Solution, folder: Path) -> list[str]:
+    """Displacement, stress and shear energy density for ParaView: VTX (ADIOS2), else XDMF; collective.
+
+    Returns:
+        Names of the files.
+    """
+    comm = solution.comm
+    stress_field, density, *mises = _stress_fields(solution)
+    if compat.has_vtx():
+        fields = {"displacement": solution.displacement, "stress": stress_field, "density": density}
+        fields |= {function.name: function for function in mises}
+        for name, function in fields.items():
+            with io.VTXWriter(comm, folder / f"{name}.bp", [function], engine="BP4") as file:
+                file.write(0.0)
+        return [f"{name}.bp" for name in fields]
+    mesh = solution.discretisation.tagged.mesh
+    dim = solution.discretisation.tagged.dimension
+    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), name="displacement")
+    nodal.interpolate(solution.displacement)
+    with io.XDMFFile(comm, folder / "fields.xdmf", "w") as file:
+        file.write_mesh(mesh)
+        file.write_function(nodal)
+    return ["fields.xdmf", "fields.h5"]
+
+
+@dataclass(frozen=True)
+class GatheredCells:
+    """The whole mesh with its result on one rank, for a picture.
+
+    Attributes:
+        points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
+        cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
+        displacement: at the points, shape (n, 2).
+        density: shear energy density, one value per cell (at its midpoint), shape (m,).
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    displacement: npt.NDArray[np.float64]
+    density: npt.NDArray[np.float64]
+
+
+def gather_cells(solution: Solution) -> GatheredCells:
+    """Vertices, cells and their values from all ranks; collective."""
+    d = solution.discretisation
+    mesh = d.tagged.mesh
+    comm = solution.comm
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
+    linear.interpolate(solution.displacement)
+    constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
+    points = compat.interpolation_points(constant.function_space.element)
+    with compiling():
+        compiled = fem.Expression(density, points, dtype=default_scalar_type)
+    constant.interpolate(compiled)
+    space = linear.function_space
+    cells = space.dofmap.list[:owned].astype(np.int64)
+    if cells.shape[1] == 4:
+        cells = cells[:, [0, 1, 3, 2]]
+    x = space.tabulate_dof_coordinates()[:, :2]
+    counts = comm.allgather(x.shape[0])
+    cells += sum(counts[: comm.rank])
+    per_cell = constant.x.array[constant.function_space.dofmap.list[:owned, 0]]
+    return GatheredCells(
+        parallel.gather_rows(comm, x),
+        parallel.gather_rows(comm, cells),
+        parallel.gather_rows(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
+        parallel.gather_rows(comm, per_cell),
+    )
+
+
+def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
+    # matplotlib takes a while to import
+    from signorini_fx.report.boundary_profiles import boundary_profiles
+    from signorini_fx.report.deformed_body import deformed_mesh, magnification
+    from signorini_fx.report.pyvista_pictures import draw_fields
+    from signorini_fx.report.style import plain
+
+    title = plain(solution.scene.title)
+    gap = None
+    if table is not None:
+        c = table.columns
+        gap = np.column_stack((c["x"], c["y"])), np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
+    deformed_mesh(
+        folder / "deformed",
+        gathered.points,
+        gathered.cells,
+        gathered.displacement,
+        gathered.density,
+        gap=gap,
+        title=title,
+    )
+    factor = magnification(gathered.points, gathered.displacement)
+    draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
+    if table is not None:
+        boundary_profiles(folder / "profiles", table.columns, title=title)
+    _draw_course(solution, folder)
+
+
+def _draw_course(solution: Solution, folder: Path) -> None:
+    """How the solution was approached."""
+    from signorini_fx.report.convergence import errors_against_time, iteration_history
+    from signorini_fx.report.style import plain
+
+    dimension = solution.discretisation.tagged.dimension
+    if solution.history.iterations:
+        iteration_history(folder / "history", as_rows(solution.history.iterations), dimension=dimension)
+    if solution.price_list:
+        errors_against_time(folder / "price_list", as_rows(solution.price_list), title=plain(solution.scene.title))
+
+
+def _outer_surface(solution: Solution) -> OuterSurface | None:
+    """What is drawn of a body in space, None if that is too much; collective."""
+    from signorini_fx.report.solid_body import MOST_FACETS
+    from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
+
+    count = outer_facets(solution)
+    if count <= MOST_FACETS:
+        return gather_outer_surface(solution)
+    parallel.log_on_root(
+        solution.comm,
+        f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView",
+    )
+    return None
+
+
+def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: ContactTable | None, folder: Path) -> None:
+    from signorini_fx.report.contact_surface import contact_surface
+    from signorini_fx.report.reading import read_facets
+    from signorini_fx.report.solid_body import deformed_solid
+    from signorini_fx.report.style import plain
+
+    title = plain(solution.scene.title)
+    if outer is not None:
+        foundations = foundations_of(table.columns) if table is not None else []
+        deformed_solid(
+            folder / "deformed",
+            outer.points,
+            outer.facets,
+            outer.displacement,
+            outer.mises,
+            foundations=foundations,
+            title=title,
+        )
+    if table is not None:
+        contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
+    _draw_course(solution, folder)
+
+
+def foundations_of(c: Mapping[str, Any]) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    """Nodes of each contact boundary in space and the vectors d n from there to the foundation, both (k, 3)."""
+    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
+    offset = normals * np.asarray(c["gap"])[:, None]
+    where = [c["boundary"] == name for name in dict.fromkeys(c["boundary"])]
+    return [(nodes[rows], offset[rows]) for rows in where]

@@ -1,0 +1,269 @@
+"""Nodal forces, weights and normals by quadrature in NumPy: an evaluation that no compiled form takes part in.
+
+The certificate judges a solution by what stands here.  UFL forms, FFCx kernels, assembled matrices and vectors,
+condensation and the solver's contact boundary are on the other side.  Both sides share the mesh with its named
+boundaries, the tables of shape functions (basix), the values of the scene's expressions, and the quadrature degrees,
+which are part of what the discrete problem is.  Loads that are given as UFL expressions in Python are the exception:
+only a compiled form can integrate them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx import compat, parallel
+from signorini_fx.body import forms
+from signorini_fx.body.assembly import adjugates, assemble, facet_entities
+from signorini_fx.body.discretisation import reduced_degree
+from signorini_fx.body.loads import compile_loads, load_degree, stresses, traction_degree
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Inventory
+from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.scene.model import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+# A basis function is zero where it is below this: else nodes beside a facet would stand for some of it.
+_ROUND_OFF = 1e-12
+# Cells taken at a time: few enough for the caches, so many that the loop takes no time.
+_CHUNK = 4096
+
+
+def hooke(material: LinearElastic) -> tuple[float, float]:
+    """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses."""
+    a = material.young / (1 + material.poisson)
+    squeezed = 1 - 2 * material.poisson if material.hypothesis == "plane strain" else 1 - material.poisson
+    return a, a * material.poisson / squeezed
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), and their
+    derivatives along the d reference directions, (d, q, n) and (d, q, g).
+    """
+
+    shape: Array
+    slope: Array
+    place: Array
+    stretch: Array
+
+
+@dataclass(frozen=True)
+class _Facets:
+    """Points on facets with the same place in their reference cell.
+
+    Attributes:
+        cells: cells of the facets, shape (f,).
+        table: shape functions at the points.
+        moment: outward normal times the area (in the plane: length) that the point stands for, shape (f, q, d).
+    """
+
+    cells: Indices
+    table: _Table
+    moment: Array
+
+
+class NodalForces:
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        space: the vector Lagrange space of the displacement.
+    """
+
+    def __init__(self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
+        mesh = tagged.mesh
+        self.scene = scene
+        self.tagged = tagged
+        self.space = space
+        self.owned = int(space.dofmap.index_map.size_local)
+        self._cell = getattr(basix.CellType, mesh.topology.cell_name())
+        self._facet = basix.cell.subentity_types(self._cell)[tagged.dimension - 1][0]
+        self._shapes = space.element.basix_element
+        self._geometry = compat.geometry_element(mesh)
+        self._own_cells = int(mesh.topology.index_map(mesh.topology.dim).size_local)
+        self._corners = compat.geometry_cells(mesh)
+        self._nodes = space.dofmap.list
+        self.dimension = tagged.dimension
+        self._x = mesh.geometry.x[:, : self.dimension]
+
+    def internal(self, displacement: Array) -> Array:
+        """a(y, .) from nodal displacements with ghosts, shape (nodes, d); forces, shape (owned nodes, d)."""
+        degree = forms.elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
+        reduced = reduced_degree(self.scene, self.tagged.mesh)
+        a, b = self._moduli()
+        if reduced is None:
+            return self._over_ranks(self._stress_work(displacement, degree, a, b))
+        return self._over_ranks(
+            self._stress_work(displacement, degree, a, np.zeros(1))
+            + self._stress_work(displacement, reduced, np.zeros(1), b)
+        )
+
+    def strain_energy(self, displacement: fem.Function) -> float:
+        """a(y, y) / 2, an energy per thickness."""
+        y = displacement.x.array.reshape(-1, self.dimension)
+        return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
+
+    def external(self, step: int, scale: float = 1.0) -> Array:
+        """L of a load step times ``scale``, shape (owned nodes, d)."""
+        scene, degree = self.scene, load_degree(self.scene.element.degree)
+        total = self._zero()
+        compiled = np.zeros((self.owned, self.dimension))
+        for load in scene.loads:
+            factor = scale * (1.0 if load.factors is None else load.factors[step])
+            if isinstance(load, PrescribedDisplacement):
+                continue
+            values = load.components[: self.dimension]
+            if any(hasattr(value, "ufl_shape") for value in stresses(load)):
+                compiled += factor * self._compiled(load)
+            elif isinstance(load, SurfaceTraction):
+                rule = basix.make_quadrature(self._facet, traction_degree(load, scene.element.degree))
+                for facets in self._facets(load.boundary, *rule):
+                    at = self._positions(facets)
+                    pressure = self._values(load.pressure, facets, at)
+                    area = np.linalg.norm(facets.moment, axis=2, keepdims=True)
+                    traction = np.stack([self._values(value, facets, at) for value in values], axis=2)
+                    force = area * traction - pressure[:, :, None] * facets.moment
+                    np.add.at(total, self._nodes[facets.cells], factor * (facets.table.shape.T @ force))
+            else:
+                points, weight = basix.make_quadrature(self._cell, degree)
+                table = self._table(points)
+                for cells in self._chunks():
+                    jacobian = self._jacobian(cells, table)
+                    part = _Facets(cells, table, np.empty(0))
+                    at = self._positions(part)
+                    force = np.stack([self._values(value, part, at) for value in values], axis=2)
+                    force *= (weight * np.abs(adjugates(jacobian)[1]))[:, :, None]
+                    np.add.at(total, self._nodes[cells], factor * (table.shape.T @ force))
+        return self._over_ranks(total) + compiled
+
+    def moments(self, boundary: str) -> Array:
+        """Outward normal times the area (in the plane: length) that each node of a boundary stands for, the integral
+        of its basis function, shape (owned nodes, d).
+        """
+        total, degree = self._zero(), self.scene.element.degree
+        rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
+        if self.dimension == 2:  # the nodal rule, which has the same integrals
+            places, weights = {
+                1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
+                2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
+            }[degree]
+            rule = np.array(places)[:, None], np.array(weights)
+        for facets in self._facets(boundary, *rule):
+            shape = np.where(np.abs(facets.table.shape) < _ROUND_OFF, 0.0, facets.table.shape)
+            np.add.at(total, self._nodes[facets.cells], shape.T @ facets.moment)
+        return self._over_ranks(total)
+
+    # --- how ---------------------------------------------------------------------------------------------------------
+
+    def _zero(self) -> Array:
+        index_map = self.space.dofmap.index_map
+        return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
+
+    def _over_ranks(self, forces: Array) -> Array:
+        """What all ranks contribute to the nodes of this one."""
+        function = fem.Function(self.space)
+        function.x.array[:] = forces.ravel()
+        function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
+
+    def _chunks(self) -> Iterator[Indices]:
+        for first in range(0, self._own_cells, _CHUNK):
+            yield np.arange(first, min(first + _CHUNK, self._own_cells), dtype=np.int32)
+
+    def _moduli(self) -> tuple[Array, Array]:
+        """(a, b) of Hooke's law, of all cells alike or cell by cell."""
+        materials = self.scene.material
+        if len(materials) == 1:
+            a, b = hooke(materials[0])
+            return np.array([a]), np.array([b])
+        moduli = np.full((2, len(self._corners)), np.nan)
+        for material in materials:
+            assert material.region is not None
+            moduli[:, self.tagged.cells(material.region)] = np.array(hooke(material))[:, None]
+        return moduli[0], moduli[1]
+
+    def _table(self, points: Array) -> _Table:
+        shape, geometry = (element.tabulate(1, points)[..., 0] for element in (self._shapes, self._geometry))
+        return _Table(shape[0], shape[1:], geometry[0], geometry[1:])
+
+    def _jacobian(self, cells: Indices, table: _Table) -> Array:
+        """dx_i / dX_k at the points, shape (d (i), d (k), cells, q)."""
+        x = self._x[self._corners[cells]]
+        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.dimension)])
+
+    def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
+        """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, without what other ranks add."""
+        points, weight = basix.make_quadrature(self._cell, degree)
+        table, total, axes = self._table(points), self._zero(), range(self.dimension)
+        for cells in self._chunks():
+            first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
+            inverse, determinant = adjugates(self._jacobian(cells, table))
+            inverse /= determinant  # dX_k / dx_j
+            nodal = u[self._nodes[cells]]
+            reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
+            gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
+            stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
+            mean = second * np.einsum("iicq->cq", gradient)
+            for i in axes:
+                stress[i, i] += mean
+            flux = weight * np.abs(determinant) * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
+            forces = np.zeros_like(nodal)
+            for i in axes:
+                for k in axes:
+                    forces[:, :, i] += flux[i, k] @ table.slope[k]
+            for i in axes:
+                total[:, i] += np.bincount(self._nodes[cells].ravel(), forces[:, :, i].ravel(), minlength=len(total))
+        return total
+
+    def _facets(self, boundary: str, places: Array, weight: Array) -> Iterator[_Facets]:
+        """The facets of a boundary with points at ``places`` of the reference facet, shape (q, d - 1)."""
+        entities = facet_entities(self.tagged.mesh, self.tagged.facets(boundary))
+        vertices = basix.geometry(self._cell)
+        middle = self._table(vertices.mean(axis=0, keepdims=True))
+        for side, corner in enumerate(basix.topology(self._cell)[self.dimension - 1]):
+            cells = entities[entities[:, 1] == side, 0]
+            if cells.size == 0:
+                continue
+            start, *ends = vertices[corner[: self.dimension]]
+            along = np.array(ends) - start
+            table = self._table(start + places @ along)
+            tangents = np.einsum("ikcq,tk->tcqi", self._jacobian(cells, table), along)
+            if self.dimension == 2:
+                normal = np.stack([tangents[0, :, :, 1], -tangents[0, :, :, 0]], axis=2)
+            else:
+                normal = np.cross(tangents[0], tangents[1])
+            corners = self._x[self._corners[cells]]
+            outward = table.place @ corners - middle.place @ corners
+            normal *= np.sign(np.sum(normal * outward, axis=2, keepdims=True))
+            yield _Facets(cells, table, weight[:, None] * normal)
+
+    def _positions(self, part: _Facets) -> Array:
+        return part.table.place @ self._x[self._corners[part.cells]]
+
+    def _values(self, value: Any, part: _Facets, at: Array) -> Array:
+        """A load at points: a number, an expression, or a callable, which the discretisation interpolates at nodes."""
+        if isinstance(value, float | Expression):
+            return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
+        nodes = self._nodes[part.cells]
+        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
+        return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
+
+    def _compiled(self, load: Any) -> Array:
+        """A load with UFL expressions, by its own form."""
+        import ufl
+
+        facets = {} if not isinstance(load, SurfaceTraction) else {load.boundary: self.tagged.facets(load.boundary)}
+        _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
+        assert form is not None
+        return np.array(assemble(form).getArray().reshape(-1, self.dimension))

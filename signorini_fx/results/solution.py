@@ -1,0 +1,139 @@
+"""What a solve gives back: the solution with everything that belongs to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx.accuracy.price_list import LevelResult, Price
+from signorini_fx.body.deformation import Deformation
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.state import ContactState, Functionals
+from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.display import html_table
+from signorini_fx.errors import SignoriniError
+from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.scene.model import Scene
+
+
+@dataclass(frozen=True, repr=False)
+class StepResult:
+    """What a load step ended with.
+
+    Attributes:
+        step: its number, from 0.
+        status: how it ended.
+        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
+        certificate: the conditions of the step, checked anew.
+        deformation: how much the body is deformed.
+        strain_energy: a(y, y) / 2, an energy per thickness.
+        linear_solves: linear solves of the step.
+    """
+
+    step: int
+    status: Status
+    contact: ContactState | None
+    certificate: Certificate
+    deformation: Deformation
+    strain_energy: float
+    linear_solves: int
+
+    def __repr__(self) -> str:
+        return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"
+
+
+@dataclass(frozen=True, repr=False)
+class Solution:
+    """The result of a solve; with load steps, of the last one.
+
+    Attributes:
+        scene: what was solved.
+        status: how it ended; only ``Status.CONVERGED`` is a solution.
+        algorithm: the algorithms in force: ``linear``, ``ssn``, ``fp``, ...
+        discretisation: mesh, space and operators.
+        displacement: y, a finite element function.
+        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
+        functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
+        certificate: the conditions of the problem, checked anew after the solve.
+        steps: one result per load step, as far as it went.
+        history: every linear solve and every regularised problem.
+        parameters: gamma_n, gamma_t, sigma in force.
+        timings: wall seconds by phase, on this rank.
+        linear_algebra: which kind of elastic system was used, and why.
+        findings: what is to be known of the scene and of the result.
+        levels: the meshes of a nested iteration, coarsest first; empty without.
+        price_list: what each of them is worth and costs, and the next one; empty without.
+    """
+
+    scene: Scene
+    status: Status
+    algorithm: str
+    discretisation: Discretisation
+    displacement: fem.Function
+    contact: ContactState | None
+    functionals: Functionals | None
+    certificate: Certificate
+    steps: tuple[StepResult, ...]
+    history: History
+    parameters: dict[str, float] = field(default_factory=dict)
+    timings: Timings = field(default_factory=Timings)
+    linear_algebra: str = "full"
+    findings: tuple[Finding, ...] = ()
+    levels: tuple[LevelResult, ...] = ()
+    price_list: tuple[Price, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line: a notebook shows it, and the fields hold whole meshes and matrices."""
+        title = self.scene.title or "scene"
+        return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.discretisation.dofs} unknowns>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how it ended, and what the certificate and the findings say."""
+        rows = [
+            ("status", self.status.value),
+            ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
+            ("unknowns", f"{self.discretisation.dofs:,}"),
+            ("linear solves", self.history.linear_solves),
+            ("certificate", repr(self.certificate).strip("<>")),
+            *((f"{found.level}: {found.path}", found.message) for found in self.findings),
+        ]
+        return html_table(("", ""), rows, self.scene.title)
+
+    @property
+    def converged(self) -> bool:
+        """Whether this is a solution, certificate included."""
+        return self.status is Status.CONVERGED
+
+    @cached_property
+    def table(self) -> ContactTable:
+        """The contact boundary of all ranks as a table, the same on every rank; collective.
+
+        Raises:
+            ValueError: the scene has no contact.
+        """
+        if self.contact is None:
+            raise ValueError("the scene has no contact, hence no contact table")
+        return contact_table(self.contact, [effect.boundary for effect in self.scene.contact])
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the solution."""
+        comm: MPI.Comm = self.discretisation.tagged.mesh.comm
+        return comm
+
+
+class ConvergenceError(SignoriniError):
+    """No solution was reached.
+
+    Attributes:
+        solution: the last iterate with its status, history and certificate.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
+        super().__init__(f"{solution.status.value}: {solution.status.advice}{''.join(warnings)}")

@@ -1,0 +1,293 @@
+"""The summary of a solve: one JSON-safe dictionary, and its rendering for a terminal."""
+
+from __future__ import annotations
+
+import platform
+import textwrap
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import signorini_fx
+from signorini_fx import parallel
+from signorini_fx.accuracy import price_list
+from signorini_fx.body.pieces import extent
+from signorini_fx.contact.state import ContactState
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationRecord, OuterRecord
+from signorini_fx.results.certificate import JUDGED
+from signorini_fx.results.solution import Solution, StepResult
+
+_PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
+
+
+def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
+    """All figures of a solve, JSON-safe; collective, the same on every rank.
+
+    Args:
+        solution: what was solved.
+        table: its gathered contact boundary, None for a scene without contact.
+    """
+    history, linear = solution.history, solution.contact is None
+    summary: dict[str, Any] = {
+        "title": solution.scene.title,
+        "status": solution.status.value,
+        "advice": solution.status.advice,
+        "converged": solution.converged,
+        "algorithm": solution.algorithm,
+        "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
+        "iterations": sum(record.iteration > 0 for record in history.iterations),
+        "linear_solves": sum(step.linear_solves for step in solution.steps) if linear else history.linear_solves,
+        "factorisations": min(1, solution.steps[0].linear_solves)
+        if linear
+        else sum(record.factorised for record in history.iterations),
+        "outer_iterations": len(history.outer),
+        "events": history.events,
+        "dimension": solution.discretisation.tagged.dimension,
+        "dofs": solution.discretisation.dofs,
+        "ranks": solution.comm.size,
+        "linear_algebra": solution.linear_algebra,
+        "strain_energy": solution.steps[-1].strain_energy,
+        "deformation": asdict(max((step.deformation for step in solution.steps), key=lambda one: one.largest)),
+        "pieces": solution.discretisation.motions.pieces.as_rows(),
+        "findings": [asdict(finding) for finding in solution.findings],
+    }
+    if solution.contact is not None and table is not None:
+        summary |= _contact_summary(solution, table)
+    if solution.functionals is not None:
+        values = solution.functionals
+        summary["functionals"] = {
+            "primal": values.primal,
+            "dual": values.dual,
+            "relative_duality_gap": values.relative_gap,
+        }
+    if solution.price_list:
+        summary["price_list"] = [asdict(row) for row in solution.price_list]
+    if len(solution.steps) > 1:
+        summary["steps"] = [_step_summary(result) for result in solution.steps]
+    summary["compiled"] = solution.discretisation.inventory.forms
+    summary["certificate"] = solution.certificate.as_dict()
+    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
+    summary["versions"] = versions()
+    return summary
+
+
+def _step_summary(result: StepResult) -> dict[str, Any]:
+    row: dict[str, Any] = {"step": result.step, "status": result.status.value, "linear_solves": result.linear_solves}
+    contact = result.contact
+    if contact is not None:
+        contact_force, friction_force = contact.forces
+        row |= {
+            **_by_axis("contact_force", contact_force),
+            **_by_axis("friction_force", friction_force),
+            "max_pressure": parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure)),
+            **_by_axis("mean_tangential_displacement", contact.mean_tangential_displacement),
+            "friction_work": contact.friction_work,
+        }
+    return row | {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
+
+
+def _by_axis(name: str, value: Any) -> dict[str, float]:
+    """A number under its name, a vector with one entry for each axis."""
+    if np.ndim(value) == 0:
+        return {name: float(value)}
+    return {f"{name}_{axis}": float(component) for axis, component in zip("xyz", value, strict=False)}
+
+
+def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
+    contact = solution.contact
+    assert contact is not None
+    columns = table.columns
+    acting = columns["bound"] > 0
+    touching = columns["state"] != "open"
+    contact_force, friction_force = contact.forces
+    zones = {
+        "contact": table.zones(touching),
+        "stick": table.zones(acting & (columns["friction"] == "stick")),
+        "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-"])),
+    }
+    return {
+        "contact_nodes": int(columns["x"].size),
+        "touching_nodes": int(np.count_nonzero(touching)),
+        "contact_force": [float(f) + 0.0 for f in contact_force],
+        "friction_force": [float(f) + 0.0 for f in friction_force],
+        "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
+        "max_pressure": float(columns["pressure"].max()),
+        "max_shear": float(np.abs(columns["shear"]).max()),
+        **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
+    }
+
+
+def _in_space(contact: ContactState) -> dict[str, Any]:
+    """What a contact surface has in place of zones along a curve: areas; moments, and where the contact force acts."""
+    moments = contact.moments
+    force = contact.forces[0]
+    size = float(force @ force)
+    through = np.cross(force, moments[0]) / size if size > 0 else None
+    return {
+        "areas": contact.areas,
+        "contact_moment": [float(m) + 0.0 for m in moments[0]],
+        "friction_moment": [float(m) + 0.0 for m in moments[1]],
+        "contact_force_through": None if through is None else [float(x) + 0.0 for x in through],
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that takes part, and the BLAS in use."""
+    import dolfinx
+    from petsc4py import PETSc
+
+    found = {"signorini_fx": signorini_fx.__version__, "python": platform.python_version()}
+    found["dolfinx"] = dolfinx.__version__
+    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    found["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
+    for package in _PACKAGES[1:]:
+        try:
+            found[package.removeprefix("fenics-")] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    found["blas"] = blas_in_use()
+    return found
+
+
+def blas_in_use() -> str:
+    """File name of the BLAS library that this process has loaded; a reference BLAS is several times slower."""
+    try:
+        maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return "unknown"
+    files = sorted({Path(line.split()[-1]) for line in maps if "/" in line and ".so" in line})
+    libraries = ("libblas", "openblas", "blis", "mkl_rt")
+    found = [file for file in files if any(word in file.name for word in libraries)]
+    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in found]
+    return ", ".join(dict.fromkeys(names)) or "unknown"
+
+
+_HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
+
+
+def table_row(record: IterationRecord | OuterRecord | str) -> str:
+    """One line of the iteration table, the first with its header; an outer record closes its regularised problem."""
+    if isinstance(record, str):
+        return f"       {record}"
+    if isinstance(record, OuterRecord):
+        change = "" if record.change is None else f", change of the friction bound {record.change:.2e}"
+        return f"       {record.outer:5d}  {record.status} after {record.linear_solves} linear solves{change}"
+    header = _HEADER if record.solve == 1 else ""
+    numbers = (
+        f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} {record.slip_plus:7d}"
+        f" {record.slip_minus:7d} {record.changed:8d}   {record.residual:8.1e}  {record.seconds:8.3f}"
+    )
+    return header + numbers
+
+
+def render(summary: dict[str, Any]) -> str:
+    """The summary for a terminal."""
+    lines = [
+        f"{summary['title'] or 'scene'}: {summary['status']}",
+        f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves, "
+        f"{summary['factorisations']} factorisations",
+        f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
+        f"  linear algebra   {summary['linear_algebra']}",
+    ]
+    told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
+    elements = [event.removeprefix("elements: ") for event in told if event.startswith("elements: ")]
+    tried = [event for event in told if not event.startswith("elements: ")]
+    for name, events in (("fall-backs", tried), ("elements", elements)):
+        if events:
+            lines.insert(2, f"  {name:16s} {'; '.join(events)}")
+    if not summary["converged"]:
+        lines.insert(1, f"  what to do       {summary['advice']}")
+    lines += _warnings(summary)
+    if not summary["converged"] and summary["linear_solves"] == 0:  # told by statics: there are no figures
+        return "\n".join(lines)
+    if "contact_force" in summary:
+        lines += [
+            f"  contact nodes    {summary['contact_nodes']}, {_touching(summary['touching_nodes'])}",
+            f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
+            f"  friction force   ({', '.join(f'{f:.6g}' for f in summary['friction_force'])})",
+            f"  largest pressure {summary['max_pressure']:.6g}",
+            *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
+            *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
+            *(
+                f"  {name:16s} ({', '.join(f'{m:.6g}' for m in summary[key])}), about the origin"
+                for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
+                if key in summary
+            ),
+        ]
+    lines += [
+        f"  strain energy    {summary['strain_energy']:.6g}",
+        f"  deformation      {_deformation(summary['deformation'])}",
+        f"  certificate      {_certificate(summary['certificate'])}",
+        *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
+        *(
+            [f"  duality gap      {summary['functionals']['relative_duality_gap']:.1e}"]
+            if "functionals" in summary
+            else []
+        ),
+        "  seconds          " + ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
+    ]
+    if "price_list" in summary:
+        lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
+    return "\n".join(lines)
+
+
+def _touching(nodes: int) -> str:
+    few = ": too few for the ends of the zone or the largest pressure, refine there" if 0 < nodes < FEW_NODES else ""
+    return f"{nodes or 'none'} in contact{few}"
+
+
+def _warnings(summary: dict[str, Any]) -> list[str]:
+    """The findings that hurt, and the pieces of a body that is not one."""
+    pieces = len(summary["pieces"])
+    told = [f"  {'pieces':16s} {pieces}: {_listed(summary['pieces'])}"] if pieces > 1 else []
+    for finding in summary["findings"]:
+        if finding["level"] == "warning":
+            told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
+    blank = " " * 19
+    return [line for text in told for line in textwrap.wrap(text, 110, subsequent_indent=blank, break_long_words=False)]
+
+
+def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
+    """Where the first few pieces are."""
+
+    def one(row: dict[str, Any]) -> str:
+        return f"{row['cells']} cells, {extent(row['bounds'])}"
+
+    return "; ".join([one(row) for row in pieces[:most]] + ["..."] * (len(pieces) > most))
+
+
+def _deformation(figures: dict[str, float]) -> str:
+    return (
+        f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
+        f"{figures['displacement']:.1e} times the size of the body"
+    )
+
+
+def _certificate(figures: dict[str, Any]) -> str:
+    """The verdict, with the figure that decides it."""
+    judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
+    if figures["holds"]:
+        value, name = judged[0]
+        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed by {figures['law']}"
+        return f"holds: no figure above {value:.1e} ({name}), {allowed}"
+    wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
+    return f"DOES NOT HOLD by {figures['law']}: {', '.join(wrong)}"
+
+
+def _left(figures: dict[str, Any]) -> str:
+    return (
+        f"penetration {figures['penetration']:.1e}, elastic slip {figures['stick_slip']:.1e} "
+        "times the largest displacement"
+    )
+
+
+def _zones(runs: list[list[list[float]]]) -> str:
+    def point(p: list[float]) -> str:
+        return "(" + ", ".join(f"{round(c, 9) + 0.0:.6g}" for c in p) + ")"
+
+    return ", ".join(f"{point(a)} to {point(b)}" for a, b in runs)

@@ -1,0 +1,72 @@
+"""The contact surface of a body in space as a file for ParaView: its facets with everything that the table has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.table import ContactTable
+
+# VTK's number of a facet with so many nodes, and its order of the nodes of basix: vertices, then edges, then the rest.
+_KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
+_STATES = ("open", "stick", "slip")
+
+
+def gather_facets(boundary: ContactBoundary) -> npt.NDArray[np.int64]:
+    """The facets of all ranks: part and global nodes, see ``ContactBoundary.segments``; collective."""
+    return parallel.gather_rows(boundary.comm, boundary.segments)
+
+
+def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]) -> None:
+    """A .vtu file of the contact surface; on one rank.
+
+    Args:
+        path: of the file.
+        table: the contact nodes.
+        facets: see ``gather_facets``.
+    """
+    assert table.nodes is not None
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*table.nodes.T, strict=True))}
+    kind, order = _KINDS[facets.shape[1] - 1]
+    cells = [[row_of[int(part), int(nodes[k])] for k in order] for part, *nodes in zip(*facets.T, strict=True)]
+    c = table.columns
+    fields: dict[str, npt.NDArray[Any]] = {
+        name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
+    }
+    fields |= {
+        f"{name} vector": np.column_stack([c[f"{name}_{axis}"] for axis in "xyz"]) for name in ("shear", "slip", "u_t")
+    }
+    fields["normal"] = np.column_stack([c[f"n_{axis}"] for axis in "xyz"])
+    fields["state (0 open, 1 stick, 2 slip)"] = np.array([_STATES.index(state) for state in c["state"]])
+    points = np.column_stack([c[axis] for axis in "xyz"])
+    lines = [
+        '<VTKFile type="UnstructuredGrid" version="1.0"><UnstructuredGrid>',
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(cells)}">',
+        "<Points>",
+        *_array("points", points),
+        "</Points>",
+        "<Cells>",
+        *_array("connectivity", np.array(cells, dtype=np.int64).ravel()),
+        *_array("offsets", len(order) * np.arange(1, len(cells) + 1)),
+        *_array("types", np.full(len(cells), kind)),
+        "</Cells>",
+        "<PointData>",
+        *(line for name, values in fields.items() for line in _array(name, values)),
+        "</PointData>",
+        "</Piece></UnstructuredGrid></VTKFile>",
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _array(name: str, values: npt.NDArray[Any]) -> Sequence[str]:
+    kind = "Int64" if np.issubdtype(values.dtype, np.integer) else "Float64"
+    components = values.shape[1] if values.ndim > 1 else 1
+    text = " ".join(map(repr, values.ravel().tolist()))
+    begin = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="ascii">'
+    return begin, text, "</DataArray>"

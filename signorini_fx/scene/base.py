@@ -1,0 +1,33 @@
+"""The base of all tables of a scene: which keys there are, and the errors of models that are built in Python."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.validation import problems_of
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+else:
+    _ModelMetaclass = type(BaseModel)
+
+
+class _OwnErrors(_ModelMetaclass):
+    """Models that are built in Python end in the errors of this package as well."""
+
+    def __call__(cls, *given: Any, **data: Any) -> Any:
+        if given:
+            raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(cls.model_fields)}")
+        try:
+            return super().__call__(**data)
+        except ValidationError as error:
+            raise SceneError(problems_of(error, data, cast(type[BaseModel], cls)), cls.__name__) from None
+
+
+class Table(BaseModel, metaclass=_OwnErrors):
+    """A table of a scene: its keys are known, its entries do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)

@@ -1,0 +1,71 @@
+"""What a scene must not say in the plane or in space.  The mesh decides which of the two it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import Scene
+
+_PLANE = "the mesh is one of the plane"
+_SPACE = "the mesh is one of space"
+
+
+def dimension_problems(scene: Scene, dimension: int) -> list[tuple[str, str]]:
+    """Every key that has no meaning on a mesh of this dimension, and why.
+
+    Args:
+        scene: the scene.
+        dimension: 2 or 3.
+    """
+    return [*_everywhere(scene, dimension), *(_in_the_plane(scene) if dimension == 2 else _in_space(scene))]
+
+
+def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
+    where = _PLANE if dimension == 2 else _SPACE
+    for index, effect in enumerate(scene.contact):
+        if effect.direction is not None and len(effect.direction) != dimension:
+            yield f"contact[{index}].direction", f"{where}: give {dimension} numbers, not {len(effect.direction)}"
+        for other in scene.displacement:
+            if other.boundary == effect.boundary and None not in other.components[:dimension]:
+                yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"
+
+
+def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
+    for path, table in _tables(scene, ""):
+        if "z" in table.model_fields_set and getattr(table, "z", None) is not None:
+            yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"
+        for name in type(table).model_fields:
+            value = getattr(table, name)
+            if isinstance(value, Expression) and value.coordinates > 2:
+                yield f"{path}.{name}".lstrip("."), f"{_PLANE}: there is no x[2]"
+
+
+def _in_space(scene: Scene) -> Iterator[tuple[str, str]]:
+    for index, material in enumerate(scene.material):
+        if "hypothesis" in material.model_fields_set:
+            reason = f"{_SPACE}: nothing is assumed of a third dimension, leave the hypothesis out"
+            yield f"material[{index}].hypothesis", reason
+    if scene.accuracy is not None:
+        reason = (
+            "errors are estimated in the plane only (the estimates of pressure and zones follow a boundary curve): "
+            "compare meshes of your own"
+        )
+        yield "accuracy", f"{_SPACE}: {reason}"
+
+
+def _tables(node: Any, path: str) -> Iterator[tuple[str, BaseModel]]:
+    """All tables of a scene with their paths."""
+    if isinstance(node, BaseModel):
+        yield path, node
+        for name in type(node).model_fields:
+            yield from _tables(getattr(node, name), f"{path}.{name}".lstrip("."))
+    elif isinstance(node, list | tuple):
+        for index, item in enumerate(node):
+            yield from _tables(item, f"{path}[{index}]")
+    elif isinstance(node, Mapping):
+        for name, item in node.items():
+            yield from _tables(item, f"{path}.{name}")

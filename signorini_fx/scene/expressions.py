@@ -1,0 +1,286 @@
+"""Expressions of the position in scenes: parsed by simpleeval, evaluated with NumPy or turned into UFL.
+
+A scene says ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Nothing of it is ever executed by Python: the syntax tree is
+checked first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
+(also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
+told apart), then simpleeval walks it.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from simpleeval import SimpleEval
+
+_ONE_ARGUMENT = ("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh")
+_ARITHMETIC: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
+_COMPARISONS: dict[type, Callable[..., Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+_ALLOWED = (
+    "Allowed are numbers, pi, x[0], x[1], in space x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
+    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number"
+)
+_MAX_LENGTH = 2000
+_MAX_EXPONENT = 100
+Kind = Literal["number", "condition"]
+
+
+@dataclass(frozen=True)
+class _Backend:
+    """What an expression means in one algebra."""
+
+    functions: dict[str, Callable[..., Any]]
+    both: Callable[[Any, Any], Any]
+    either: Callable[[Any, Any], Any]
+    negate: Callable[[Any], Any]
+    number: Callable[[float], Any]
+
+
+_NUMPY = _Backend(
+    functions={
+        **{name: getattr(np, name) for name in _ONE_ARGUMENT},
+        "min": lambda *values: reduce(np.minimum, values),
+        "max": lambda *values: reduce(np.maximum, values),
+        "where": np.where,
+    },
+    both=np.logical_and,
+    either=np.logical_or,
+    negate=np.logical_not,
+    # A NumPy float: arithmetic then ends in inf or nan, which is reported where it happens, never in an exception.
+    number=np.float64,
+)
+
+
+def _ufl_backend(mesh: Any) -> _Backend:
+    """Numbers become ``fem.Constant``: forms that differ in a number only are compiled once."""
+    import ufl
+    from dolfinx import default_scalar_type, fem
+
+    def absolute(value: Any) -> Any:
+        """UFL turns |(|a|)| into an Abs that is its own operand, and walks it for ever."""
+        return value if isinstance(value, ufl.algebra.Abs) else abs(value)
+
+    names = {"abs": absolute, "log": ufl.ln}
+    return _Backend(
+        functions={
+            **{name: names.get(name) or getattr(ufl, name) for name in _ONE_ARGUMENT},
+            "min": lambda *values: reduce(ufl.min_value, values),
+            "max": lambda *values: reduce(ufl.max_value, values),
+            "where": ufl.conditional,
+        },
+        both=ufl.And,
+        either=ufl.Or,
+        negate=ufl.Not,
+        number=lambda value: fem.Constant(mesh, default_scalar_type(value)),
+    )
+
+
+def _check(node: ast.expr) -> Kind:
+    """The kind of a checked syntax tree.
+
+    Raises:
+        ValueError: something in it is not allowed.
+    """
+    match node:
+        case ast.Constant(value=value):
+            if type(value) not in (int, float):
+                raise ValueError(f"only numbers are allowed, not {value!r}")
+            if not math.isfinite(_float(value)):
+                raise ValueError("a number is too large")
+            return "number"
+        case ast.Name(id="pi"):
+            return "number"
+        case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
+            if index not in (0, 1, 2):
+                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in space also x[2]")
+            return "number"
+        case ast.UnaryOp(op=op, operand=operand):
+            kind: Kind = "condition" if isinstance(op, ast.Not) else "number"
+            if kind == "number" and type(op) not in _SIGNS:
+                raise ValueError(f"operator {type(op).__name__} is not available")
+            return _expect(kind, operand)
+        case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr(), right=right):
+            return _expect("condition", left, right)
+        case ast.BinOp(left=left, op=op, right=right):
+            if isinstance(op, ast.BitXor):
+                raise ValueError("a power is written **, not ^")
+            if type(op) not in _ARITHMETIC:
+                raise ValueError(f"operator {type(op).__name__} is not available")
+            if isinstance(op, ast.Pow):
+                _check_exponent(right)
+            return _expect("number", left, right)
+        case ast.BoolOp(values=values):
+            return _expect("condition", *values)
+        case ast.Compare(left=left, ops=ops, comparators=comparators):
+            unknown = [type(op).__name__ for op in ops if type(op) not in _COMPARISONS]
+            if unknown:
+                raise ValueError(f"comparison {unknown[0]} is not available: use <, <=, >, >=")
+            _expect("number", left, *comparators)
+            return "condition"
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            _expect("condition", test)
+            return _expect("number", body, orelse)
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return _check_call(name, arguments)
+        case ast.Name(id=name):
+            meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
+            raise ValueError(f"{name!r} is not known{meant}")
+    raise ValueError(f"{type(node).__name__} is not available")
+
+
+def _check_call(name: str, arguments: list[ast.expr]) -> Kind:
+    if name in _ONE_ARGUMENT and len(arguments) == 1:
+        return _expect("number", *arguments)
+    if name in ("min", "max") and len(arguments) >= 2:
+        return _expect("number", *arguments)
+    if name == "where" and len(arguments) == 3:
+        _expect("condition", arguments[0])
+        return _expect("number", *arguments[1:])
+    if name in _NUMPY.functions:
+        raise ValueError(f"{name} does not take {len(arguments)} arguments")
+    raise ValueError(f"function {name!r} is not known")
+
+
+def _expect(kind: Kind, *nodes: ast.expr) -> Kind:
+    for node in nodes:
+        found = _check(node)
+        if found != kind:
+            raise ValueError(f"a {kind} is expected where '{ast.unparse(node)}' stands, which is a {found}")
+    return kind
+
+
+def _check_exponent(node: ast.expr) -> None:
+    value = node.operand if isinstance(node, ast.UnaryOp) else node
+    if not isinstance(value, ast.Constant) or type(value.value) not in (int, float):
+        raise ValueError("an exponent must be a number")
+    if abs(_float(value.value)) > _MAX_EXPONENT:
+        raise ValueError(f"an exponent must not exceed {_MAX_EXPONENT}")
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+class _Evaluator(SimpleEval):  # type: ignore[misc]
+    """simpleeval on a checked tree, with element-wise logic."""
+
+    nodes: dict[type, Callable[..., Any]]
+
+    def __init__(self, backend: _Backend, position: Any) -> None:
+        super().__init__(
+            functions=dict(backend.functions),
+            names={"x": position, "pi": backend.number(math.pi)},
+            operators={
+                **_ARITHMETIC,
+                **_SIGNS,
+                ast.Not: backend.negate,
+                ast.BitAnd: backend.both,
+                ast.BitOr: backend.either,
+            },
+        )
+        self._backend = backend
+        self._position = position
+        self.nodes[ast.Constant] = lambda node: backend.number(node.value)
+        self.nodes[ast.Subscript] = lambda node: position[node.slice.value]
+        self.nodes[ast.BoolOp] = self._logic
+        self.nodes[ast.Compare] = self._comparison
+        self.nodes[ast.IfExp] = self._choice
+
+    def _logic(self, node: ast.BoolOp) -> Any:
+        combine = self._backend.both if isinstance(node.op, ast.And) else self._backend.either
+        return reduce(combine, map(self._eval, node.values))
+
+    def _comparison(self, node: ast.Compare) -> Any:
+        values = [self._eval(part) for part in (node.left, *node.comparators)]
+        tests = [_COMPARISONS[type(op)](a, b) for op, (a, b) in zip(node.ops, pairwise(values), strict=True)]
+        return reduce(self._backend.both, tests)
+
+    def _choice(self, node: ast.IfExp) -> Any:
+        return self._backend.functions["where"](*map(self._eval, (node.test, node.body, node.orelse)))
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A scalar function of the position, written as text.
+
+    Args:
+        text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
+
+    Raises:
+        ValueError: the text is no expression of the allowed syntax; the message says what is wrong and what is allowed.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        if len(self.text) > _MAX_LENGTH:
+            raise ValueError(f"expression of {len(self.text)} characters: at most {_MAX_LENGTH} are allowed")
+        try:
+            _check(self._tree())
+        except SyntaxError as error:
+            raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}") from None
+        except (ValueError, MemoryError, RecursionError) as error:
+            raise ValueError(f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}") from None
+
+    def _tree(self) -> ast.expr:
+        return ast.parse(self.text.strip(), mode="eval").body
+
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 where there is none."""
+        nodes = [node.slice for node in ast.walk(self._tree()) if isinstance(node, ast.Subscript)]
+        return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
+
+    def _evaluate(self, backend: _Backend, position: Any) -> Any:
+        return _Evaluator(backend, position).eval(self.text, previously_parsed=self._tree())
+
+    def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
+        with np.errstate(all="ignore"):
+            value = self._evaluate(_NUMPY, x)
+        return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
+
+    def ufl(self, mesh: Any) -> Any:
+        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``."""
+        import ufl
+
+        value = self._evaluate(_ufl_backend(mesh), ufl.SpatialCoordinate(mesh))
+        return ufl.conditional(value, 1.0, 0.0) if _check(self._tree()) == "condition" else ufl.as_ufl(value)
+
+
+def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape (n,)."""
+    if isinstance(value, int | float):
+        return np.full(x.shape[1], float(value))
+    result = np.asarray(value(x), dtype=float)
+    return np.broadcast_to(result, (x.shape[1],)).copy()
+
+
+def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n)."""
+    points = np.zeros((3, len(x)))
+    points[: x.shape[1]] = x.T
+    return points

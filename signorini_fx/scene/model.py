@@ -1,0 +1,385 @@
+"""The scene: which effects are on, and their data.  No mesh, no forms; nothing here imports dolfinx.
+
+A scene is a TOML file (``read_scene``) or built in Python (``Scene(...)``), validated the same way: unknown keys are
+refused, and all mistakes are reported at once, each with its path.
+
+A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in space, ``x[2]`` (``expressions.Expression``), or in
+Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
+a UFL expression.
+Units are the user's own as long as they agree: forces, lengths and stresses of one system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    Discriminator,
+    Field,
+    InstanceOf,
+    Tag,
+    field_validator,
+    model_validator,
+)
+
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.settings import Accuracy, SolverSettings
+from signorini_fx.scene.values import (
+    Finite,
+    NonNegativeValue,
+    Positive,
+    SampledValue,
+    Selection,
+    Value,
+    kind_of,
+    shown,
+)
+
+
+class MeshFile(Table):
+    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
+
+    Attributes:
+        file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
+        boundaries: names for boundaries: a number in the cell data, or a rule that all corners of exterior facets obey.
+        regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
+        data: the cell data that the numbers refer to; None: the only one.
+        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
+    """
+
+    file: Path
+    boundaries: dict[str, Selection] = Field(default={})
+    regions: dict[str, Selection] = Field(default={})
+    data: str | None = None
+    size: Positive | None = None
+
+
+class MeshGenerator(Table):
+    """A mesh from one of the generators in ``meshes/``.
+
+    Attributes:
+        generator: its name.
+        parameters: its keyword arguments; default: none.
+    """
+
+    generator: str
+    parameters: dict[str, float | int | str | bool] = Field(default={})
+
+
+class Discretised(Table):
+    """The finite element: Lagrange of this degree on the cells that the mesh has.
+
+    Attributes:
+        degree: polynomial degree of the displacement.
+        volumetric: ``full``: all terms are integrated exactly; ``reduced``: the volumetric term with fewer points,
+            which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
+            eliminated); ``auto``: reduced where some nu is at least 0.45 in plane strain and the element has a reduced
+            form.
+    """
+
+    degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
+    volumetric: Literal["full", "reduced", "auto"] = "full"
+
+
+class LinearElastic(Table):
+    """Isotropic linear elasticity.
+
+    Attributes:
+        young: Young's modulus E > 0, stress.
+        poisson: Poisson's ratio nu in (-1, 0.5).
+        hypothesis: what becomes of the third dimension, where the mesh has two.
+        region: name of the part of the body that is made of it; None: all of it.
+    """
+
+    young: Positive
+    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
+    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    region: str | None = None
+
+
+class _Load(Table):
+    """What load steps multiply.
+
+    Attributes:
+        factors: one number per load step; None: 1 in every step.
+    """
+
+    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+
+class _Vector(_Load):
+    """What has components along x[0], x[1] and, in space, x[2].
+
+    Attributes:
+        x: component along x[0]; default: 0.
+        y: component along x[1]; default: 0.
+        z: component along x[2], only in space; default: 0.
+    """
+
+    x: Value = 0.0
+    y: Value = 0.0
+    z: Value = 0.0
+
+    @property
+    def components(self) -> tuple[Any, Any, Any]:
+        """Along x[0], x[1] and x[2], which says nothing in the plane; None where a displacement is free."""
+        return self.x, self.y, self.z
+
+
+class BodyForce(_Vector):
+    """Force per volume, f of (1.1a)."""
+
+
+class SurfaceTraction(_Vector):
+    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], stress.
+        y: component along x[1], stress.
+        z: component along x[2], stress; only in space.
+        pressure: pushes against the boundary along the inward normal, stress.
+    """
+
+    boundary: str
+    pressure: Value = 0.0
+
+
+class PrescribedDisplacement(_Vector):
+    """Displacement prescribed on a boundary; a component that is not named stays free.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], length.
+        y: component along x[1], length.
+        z: component along x[2], length; only in space.
+        normal: component along the outward normal, length, on a boundary across an axis (0: symmetry).
+    """
+
+    boundary: str
+    x: SampledValue | None = None
+    y: SampledValue | None = None
+    z: SampledValue | None = None
+    normal: SampledValue | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        named = any(component is not None for component in self.components)
+        if named == (self.normal is not None):
+            none = "names no component: give x, y, both, or normal"
+            raise ValueError("give either normal or x and y" if named else none)
+        return self
+
+
+class NoFriction(Table):
+    """Frictionless contact.
+
+    Attributes:
+        law: its name.
+    """
+
+    law: Literal["none"] = "none"
+
+
+class TrescaFriction(Table):
+    """Given friction: |mu| <= bound (2.3d').
+
+    Attributes:
+        law: its name.
+        bound: largest shear, stress.
+    """
+
+    law: Literal["tresca"] = "tresca"
+    bound: NonNegativeValue
+
+
+class CoulombFriction(Table):
+    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
+
+    Attributes:
+        law: its name.
+        coefficient: F, without unit.
+        cap: largest shear that the contact can transmit, stress; None: no such limit.
+    """
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: NonNegativeValue
+    cap: NonNegativeValue | None = None
+
+
+Friction = NoFriction | TrescaFriction | CoulombFriction
+
+
+class _Contact(Table):
+    """Contact of a boundary with a rigid foundation.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
+    """
+
+    boundary: str
+    gap: SampledValue = 0.0
+    direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
+
+    @field_validator("direction")
+    @classmethod
+    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if given is not None and not any(given):
+            raise ValueError("must not be zero")
+        return given
+
+
+class UnilateralContact(_Contact):
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
+
+    Attributes:
+        kind: its name.
+    """
+
+    kind: Literal["unilateral"] = "unilateral"
+
+
+class BilateralContact(_Contact):
+    """Contact that cannot open: tau_N y = d; only friction is left to decide.
+
+    Attributes:
+        kind: its name.
+    """
+
+    kind: Literal["bilateral"]
+
+
+Contact = UnilateralContact | BilateralContact
+
+
+def _contact_kind(given: Any) -> str:
+    """Contact is unilateral unless it says otherwise."""
+    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
+    return kind if isinstance(kind, str) else shown(kind)
+
+
+class TaggedMeshBase:
+    """What ``mesh.TaggedMesh`` derives from, so that a scene can hold one without importing dolfinx."""
+
+
+def _one_or_many(given: Any) -> Any:
+    return [given] if isinstance(given, Mapping | BaseModel) else given
+
+
+class Scene(Table):
+    """An elastic body, its loads, its supports and its contact with a rigid foundation.
+
+    Attributes:
+        title: what to call it.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene.
+        element: degree and volumetric integration; default: degree 1, full.
+        material: one for the body, or one for each named region.
+        displacement: prescribed displacements, lengths; default: none.
+        traction: tractions and pressures, forces per area; default: none.
+        body_force: force per volume; default: none.
+        contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        solver: algorithms, their parameters and limits.
+        accuracy: the accuracy that is asked for; None: that of the mesh.
+    """
+
+    title: str = ""
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    element: Discretised = Discretised()
+    material: tuple[LinearElastic, ...]
+    displacement: tuple[PrescribedDisplacement, ...] = ()
+    traction: tuple[SurfaceTraction, ...] = ()
+    body_force: BodyForce | None = None
+    contact: tuple[
+        Annotated[
+            Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
+            Discriminator(_contact_kind),
+        ],
+        ...,
+    ] = ()
+    solver: SolverSettings = SolverSettings()
+    accuracy: Accuracy | None = None
+
+    _lists = field_validator("material", "displacement", "traction", "contact", mode="before")(_one_or_many)
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, given: Any) -> Any:
+        """Decide by the key, so that a mistake is reported for the kind of mesh that was meant."""
+        if isinstance(given, Mapping):
+            if ("file" in given) == ("generator" in given):
+                raise ValueError("give either file or generator")
+            return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
+        if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
+            message = "a table with file or generator is expected"
+            if isinstance(given, str | Path):
+                message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
+            elif hasattr(given, "topology"):
+                message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
+            else:
+                message += f", not {kind_of(given)}"
+            raise ValueError(message)
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [effect.boundary for effect in self.contact]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
+        for effect in self.displacement:
+            if effect.boundary in names and (effect.normal is not None or None not in effect.components):
+                raise ValueError(f"boundary {effect.boundary!r} is prescribed, and in contact as well: choose one")
+        regions = [material.region for material in self.material]
+        if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
+            raise ValueError("give one material, or several, each with the name of its own region")
+        if len({material.hypothesis for material in self.material}) > 1:
+            raise ValueError("all materials must have the same hypothesis")
+        if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
+            raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
+        if self.accuracy is not None and not self.contact:
+            raise ValueError("accuracy needs a scene with contact")
+        lengths = {len(load.factors) for load in self.loads if load.factors is not None}
+        if len(lengths) > 1:
+            raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
+        return self
+
+    @property
+    def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
+        """All that load steps multiply."""
+        return (*self.displacement, *self.traction, *([self.body_force] if self.body_force is not None else []))
+
+    @property
+    def steps(self) -> int:
+        """Number of load steps."""
+        return max((len(load.factors) for load in self.loads if load.factors is not None), default=1)
+
+    @property
+    def young(self) -> float:
+        """Young's modulus of the stiffest material, the natural unit of stress."""
+        return max(material.young for material in self.material)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
+        return any(friction_acts(effect.friction) for effect in self.contact)
+
+    @property
+    def has_coulomb(self) -> bool:
+        """Whether any friction bound depends on the contact pressure."""
+        return any(isinstance(e.friction, CoulombFriction) and friction_acts(e.friction) for e in self.contact)
+
+
+def friction_acts(friction: Friction) -> bool:
+    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and takes its path."""
+    match friction:
+        case TrescaFriction(bound=amount):
+            return amount != 0.0
+        case CoulombFriction(coefficient=amount, cap=cap):
+            return amount != 0.0 and cap != 0.0
+    return False

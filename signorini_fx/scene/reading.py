@@ -1,0 +1,118 @@
+"""Scenes from TOML files and from plain data; every mistake gets its path and a sentence, all at once."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.validation import problems_of
+from signorini_fx.scene.values import kind_of
+
+
+def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
+    """A validated scene from plain data.
+
+    Args:
+        data: the scene as nested mappings, as ``tomllib`` gives them.
+        source: what to call it in messages.
+        folder: mesh files are looked up relative to it.
+
+    Raises:
+        SceneError: with every mistake at once.
+    """
+    try:
+        scene = Scene.model_validate(dict(data))
+    except ValidationError as error:
+        raise SceneError(problems_of(error, data, Scene), source) from None
+    if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
+        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
+    return scene
+
+
+_LARGEST_FILE = 1_000_000
+
+
+# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
+_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
+
+
+def read_scene_text(path: Path) -> str:
+    """The text of a scene file.
+
+    Raises:
+        SceneError: the file cannot be read as text, or has no end.
+    """
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_LARGEST_FILE + 1)
+    except OSError as error:
+        raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
+    except ValueError as error:  # a null byte in the path
+        raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
+    if len(text) > _LARGEST_FILE:
+        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
+    return text
+
+
+def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
+    """A validated scene from the text of the TOML file at ``path``.
+
+    Args:
+        text: the scene.
+        path: where it comes from; mesh files are looked up beside it.
+        overrides: entries that replace those of the text, table by table.
+
+    Raises:
+        SceneError: syntax error with line and column, or every mistake of the content at once.
+    """
+    if found := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
+    try:
+        data = tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
+        raise SceneError([("syntax", str(error))], str(path)) from None
+    except RecursionError:
+        raise SceneError([("syntax", "nested too deeply")], str(path)) from None
+    for table, entries in (overrides or {}).items():
+        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
+            data[table] = {**said, **entries}
+    return parse_scene(data, str(path), path.parent)
+
+
+def read_scene(path: str | Path) -> Scene:
+    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors).
+
+    Raises:
+        TypeError: what is given is no path.
+    """
+    if not isinstance(path, str | Path):
+        raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")
+    path = Path(path)
+    return parse_scene_text(read_scene_text(path), path)
+
+
+def as_scene(given: object) -> Scene:
+    """A scene from whatever describes one: a ``Scene``, the path of its file, or nested mappings.
+
+    Raises:
+        SceneError: it is wrong.
+        TypeError: it is none of these.
+    """
+    match given:
+        case Scene():
+            return given
+        case str() | Path():
+            return read_scene(given)
+        case Mapping():
+            return parse_scene(given)
+    raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(given)}")

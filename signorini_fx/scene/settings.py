@@ -1,0 +1,134 @@
+"""How a scene is to be solved: algorithms, their parameters and limits, and the accuracy that is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    field_validator,
+)
+
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.values import (
+    Automatic,
+    Count,
+    Positive,
+    Value,
+    bounded,
+    count_or_auto,
+    value,
+)
+
+
+class Box(Table):
+    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted.
+
+    Attributes:
+        x: lowest and highest x[0], lengths.
+        y: lowest and highest x[1], lengths.
+        z: lowest and highest x[2], lengths; only in space.
+    """
+
+    x: tuple[float, float] = (-math.inf, math.inf)
+    y: tuple[float, float] = (-math.inf, math.inf)
+    z: tuple[float, float] = (-math.inf, math.inf)
+
+    @field_validator("x", "y", "z")
+    @classmethod
+    def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
+        if not given[0] <= given[1]:
+            raise ValueError(f"an interval [low, high] is expected, got {list(given)}")
+        return given
+
+
+class SolverSettings(Table):
+    """How the scene is solved; every default works for every scale and unit.
+
+    Attributes:
+        algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation`` (from a first gamma to
+            the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
+            (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
+        coulomb: how the friction bound meets the pressure: ``fp`` (fixed point of Tresca problems, section 6.3; with
+            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where a coarser mesh
+            gives the start, else fp.
+        gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
+            Young's modulus over the size of the body.
+        gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
+        sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
+            slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
+        initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
+            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all, but
+            where a condensed system has more than 300 contact nodes the problem is solved on fewer of them first.
+        gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
+        gamma_factor: alm with given friction: growth of gamma from one problem to the next.
+        inner_iterations: alm with given friction: linear solves allowed for one problem (inexact); ``auto``: until its
+            sets repeat.
+        regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
+            the discretisation error.
+        linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or GMRES with
+            algebraic multigrid), ``condensed`` (the contact nodes only, dense; one rank), ``auto`` (condensed where it
+            is cheaper, else full).
+        levels: meshes of a nested iteration, each with elements half as large as the one before; the last is the mesh
+            of the scene, which must come from a generator.
+        max_iterations: linear solves allowed for one regularised problem.
+        max_outer_iterations: outer iterations allowed.
+        tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
+            relatively by no more than this.
+        largest_deformation: the largest deformation that is taken for one: mean size of the displacement gradient
+            (strain and rotation), and largest displacement over the size of the body; beyond it linear elasticity has
+            no meaning, and the outcome says so.
+        fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
+            Limits on iterations that are lower than usual are kept: they are an end, no failure.
+    """
+
+    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
+    coulomb: Literal["auto", "fp", "newton"] = "auto"
+    gamma_n: Automatic = "auto"
+    gamma_t: Automatic = "auto"
+    sigma: Automatic = "auto"
+    initial_contact: Box | Literal["auto", "all"] | Value = "auto"
+    gamma_first: Automatic = "auto"
+    gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(bounded)] = 1.0
+    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(count_or_auto)] = "auto"
+    regularisation_error: Automatic = "auto"
+    linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
+    levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
+    max_iterations: Count = 100
+    max_outer_iterations: Count = 100
+    tolerance: Positive = 1e-7
+    largest_deformation: Positive = 0.5
+    fallbacks: bool = True
+
+    @field_validator("initial_contact", mode="before")
+    @classmethod
+    def _region(cls, given: Any) -> Any:
+        if given in ("auto", "all") or isinstance(given, Box):
+            return given
+        return Box.model_validate(given) if isinstance(given, Mapping) else value(given)
+
+
+class Accuracy(Table):
+    """An accuracy that is asked for: meshes are refined, and gamma raised, until the estimate meets it.
+
+    Attributes:
+        target: relative error allowed.
+        of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
+            the contact zones, or the largest pressure.
+        refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
+            estimated error is; ``auto``: for displacement, pressure and force, bodies with straight sides get
+            triangles of degree 2, divided where the error is; bodies with arcs from a generator, drawings (.geo) and
+            mesh files with curved cells elements and cells of degree 2, refined uniformly; else uniform.
+        seconds: wall time allowed; None: no limit.
+        memory: peak memory of all ranks allowed, GB; None: no limit.
+    """
+
+    target: Annotated[float, Field(gt=0, lt=1, strict=True)]
+    of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
+    refinement: Literal["auto", "uniform", "adaptive"] = "auto"
+    seconds: Positive | None = None
+    memory: Positive | None = None

@@ -1,0 +1,88 @@
+"""What helps to write a scene file: one to start from, and the JSON schema for editors.  No dolfinx here."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+import re
+from importlib import resources
+from typing import Any
+
+from pydantic import BaseModel
+
+from signorini_fx import meshes
+from signorini_fx.scene import model as scene
+from signorini_fx.scene import settings
+
+_ONE_OR_MANY = ("material", "displacement", "traction", "contact")
+
+
+def starting_scene() -> str:
+    """A scene file that solves as it is and explains every key."""
+    return resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
+
+
+def scene_schema() -> dict[str, Any]:
+    """The JSON schema (draft 7, which editors know best) of scene files, with the docstrings as descriptions."""
+    schema: dict[str, Any] = scene.Scene.model_json_schema()
+    _simplify(schema)
+    for name, definition in schema["$defs"].items():
+        _describe(definition, getattr(scene if hasattr(scene, name) else settings, name))
+    for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
+        definition = schema["$defs"][name]
+        definition["required"] = ["law", *definition.get("required", [])]
+    generators = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = generators
+    for name in _ONE_OR_MANY:
+        one_or_many = schema["properties"][name]
+        schema["properties"][name] = {"anyOf": [one_or_many["items"], one_or_many]}
+    schema["title"] = "signorini-fx scene"
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
+
+
+def _simplify(node: Any) -> None:
+    """Say in the words of draft 7 what pydantic says in those of 2020-12, and drop the null that TOML does not have."""
+    if isinstance(node, list):
+        for item in node:
+            _simplify(item)
+    if not isinstance(node, dict):
+        return
+    for value in node.values():
+        _simplify(value)
+    node.pop("discriminator", None)
+    if "prefixItems" in node:
+        node["items"] = node.pop("prefixItems")[0]
+    choices = [choice for choice in node.get("anyOf", []) if choice != {"type": "null"}]
+    if "anyOf" in node:
+        node["anyOf"] = choices
+    if len(choices) == 1:
+        del node["anyOf"]
+        node.update(choices[0])
+    if "default" in node and (node["default"] is None or node["default"] == [None, None]):
+        del node["default"]
+    if "$ref" in node:  # draft 7 looks at nothing beside it
+        reference = node["$ref"]
+        node.clear()
+        node["$ref"] = reference
+
+
+def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
+    """Put the meaning of a class and of its keys, from the docstrings, where an editor shows it."""
+    meanings: dict[str, str] = {}
+    for ancestor in reversed(model.__mro__):
+        meanings |= _attributes(inspect.getdoc(ancestor) or "") if issubclass(ancestor, BaseModel) else {}
+    definition["description"] = _plain((inspect.getdoc(model) or "").split("\n\n")[0])
+    for key, entry in definition["properties"].items():
+        if key in meanings and "$ref" not in entry:
+            entry["description"] = meanings[key]
+
+
+def _attributes(doc: str) -> dict[str, str]:
+    """The section Attributes of a Google docstring."""
+    _, _, section = doc.partition("Attributes:\n")
+    entries = re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
+    return {name: _plain(meaning) for name, meaning in entries}
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.replace("``", "'").split())

@@ -1,0 +1,95 @@
+"""Mistakes in a scene in the words of this package: the path of the key, what is wrong, and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from signorini_fx.scene.values import shown
+
+_MESSAGES = {
+    "extra_forbidden": "unknown key",
+    "unexpected_keyword_argument": "unknown key",
+    "missing": "is missing",
+    "union_tag_not_found": "is missing",
+}
+
+
+def plain_message(detail: Any) -> str:
+    """What pydantic complains of, in the words of this package."""
+    match detail:
+        case {"type": str(kind)} if kind in _MESSAGES:
+            return _MESSAGES[kind]
+        case {"type": "model_type"}:
+            return "must be a table"
+        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
+            return f"must be one of {known}, got {tag!r}"
+    message = str(detail["msg"]).removeprefix("Value error, ")
+    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
+
+
+# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
+_MOST_GUESSES = 50
+
+
+def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> list[tuple[str, str]]:
+    """The mistakes that pydantic found, as ``SceneError`` wants them.
+
+    One entry for each path: where pydantic tried several types, what each of them would have wanted.
+
+    Args:
+        error: what pydantic raised.
+        data: what it was given.
+        model: the model that it was to be.
+    """
+    found: dict[str, list[str]] = {}
+    for number, detail in enumerate(error.errors()):
+        path, message = _problem(detail, data, model, guess=number < _MOST_GUESSES)
+        found.setdefault(path, []).append(message)
+    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
+
+
+def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, guess: bool) -> tuple[str, str]:
+    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
+    path = ""
+    node: Any = data
+    for part in detail["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]" if isinstance(node, Sequence) else ""
+            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
+        elif (isinstance(node, Mapping) and part in node) or (
+            detail["type"] == "missing" and part == detail["loc"][-1]
+        ):
+            name = part or '""'
+            path += f".{name}" if path else name
+            node = node[part] if isinstance(node, Mapping) and part in node else node
+    message = plain_message(detail)
+    given = detail.get("input")
+    if detail["type"] == "extra_forbidden" and guess:
+        message += _meant(str(detail["loc"][-1]), model)
+    if detail["type"].startswith("union_tag"):
+        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
+    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and shown(given) not in message:
+        message += f", got {shown(given)}"
+    return path or "scene", message
+
+
+def _meant(key: str, model: type[BaseModel]) -> str:
+    """Where an unknown key belongs, or what it was perhaps to be."""
+    if key in model.model_fields and model.__name__ == "Scene":
+        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
+    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in model.model_fields.items()}
+    home = next((name for name, fields in tables.items() if key in fields), None)
+    if home is not None:
+        return f" here: it belongs to [{home}]"
+    similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
+    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    """All keys of a table and of those that derive from it."""
+    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))

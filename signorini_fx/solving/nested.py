@@ -1,0 +1,63 @@
+"""Nested iteration: the contact state of a coarse mesh starts the iteration on the next finer one.
+
+The active sets are what the semi-smooth Newton method has to find, and they hardly depend on the mesh: a node of the
+fine mesh begins in the set of its coarse neighbours.  On every mesh but the coarsest a few linear solves are
+left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
+from signorini_fx.contact.state import ContactState
+from signorini_fx.tuned import MIDDLE_RATIO
+
+
+def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
+    """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes; collective."""
+    boundary = coarse.boundary
+    tangents = boundary.tangents
+    # Directions and shears as vectors of space: the tangents of neighbours need not agree.
+    state = [
+        boundary.part,
+        boundary.x,
+        coarse.in_contact,
+        coarse.pressure,
+        np.einsum("ijk,ik->ij", tangents, coarse.direction),
+        np.einsum("ijk,ik->ij", tangents, coarse.shear),
+        length(coarse.slip_length),
+        coarse.bound,
+    ]
+    dim = boundary.x.shape[1]
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
+    contact = np.zeros(fine.size, dtype=bool)
+    direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
+    pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
+    for part in np.unique(fine.part):
+        here, there = fine.part == part, rows[rows[:, 0] == part]
+        # Two neighbours: a node in the middle between two sets joins the one that holds more, contact and stick; the
+        # iteration gives up what is too much faster than it finds what is missing.
+        count = min(2, len(there))
+        places = cKDTree(there[:, 1 : 1 + dim])
+        distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
+        share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
+        near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
+        columns = np.cumsum((1, 1, dim, dim, 1))
+        touching, load, sliding, sheared, slipped, bound = np.split(there[nearest][:, :, 1 + dim :], columns, axis=2)
+        contact[here] = (near & (touching[:, :, 0] > 0)).any(axis=1)
+        sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
+        together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)
+        direction[here] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
+        pressure[here] = (share * load[:, :, 0]).sum(axis=1)
+        shear[here] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
+        # The shear follows a slip across its direction like the bound over the slip.
+        far, most = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
+        turning[here] = np.divide(most, far, out=np.zeros_like(far), where=far > 0)
+    turned = np.einsum("ijk,ij->ik", fine.tangents, direction)
+    slip = length(turned) > 0
+    sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)
+    return sets, (pressure, np.einsum("ijk,ij->ik", fine.tangents, shear))

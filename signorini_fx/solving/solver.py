@@ -1,0 +1,201 @@
+"""The one entry point: a scene in, a solution out; the same outcome on every rank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst_of
+from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
+from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.state import ContactState
+from signorini_fx.contact.table import contact_table
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.linalg import options
+from signorini_fx.mesh.hierarchy import coarser_scenes
+from signorini_fx.records import History, IterationRecord
+from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.reading import as_scene
+from signorini_fx.scene.values import kind_of
+from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.task import Outcome, Task
+from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
+from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
+
+
+def solve(
+    scene: Scene | str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    check: bool = True,
+    observers: Sequence[Callable[[Any], None]] = (),
+    on_level: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
+    """Solve a scene.
+
+    Args:
+        scene: from ``read_scene`` or built in Python; or the path of a scene file.
+        comm: the ranks that share the work; the call is collective.
+        check: raise if no solution was reached; otherwise look at ``Solution.status``.
+        observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
+        on_level: called with the solution on each mesh but the last, when the next one is about to be solved;
+            collective.
+
+    Raises:
+        SceneError: the scene is wrong, or does not fit its mesh.
+        TypeError: an argument is of another kind.
+        MeshError: the mesh cannot be had.
+        OptionsError: PETSc does not take an option that the user has set.
+        MachineError: a form cannot be compiled.
+        ConvergenceError: no solution was reached; it carries the last iterate.
+    """
+    scene = as_scene(scene)
+    _check_comm(comm)
+    options.refuse_mistyped(comm)
+    history = History(observers=list(observers))
+    coarse = coarser_scenes(scene, scene.solver.levels)
+    if scene.accuracy is not None:
+
+        def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
+            return solve_level(scene, comm, history, state, level)
+
+        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
+    elif not coarse:
+        solution, task, _ = solve_mesh(scene, comm, history, None)
+        if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
+            solution = _from_coarser(scene, comm, history, solution)
+    else:
+        solution = _solve_nested([*coarse, scene], comm, history, on_level)
+    if check and not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
+
+
+def _check_comm(comm: object) -> None:
+    if not isinstance(comm, MPI.Comm):
+        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
+
+
+def _solve_nested(
+    scenes: Sequence[Scene],
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
+    """Solve on one mesh after the other, each from the contact state of the one before."""
+    base_memory = peak_memory(comm)
+    state: ContactState | None = None
+    levels: list[LevelResult] = []
+    for number, scene in enumerate(scenes):
+        solved = solve_level(scene, comm, history, state, number)
+        solution, state = solved.solution, None
+        if solution.converged:
+            state = solution.contact
+            if number + 1 < len(scenes):
+                on_level(solution)
+        if solved.level is not None:
+            if levels and levels[-1].dofs >= solved.level.dofs:  # a generator may not get it any coarser
+                levels.pop()
+            levels.append(solved.level)
+    if len(levels) < 2 or not solution.converged:
+        return replace(solution, levels=tuple(levels))
+    return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+
+
+def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
+    """Solve on one of several meshes, and say what it is worth; collective."""
+    history.add(f"level {number}")
+    before = history.linear_solves
+    found: list[Errors] = []
+
+    def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
+        if d.tagged.dimension == 3:  # the estimates of the contact pressure follow a boundary curve
+            return
+        assert step.contact is not None
+        table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
+        data = outcome.problem.data
+        compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+        found.append(estimate_errors(d, outcome.displacement(), step.strain_energy, table, step.step, compliance))
+
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate)
+    if not solution.converged or task is None or outcome is None or not found:
+        return Solved(solution, task)
+    errors = worst_of(found)
+    level = _level_result(number, solution, task, outcome, history.iterations[before:], errors)
+    return Solved(solution, task, outcome, level, errors)
+
+
+def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
+    """The last resort: nested iteration, if the generator makes coarser meshes that have what the scene names."""
+    if not isinstance(scene.mesh, MeshGenerator):
+        return failed
+    try:
+        coarse = coarser_scenes(scene, 1 + HELPING_MESHES)
+        history.add(f"{failed.status.value}: nested iteration on {HELPING_MESHES} coarser meshes")
+        history.allow(PROBLEMS_PER_STEP * scene.solver.max_iterations)
+        history.shared = True
+        solution = _solve_nested([*coarse, scene], comm, history)
+    except (SceneError, MeshError) as error:
+        history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
+        return failed
+    return solution if solution.converged else failed
+
+
+def _level_result(
+    level: int,
+    solution: Solution,
+    task: Task,
+    outcome: Outcome,
+    own: list[IterationRecord],
+    errors: Errors,
+) -> LevelResult:
+    """What a mesh is worth and what it took; two back substitutions, collective.
+
+    Args:
+        level: number of the mesh.
+        solution: the solution on it.
+        task: its contact problem.
+        outcome: how that ended.
+        own: the linear solves on this mesh.
+        errors: what is estimated on it.
+    """
+    seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
+    contact, table = solution.contact, solution.table
+    assert contact is not None
+    size = np.sqrt(2 * solution.steps[-1].strain_energy)
+    regularisation = pressure_regularisation = 0.0
+    data = outcome.problem.data
+    if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
+        iterate = task.iterate
+        model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
+        pressure = contact.boundary.norm(contact.pressure)
+        regularisation = model.distance / size
+        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
+    change = solution.history.outer[-1].change
+    return LevelResult(
+        level=level,
+        h=float(table.columns["weight"].mean()),
+        dofs=solution.discretisation.dofs,
+        linear_solves=len(own),
+        factorisations=sum(record.factorised for record in own),
+        seconds=seconds,
+        memory=peak_memory(solution.comm),
+        status=solution.status.value,
+        energy=errors.energy,
+        pressure=errors.pressure,
+        inside=errors.inside,
+        data=errors.data,
+        regularisation=regularisation,
+        pressure_regularisation=pressure_regularisation,
+        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
+        table=table,
+        force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
+    )

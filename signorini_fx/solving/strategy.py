@@ -1,0 +1,360 @@
+"""Which algorithms a scene runs, in which order: the only place that knows them all.
+
+Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
+``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound meets the pressure:
+``fp`` (fixed point of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with fp, (ALM-FP) alm with
+fp.  Load steps repeat the method, each from the state that the one before has left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.algorithms.alm import augmented_lagrangian
+from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algorithms.continuation import continuation
+from signorini_fx.algorithms.coulomb_newton import coulomb_newton
+from signorini_fx.algorithms.fp import fixed_point
+from signorini_fx.algorithms.path_following import path_following
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact.statics import balance_exists
+from signorini_fx.records import OuterRecord, Status
+from signorini_fx.solving.task import Outcome, Start, Task
+from signorini_fx.tuned import (
+    AUGMENTED_SHARE,
+    AUTOMATIC_GAMMA,
+    CONTINUATION_SHARE,
+    DAMPING,
+    LARGEST_GAMMA,
+    LARGEST_GAMMA_RATIO,
+    PROBLEMS_PER_STEP,
+    START_GAMMA,
+)
+
+
+def run(task: Task, start: Start) -> Outcome:
+    """Solve a load step; the iterates stay in ``task.iterate``."""
+    task.iterate.take_loads(start.step, start.scale)
+    if task.settings.algorithm == "alm":
+        data = start.data
+        enough = with_enough_digits(data, _natural(task))
+        if (enough.gamma_n, enough.gamma_t) != (data.gamma_n, data.gamma_t):
+            task.history.add(
+                f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
+            )
+        start = replace(start, data=enough)
+    if _nothing_acts(task, start):
+        return _stay(task, start)
+    task.history.allow(PROBLEMS_PER_STEP * task.settings.max_iterations)
+    outcome = _solve(task, start)
+    if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+        task.history.add("all methods together have taken as many linear solves as they may")
+    return outcome
+
+
+def _solve(task: Task, start: Start) -> Outcome:
+    """The method of the scene, and what takes over where it fails."""
+    settings = task.settings
+    coulomb = start.law if task.has_coulomb else None
+    outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
+    if settings.fallbacks and task.gave_up(outcome.status) and settings.algorithm != "alm":
+        return _augmented(task, start, outcome)
+    if settings.algorithm == "exact" and outcome.status is Status.CONVERGED:
+        limit = _exact(task, start, outcome)
+        if settings.fallbacks and task.gave_up(limit.status):  # but the problem with gamma was solved
+            return _augmented(task, start, limit, share=1.0)
+        return limit
+    return outcome
+
+
+def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENTED_SHARE) -> Outcome:
+    """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
+    for every gamma, and leaves no regularisation error.  The elastic slip of earlier load steps is none then.
+    """
+    s, newton, given = task.settings, task.iterate.newton, failed.data
+    if start.elastic_slip is not None and given.slip_origin is not None:
+        given = replace(given, slip_origin=given.slip_origin - start.elastic_slip)
+    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
+    data = replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
+    task.history.add(f"{failed.status.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
+    everywhere = ActiveSets.all_in_contact(*given.mu_hat.shape)
+    if start.law is None or not task.has_coulomb:
+        status = augmented_lagrangian(
+            newton,
+            data,
+            everywhere,
+            natural=_natural(task),
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
+        )
+    else:
+        contact = _coulomb_start(task, given)
+        status = newton.solve(replace(contact, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
+        if status is Status.CONVERGED:
+            status = fixed_point(
+                newton,
+                data,
+                start.law,
+                newton.multipliers(),
+                None,
+                tolerance=s.tolerance,
+                max_outer=s.max_outer_iterations,
+                augmentation=Augmentation(newton, _natural(task), s.tolerance),
+            )
+    if status is not Status.CONVERGED:
+        return replace(failed, newton=newton, monolithic=False)
+    return Outcome(status, newton, given, augmented=True)  # what path-following left is not left here
+
+
+def _natural(task: Task) -> float:
+    """The gamma that a scene has where it names none."""
+    return AUTOMATIC_GAMMA * task.natural_gamma
+
+
+def _nothing_acts(task: Task, start: Start) -> bool:
+    """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
+    data = start.data
+    if start.step > 0 or task.motions.free.shape[1] > 0:
+        return False
+    if task.system.load.norm() > 0 or task.system.start.norm() > 0:
+        return False
+    pushed = data.gap < 0
+    if data.bilateral is not None:
+        pushed = pushed | (data.bilateral & (data.gap != 0))
+    return not parallel.any_rank(task.system.comm, bool(pushed.any()))
+
+
+def _stay(task: Task, start: Start) -> Outcome:
+    """Zero is the solution; nothing is solved for."""
+    task.iterate.x.set(0.0)
+    task.history.add("nothing loads the body: it stays where it is")
+    task.history.add(OuterRecord(len(task.history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+    return _without_contact(task, start.data, Status.CONVERGED)
+
+
+def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
+    """The outcome of a problem that nothing was solved for: no contact, hence no traction."""
+    newton = task.iterate.newton
+    newton.pose(data, ActiveSets.of(np.zeros(task.boundary.size, dtype=bool), np.zeros_like(data.mu_hat)))
+    return Outcome(status, newton, data)
+
+
+def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
+    """Frictionless or Tresca contact by the algorithm of the scene.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        data: its problem, or the contact problem that starts Coulomb friction.
+    """
+    s, newton = task.settings, task.iterate.newton
+    error = start.regularisation_error
+    match s.algorithm:
+        case "continuation":
+            share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
+            gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
+            status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
+        case "path-following":
+            # A later load step begins with the gamma that the one before has found.
+            first = START_GAMMA * task.natural_gamma if start.step == 0 else data.gamma_n
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
+            status, last, error = path_following(
+                newton,
+                replace(data, gamma_n=first, gamma_t=ratio * first),
+                start.sets,
+                first_iteration=start.iteration,
+                goal=lambda: task.goal(newton.x),
+                largest=LARGEST_GAMMA * task.natural_gamma,
+                max_outer=s.max_outer_iterations,
+            )
+            found = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
+            return Outcome(status, newton, found, regularisation_error=error)
+        case "alm":
+            status = augmented_lagrangian(
+                newton,
+                data,
+                start.sets,
+                natural=_natural(task),
+                first_iteration=start.iteration,
+                tolerance=s.tolerance,
+                max_outer=s.max_outer_iterations,
+                inner_iterations=None if s.inner_iterations == "auto" else s.inner_iterations,
+                gamma_factor=s.gamma_factor,
+            )
+        case _:
+            status = newton.solve(data, start.sets, first_iteration=start.iteration)
+    return Outcome(status, newton, start.data, regularisation_error=error)
+
+
+def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
+    """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
+    s, newton = task.settings, task.iterate.newton
+    first_sets, multipliers = start.sets, start.multipliers
+    # These find their gamma, or go through several, on the pure contact problem of every mesh.
+    finds_gamma = start.step == 0 and s.algorithm in ("path-following", "continuation")
+    before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    if multipliers is None or finds_gamma:
+        data = _coulomb_start(task, start.data)
+        lost = _no_balance(task, start.data, law) if data.bound is not None else None
+        if lost is not None:
+            return _without_contact(task, start.data, lost)
+        if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
+            before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
+        else:
+            before = _given_friction(task, start, data)
+        if before.status is not Status.CONVERGED:
+            return before
+        multipliers, first_sets = newton.multipliers(), None
+        if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
+            first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
+    data = replace(before.data, bound=law.given)
+
+    def fixed(damping: float) -> Status:
+        return fixed_point(
+            newton,
+            data,
+            law,
+            multipliers,
+            first_sets,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
+            augmentation=Augmentation(newton, _natural(task), s.tolerance) if s.algorithm == "alm" else None,
+            damping=damping,
+        )
+
+    def monolithic() -> Status:
+        if s.algorithm != "alm":
+            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
+        return augmented_lagrangian(
+            task.iterate.unsymmetric_newton,
+            replace(data, bound=law.given, coupling=law.coefficient),
+            first_sets,
+            natural=_natural(task),
+            first_iteration=1,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
+        )
+
+    started = s.coulomb == "auto" and start.multipliers is not None and start.step == 0 and s.algorithm != "alm"
+    first = s.coulomb == "newton" or started
+    return _either_way(task, law, before, fixed, monolithic, monolithic_first=first)
+
+
+def _either_way(
+    task: Task,
+    law: FrictionLaw,
+    begun: Outcome,
+    fixed: Callable[[float], Status],
+    monolithic: Callable[[], Status],
+    *,
+    monolithic_first: bool,
+) -> Outcome:
+    """The fixed point or the monolithic Newton method; where it fails the other, then damped, from the same start.
+
+    Args:
+        task: the contact problem.
+        law: its friction law.
+        begun: what there is so far; its inner method holds the start.
+        fixed: the fixed point with a damping.
+        monolithic: Newton's method.
+        monolithic_first: which comes first.
+    """
+    s, newton = task.settings, begun.newton
+    checkpoint = newton.checkpoint()
+    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
+    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
+    if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
+        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
+    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
+    # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
+    needed = ways[0][1] is monolithic
+
+    def ended(way: Callable[[], Status]) -> Outcome:
+        status = _proved(task, begun.data, law, way())
+        return replace(begun, status=status, monolithic=way is monolithic)
+
+    outcome = ended(ways[0][1])
+    for place, (name, way) in enumerate(ways[1:], start=1):
+        settled = outcome.status in (Status.CONVERGED, Status.SINGULAR)
+        if settled or (place > needed and not (s.fallbacks and task.gave_up(outcome.status))):
+            break
+        task.history.add(f"{outcome.status.value}: {name} from the same start")
+        newton.restore(checkpoint)
+        outcome = ended(way)
+    return outcome
+
+
+def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
+    """An outcome of Coulomb friction: that a body slides under the bound of one Tresca problem proves nothing.
+
+    The bound of such a problem is that of the pressure before.  Where the law itself allows for an equilibrium the
+    fixed point has failed, and another method may find it.
+    """
+    if status not in (Status.SLIDES, Status.OPEN) or data.bilateral is not None:
+        return status
+    if _no_balance(task, data, law) is not None:
+        return status
+    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
+    return Status.OUTER_MAX_ITERATIONS
+
+
+def _no_balance(task: Task, data: RegularisedData, law: FrictionLaw) -> Status | None:
+    """How a body that needs friction gets away, whatever friction the law may allow for; None: it does not."""
+    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
+    held = task.motions.held_by(task.boundary, everywhere, everywhere)
+    if data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
+        return None  # what is not held at all has a name of its own, given by the iteration
+
+    def balanced(data: RegularisedData) -> bool:
+        return balance_exists(data, task.boundary, task.motions, task.system.resultant)
+
+    if balanced(replace(data, bound=law.given, coupling=law.coefficient)):
+        return None
+    rough = replace(data, bound=np.full(task.boundary.size, np.inf))
+    return Status.SLIDES if balanced(rough) else Status.OPEN
+
+
+def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick."""
+    boundary = task.boundary
+    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    frictionless = replace(data, bound=None)
+    held = task.motions.held_by(boundary, everywhere, ~everywhere)
+    if held and (
+        task.motions.free.shape[1] == 0 or balance_exists(frictionless, boundary, task.motions, task.system.resultant)
+    ):
+        return frictionless
+    return replace(data, bound=np.full(boundary.size, np.inf))
+
+
+def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
+    """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
+    s, law, sets = task.settings, start.law, regularised.problem.sets
+    pressure, _ = regularised.newton.multipliers()
+    newton = task.iterate.exact_newton
+    newton.begin_at(newton.problem.system.start)
+    begun = replace(regularised, newton=newton)
+    limit = replace(regularised.data, gamma_n=np.inf, gamma_t=np.inf)
+    if law is None or not task.has_coulomb:
+        problem = replace(limit, bound=None if law is None else law.bound(pressure))
+        return replace(begun, status=newton.solve(problem, sets))
+
+    def fixed(damping: float) -> Status:
+        data = replace(limit, bound=law.bound(pressure))
+        status = newton.solve(data, sets)
+        if status is not Status.CONVERGED:
+            return status
+        first, most = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(newton, data, law, first, None, tolerance=s.tolerance, max_outer=most, damping=damping)
+
+    def monolithic() -> Status:
+        return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
+
+    return _either_way(task, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)

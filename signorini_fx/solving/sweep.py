@@ -1,0 +1,130 @@
+"""Many values of one parameter on the same body: one elimination of the elastic system serves them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.state import ContactState
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.problem.regularised import ContactProblem
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import CoulombFriction, Friction, Scene
+from signorini_fx.scene.reading import as_scene
+from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.strategy import run
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The solution for one value of the parameter.
+
+    The contact state is there; displacement and certificate, which need the whole body, are computed when asked for.
+
+    Attributes:
+        value: of the parameter.
+        status: how the iteration ended.
+        contact: nodal state of the contact boundary of this rank.
+        linear_solves: linear solves for this value.
+    """
+
+    value: float
+    status: Status
+    contact: ContactState
+    linear_solves: int
+    _scene: Scene
+    _law: Law
+    _discretisation: Discretisation
+    _problem: ContactProblem
+    _x: PETSc.Vec
+    _load: float
+    _rest: Rest | None
+
+    def displacement(self) -> fem.Function:
+        """The displacement of the whole body; collective, one back substitution."""
+        system = self._problem.system
+        system.set_step(0, self._load)
+        return from_rest(self._discretisation, self._rest, system.displacement(self._x))
+
+    def certificate(self) -> Certificate:
+        """The conditions of the problem, checked anew on the whole body; collective."""
+        tagged, displacement = self._discretisation.tagged, self.displacement()
+        return certify(self._scene, tagged, displacement, Tractions.of(self.contact), law=self._law, scale=self._load)
+
+
+def sweep(
+    scene: Scene | str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    coefficients: Sequence[float] | None = None,
+    loads: Sequence[float] | None = None,
+) -> list[SweepPoint]:
+    """Solve a scene for many friction coefficients, or many multiples of all its loads.
+
+    Every value is a problem of its own (the static law, no history); the one before only gives the start.
+
+    Args:
+        scene: the scene, or the path of its file, with one load step.
+        comm: the ranks that share the work; the call is collective.
+        coefficients: values that replace the coefficient of all Coulomb friction in the scene.
+        loads: factors for all tractions, body forces and prescribed displacements.
+
+    Raises:
+        SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
+    """
+    scene = as_scene(scene)
+    if (coefficients is None) == (loads is None):
+        raise SceneError([("sweep", "give either coefficients or loads")])
+    if scene.steps > 1 or not scene.contact:
+        raise SceneError([("sweep", "needs a scene with contact and one load step")])
+    if coefficients is not None and not scene.has_coulomb:
+        raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
+    discretisation = discretise(scene, load_mesh(scene, comm), Timings())
+    assert discretisation.boundary is not None
+    history = History()
+    task = contact_task(discretisation, discretisation.boundary, history)
+    begin, law = task.start, task.start.law
+    points: list[SweepPoint] = []
+    for value in (coefficients if coefficients is not None else loads) or ():
+        before, load = history.linear_solves, value if loads is not None else 1.0
+        start = replace(begin, scale=load)
+        if coefficients is not None and law is not None:
+            start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
+        outcome = run(task, start)
+        contact, promised = task.contact(outcome, start), task.promised(outcome)
+        x = outcome.newton.x.copy()
+        solves, problem = history.linear_solves - before, outcome.problem
+        own = scene if coefficients is None else _with_coefficient(scene, value)
+        points.append(
+            SweepPoint(
+                value, outcome.status, contact, solves, own, promised, discretisation, problem, x, load, task.rest
+            )
+        )
+        if outcome.status is Status.CONVERGED:
+            begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
+    return points
+
+
+def _with_coefficient(scene: Scene, value: float) -> Scene:
+    """The scene with another friction coefficient where Coulomb friction acts."""
+
+    def replaced(friction: Friction) -> Friction:
+        if not isinstance(friction, CoulombFriction):
+            return friction
+        old = friction.coefficient
+        return friction.model_copy(update={"coefficient": lambda x: np.where(sample(old, x) > 0, value, 0.0)})
+
+    contact = tuple(effect.model_copy(update={"friction": replaced(effect.friction)}) for effect in scene.contact)
+    return scene.model_copy(update={"contact": contact})

@@ -1,0 +1,255 @@
+"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.algorithms.fall_backs import try_fall_backs
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import (
+    ActiveSets,
+    FrictionLaw,
+    Nodal,
+    RegularisedData,
+    slip_multiplier,
+    slip_of,
+)
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.state import ContactState
+from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.rotated import rotate
+from signorini_fx.problem.exact import ExactProblem
+from signorini_fx.problem.regularised import ContactProblem, RegularisedProblem
+from signorini_fx.records import History, Status
+from signorini_fx.results.promised_law import UNREGULARISED, Law
+from signorini_fx.scene.settings import SolverSettings
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a load step starts.
+
+    Attributes:
+        data: the regularised problem with the gamma to begin with.
+        law: the friction law, None without friction.
+        sets: active sets of the first linear solve; None: from the iterate.
+        iteration: number of the first linear solve.
+        multipliers: (lambda, mu) to start from, where there are any.
+        step: the load step, from 0.
+        scale: multiple of its loads and prescribed displacements.
+        regularisation_error: what path-following has left in an earlier load step, in the energy norm.
+        elastic_slip: what of the slip so far is none without regularisation, length; None: nothing.
+    """
+
+    data: RegularisedData
+    law: FrictionLaw | None
+    sets: ActiveSets | None = None
+    iteration: int = 1
+    multipliers: tuple[Nodal, Nodal] | None = None
+    step: int = 0
+    scale: float = 1.0
+    regularisation_error: float | None = None
+    elastic_slip: Nodal | None = None
+
+    def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
+        """The same from sets and (lambda, mu) that another mesh, fewer contact nodes or another load have led to."""
+        return replace(self, sets=sets, iteration=1, multipliers=multipliers)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a load step ended, or one of the methods that were tried on it.
+
+    Attributes:
+        status: its name.
+        newton: the inner method whose iterate is the answer.
+        data: the problem of the load step with the gamma that was arrived at.
+        monolithic: whether Coulomb friction was solved monolithically.
+        augmented: whether augmentation took over, which leaves nothing of the regularisation.
+        regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
+    """
+
+    status: Status
+    newton: SemismoothNewton
+    data: RegularisedData
+    monolithic: bool = False
+    augmented: bool = False
+    regularisation_error: float | None = None
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem that holds the answer."""
+        return self.newton.problem
+
+    def displacement(self) -> PETSc.Vec:
+        """All displacement dofs of the answer, counted from where the body rests."""
+        return self.problem.system.displacement(self.newton.x)
+
+    def next_step(self, start: Start) -> Start:
+        """Where the next load step starts: friction acts on what is added to the slip, from the shear that there is.
+
+        Args:
+            start: where this load step started.
+        """
+        _, u_t = self.problem.traces(self.newton.x)
+        pressure, shear = self.newton.multipliers()
+        data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
+        if start.law is not None:
+            data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
+            if np.isfinite(solved.gamma_t) and not self.augmented:
+                elastic = (0.0 if elastic is None else elastic) + (shear - solved.mu_hat) / solved.gamma_t
+            else:
+                elastic = None
+        return Start(
+            data,
+            start.law,
+            multipliers=(pressure, shear),
+            step=start.step + 1,
+            regularisation_error=self.regularisation_error,
+            elastic_slip=elastic,
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """The inputs of a contact problem.
+
+    Attributes:
+        settings: the solver settings of the scene.
+        system: the elastic system.
+        boundary: the contact nodes.
+        motions: rigid motions of the body.
+        start: where the first load step starts.
+        has_coulomb: whether the friction bound follows the pressure anywhere.
+        natural_gamma: E over the size of the body, the natural unit of gamma.
+        history: records.
+        linear_algebra: which kind of elastic system it is, and why.
+        goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
+        rest: where displacements are counted from; None: from where the body was at first.
+    """
+
+    settings: SolverSettings
+    system: ElasticSystem
+    boundary: ContactBoundary
+    motions: RigidMotions
+    start: Start
+    has_coulomb: bool
+    natural_gamma: float
+    history: History
+    linear_algebra: str
+    goal: Callable[[PETSc.Vec], float]
+    rest: Rest | None = None
+
+    @cached_property
+    def iterate(self) -> Iterate:
+        """The iterates, which the algorithms share."""
+        return Iterate(self)
+
+    def contact(self, outcome: Outcome, start: Start) -> ContactState:
+        """The contact nodes of this rank as an answer has them, displacements from where the body was at first.
+
+        Args:
+            outcome: how the load step ended.
+            start: where it started, from where its slip counts.
+        """
+        law, origin = start.law, start.data.slip_origin
+        problem = outcome.problem
+        sets, data = problem.sets, problem.data
+        u_n, u_t = problem.traces(outcome.newton.x)
+        rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
+        pressure, shear = outcome.newton.multipliers()
+        return ContactState(
+            boundary=self.boundary,
+            gap=data.gap + rest_n,
+            u_n=u_n + rest_n,
+            u_t=u_t + rest_t,
+            pressure=pressure,
+            shear=shear,
+            # Of the law itself: the iteration may have stopped with the bound of the pressure before.
+            bound=np.zeros_like(pressure) if not data.has_friction or law is None else law.bound(pressure),
+            in_contact=sets.contact,
+            direction=sets.direction,
+            has_friction=data.has_friction,
+            bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
+            slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
+            xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
+        )
+
+    def promised(self, outcome: Outcome) -> Law:
+        """The contact law that an answer promises to meet: without regularisation, or with the gamma in force."""
+        if outcome.augmented or self.settings.algorithm in ("alm", "exact"):
+            return UNREGULARISED
+        return Law(outcome.problem.data.gamma_n, outcome.problem.data.gamma_t)
+
+    def gave_up(self, status: Status) -> bool:
+        """Whether a method has failed that was not told when to end."""
+        limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
+        return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
+
+
+class Iterate:
+    """The iterates of a contact problem and the inner methods on them, each set up when it is first asked for.
+
+    Attributes:
+        x: the iterate of the regularised problem.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self.x: PETSc.Vec = task.system.start.copy()
+
+    def _newton(self, problem: ContactProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
+        settings = self._task.settings
+        return SemismoothNewton(
+            problem,
+            x,
+            settings.max_iterations,
+            self._task.history,
+            symmetric=symmetric,
+            try_fall_backs=try_fall_backs if settings.fallbacks else None,
+            limited=_limited(settings, "max_iterations"),
+        )
+
+    @cached_property
+    def newton(self) -> SemismoothNewton:
+        """The inner method on the regularised problem."""
+        task = self._task
+        return self._newton(RegularisedProblem(task.system, task.boundary, task.motions), self.x)
+
+    @cached_property
+    def unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        return self._newton(self.newton.problem, self.x, symmetric=False)
+
+    @cached_property
+    def exact_newton(self) -> SemismoothNewton:
+        """The inner method on the unregularised problem, with an iterate of its own."""
+        task = self._task
+        system = rotate(task.system, task.boundary)
+        return self._newton(ExactProblem(system, task.boundary, task.motions), system.start.copy())
+
+    @cached_property
+    def exact_unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        exact = self.exact_newton
+        return self._newton(exact.problem, exact.x, symmetric=False)
+
+    def take_loads(self, step: int, scale: float) -> None:
+        """Put the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
+        self._task.system.set_step(step, scale)
+        if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._task.system:
+            self.exact_newton.problem.system.set_step(step, scale)
+        fixed = self._task.system.fixed
+        self.x.getArray()[fixed] = self._task.system.start.getArray(readonly=True)[fixed]
+
+
+def _limited(settings: SolverSettings, name: str) -> bool:
+    """Whether a limit is lower than usual: then it is an end that was asked for, and no failure."""
+    return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)

@@ -1,0 +1,362 @@
+"""An accuracy that is asked for: which mesh comes next, with which gamma, and when it is enough.
+
+Every mesh is solved from the contact state of the one before, and tells what is still missing.  The next one is as fine
+as that needs, no finer: by the rate at which the error falls where the mesh is refined everywhere, by the share of the
+squared error that has to go where it is refined where the error is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil, inf
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.error_estimates import Errors
+from signorini_fx.accuracy.plan import LOCAL, planned
+from signorini_fx.accuracy.pressure_error import corners_of_error, polygon_error
+from signorini_fx.accuracy.price_list import (
+    LevelResult,
+    Price,
+    expected_rates,
+    grows_for_ever,
+    peak_memory,
+    predict,
+    price_list,
+    with_polygon,
+)
+from signorini_fx.body.material import plane_modulus
+from signorini_fx.contact.state import ContactState
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.hierarchy import scene_on
+from signorini_fx.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mesh.tagged import (
+    TaggedMesh,
+    load_file,
+)
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.task import Outcome, Task
+from signorini_fx.tuned import (
+    BULK,
+    COARSER_START,
+    CORNER_DIVISIONS,
+    CORNER_RATE,
+    FEWEST_MESHES,
+    LARGEST_GAMMA,
+    LARGEST_JUMP,
+    MOST_MESHES,
+    REGULARISATION_SHARE,
+    SAFETY,
+    SAFETY_OF_OTHERS,
+    SMALLEST_JUMP,
+)
+
+# Nodes that are closer than this share of the body's size cannot be told apart reliably.
+_ROUND_OFF = 1e-11
+# Where the polygon's error of a quantity is found.
+_POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
+# How a mesh ends whose cells are at the round-off of their coordinates.
+_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A scene on one mesh.
+
+    Attributes:
+        solution: how it ended.
+        task: the contact problem; None without one.
+        outcome: how it ended; None where it has no solution.
+        level: what the mesh is worth; None where it has no solution.
+        errors: what is estimated on the mesh; None where it has no solution.
+    """
+
+    solution: Solution
+    task: Task | None
+    outcome: Outcome | None = None
+    level: LevelResult | None = None
+    errors: Errors | None = None
+
+
+def solve_to_accuracy(
+    scene: Scene,
+    goal: Accuracy,
+    comm: MPI.Comm,
+    solve_on: Callable[[Scene, ContactState | None, int], Solved],
+    on_level: Callable[[Solution], object],
+    notify: Callable[[str], object],
+) -> Solution:
+    """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
+
+    A refinement that the budget would not allow is not begun.
+
+    Args:
+        scene: with the mesh and the gamma to begin from.
+        goal: what is asked for.
+        comm: the ranks that share the work.
+        solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
+        on_level: called with the solution on each mesh but the last; collective.
+        notify: told what a user should know, such as that other elements than the scene's are used.
+    """
+    base_memory, begin = peak_memory(comm), time.perf_counter()
+    meshes = Meshes(scene, goal, comm)
+    if meshes.replaced:
+        notify(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
+    rates = expected_rates(meshes.degree if meshes.adaptive else 1)
+    levels: list[LevelResult] = []
+    state: ContactState | None = None
+    last: Solution | None = None
+    polygon = 0.0
+    while True:
+        before = time.perf_counter()
+        solved = meshes.solve(solve_on, state, len(levels))
+        solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
+        if last is not None and solution.status in _TOO_FINE:
+            # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
+            notify(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
+            return replace(last, status=Status.OUT_OF_REACH)
+        if level is None or task is None or outcome is None:
+            return replace(solution, levels=tuple(levels))
+        if meshes.polygonal and not levels:
+            polygon = polygon_error(level.table, max(map(plane_modulus, scene.material)))
+        state = solution.steps[0].contact
+        seconds = parallel.global_max(comm, time.perf_counter() - before + meshes.seconds)
+        meshes.seconds = 0.0
+        same_mesh = bool(levels) and levels[-1].dofs == level.dofs
+        levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
+        rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
+        solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
+        left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
+        estimate = (
+            getattr(rows[-2], goal.of)
+            if rows
+            else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
+        )
+        safety = SAFETY.get((goal.of, meshes.degree), SAFETY_OF_OTHERS)
+        error = inf if estimate is None else estimate * safety
+        enough = len(levels) >= FEWEST_MESHES.get(goal.of, 3)
+        if enough and error + left <= goal.target:
+            return solution
+        hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
+        if hopeless:
+            notify(f"accuracy: {hopeless}")
+            return replace(solution, status=Status.OUT_OF_REACH)
+        meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
+        allowed = goal.target * (1 - REGULARISATION_SHARE)
+        if not enough or error > allowed:
+            excess = error / (goal.target - min(left, goal.target - allowed))
+            jump = meshes.jump(excess, rates.get(goal.of) or _seen_rate(levels), compared=goal.of not in FEWEST_MESHES)
+            if enough:
+                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump):
+                    jump = max(jump / 2, SMALLEST_JUMP)
+                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
+                    return replace(solution, status=Status.BUDGET)
+            on_level(solution)
+            meshes.refine(solved, excess, jump)
+        elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
+            return replace(solution, status=Status.BUDGET)
+
+
+def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size: float) -> str:
+    """Why no mesh will have the accuracy; "" where one may."""
+    table = levels[-1].table
+    if goal.of == "peak" and grows_for_ever(levels):
+        row = int(np.argmax(table.columns["pressure"]))
+        x, y = (round(float(table.columns[name][row]) / size, 9) * size for name in "xy")  # round-off is no position
+        return (
+            f"the largest pressure has no finite value: it grows with every refinement at ({x:.6g}, {y:.6g}); ask for "
+            "the pressure, a force or the energy, or round off the corner"
+        )
+    bare = replace(levels[-1], energy=0.0, pressure=0.0, data=0.0)
+    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * safety
+    if polygon > goal.target:
+        return (
+            f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
+            "no refinement makes smaller: give the .geo, or a mesh of second order"
+        )
+    spacings = [np.diff(table.columns["s"][chain.start : chain.stop]) for chain in table.chains if len(chain) > 1]
+    spacing = min((float(own.min()) for own in spacings), default=inf)
+    if spacing < _ROUND_OFF * size:
+        return (
+            "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
+            "finite norm there: ask for a force or the energy, or round off the corner"
+        )
+    return ""
+
+
+def _beyond(goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float) -> bool:
+    """Whether a mesh ``jump`` times finer would break the budget."""
+    following = predict(rows[:-1], base_memory, finer=jump)
+    spent = parallel.global_max(comm, time.perf_counter() - begin)
+    late = goal.seconds is not None and spent + following.seconds > goal.seconds
+    return late or (goal.memory is not None and following.memory > 1024 * goal.memory)
+
+
+def _seen_rate(levels: list[LevelResult]) -> float:
+    """How fast the error in the energy norm falls with h; of a single mesh, what the first order promises."""
+    if len(levels) < 2 or not levels[-1].energy < levels[-2].energy:
+        return 1.0
+    finer = np.sqrt(levels[-1].dofs / levels[-2].dofs)
+    return float(np.clip(np.log(levels[-2].energy / levels[-1].energy) / np.log(finer), 0.5, 2.0))
+
+
+class Meshes:
+    """One finer mesh after the other, and the scene on it.
+
+    Attributes:
+        scene: the scene on the mesh that is to be solved next.
+        degree: of the displacement.
+        adaptive: whether triangles are divided where the error is.
+        polygonal: whether straight sides stay where the shape may be curved.
+        replaced: what takes the place of the scene's elements; "": they stay.
+        seconds: what the last refinement took; 0 where the mesh is made with the solve.
+    """
+
+    def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
+        self._comm, self._plan = comm, planned(scene, goal, comm)
+        self._of: str = goal.of if goal.of in LOCAL else "force"  # what cells are marked for
+        self._given: Scene = self._plan.scene
+        self.adaptive: bool = self._plan.adaptive
+        self.polygonal: bool = self._plan.polygonal
+        how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
+        self._regularised = self._given
+        settings = self._given.solver
+        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
+        if goal.of == "pressure" and automatic:
+            # The regularisation blurs the pressure at a corner, over a length that hardly depends on the mesh.
+            solver = settings.model_copy(update={"algorithm": "exact"})
+            self._given = self._given.model_copy(update={"solver": solver})
+        self.degree: int = self._given.element.degree
+        self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
+        self._generated = isinstance(self._given.mesh, MeshGenerator)
+        self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
+        self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
+        self.seconds: float = 0.0
+        self.scene: Scene = self._scene()
+
+    def _coarsest_factor(self) -> float:
+        """How many times larger the first cells are; a mesh that is no part of the scene's own would lose nodes of it.
+
+        Where a load jumps a mesh needs a node, and the scene's own mesh is the one that has it.
+        """
+        factor = float(COARSER_START[self.degree]) if self._generated else 1.0
+        while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
+            factor /= 2
+        return factor
+
+    def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
+        """Solve on the coarsest mesh that has all the boundaries of the scene's own."""
+        while True:
+            try:
+                return solve_on(self.scene, None, 0)
+            except (SceneError, MeshError):
+                if not self._generated or self._coarsest <= 1:
+                    raise
+            self._coarsest /= 2
+            self.scene = self._scene()
+
+    def solve(
+        self,
+        solve_on: Callable[[Scene, ContactState | None, int], Solved],
+        state: ContactState | None,
+        number: int,
+    ) -> Solved:
+        """Solve on the mesh that is due; with regularisation where the scene leaves it open and nothing else works."""
+        if self._given.solver == self._regularised.solver:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        try:
+            solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+            if solved.level is not None or solved.task is None:
+                return solved
+        except SceneError:
+            solved = None
+        self._given = self._regularised
+        self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
+        try:
+            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
+        except SceneError:
+            if solved is not None:
+                return solved
+            raise
+
+    def jump(self, excess: float, rate: float, *, compared: bool) -> float:
+        """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
+        if self.adaptive or not self._generated:
+            return float(np.sqrt(2)) if self.adaptive else 2.0
+        if excess == inf:
+            return 2.0
+        smallest = SMALLEST_JUMP if compared else 1.0
+        return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP))
+
+    def refine(self, solved: Solved, excess: float, jump: float) -> None:
+        """Make the next mesh."""
+        begin = time.perf_counter()
+        if self._file is not None:
+            self._halvings += 1
+            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+        elif self._generated and not self.adaptive:
+            # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
+            self._divisions = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
+            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+        else:
+            cells = None
+            if self.adaptive:
+                assert solved.errors is not None
+                squares = solved.errors.squares[self._of]
+                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
+            tagged = refine(solved.solution.discretisation.tagged, cells)
+            if self._of == "pressure" and self.adaptive:
+                tagged = self._divide_corners(tagged, solved, excess)
+            self.scene = self.scene.model_copy(update={"mesh": tagged})
+        self.seconds = time.perf_counter() - begin
+
+    def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
+        """Divide the cells at corners in contact several times, where they hold the error of the pressure.
+
+        There it falls so slowly with h, and so few cells are divided, that a solve for each division would be a waste.
+        """
+        assert solved.level is not None
+        corners = corners_of_error(solved.level.table)
+        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
+            if not len(corners):
+                break
+            tagged = refine(tagged, cells_at(tagged, corners))
+        return tagged
+
+    def raise_gamma(self, task: Task, outcome: Outcome, left: float, excess: float) -> None:
+        """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
+
+        Path-following finds gamma itself: it is allowed less.
+
+        Args:
+            task: the contact problem on the last mesh.
+            outcome: how it ended.
+            left: what its regularisation leaves, relative in the energy norm.
+            excess: the same of what is asked for, relative to the target.
+        """
+        factor = excess / REGULARISATION_SHARE
+        if factor <= 1:
+            return
+        settings, data = self.scene.solver, outcome.data
+        largest = LARGEST_GAMMA * task.natural_gamma
+        update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
+        if settings.algorithm == "path-following":
+            allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
+            # With Coulomb friction its own figure is that of the start: halves, at least, come to an end.
+            update = {"regularisation_error": min(allowed, left) / max(factor, 2.0)}
+        solver = settings.model_copy(update=update)
+        self.scene = self.scene.model_copy(update={"solver": solver})
+
+    def _scene(self) -> Scene:
+        """The scene on the mesh with the divisions that there are."""
+        if self._file is not None:
+            tagged = load_file(self._file, self._comm, halvings=self._halvings, degree=self._plan.geometry)
+            return self._given.model_copy(update={"mesh": tagged})
+        return scene_on(self._given, self._coarsest / self._divisions) if self._generated else self._given

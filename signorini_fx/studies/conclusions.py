@@ -1,0 +1,167 @@
+"""What follows from the table of a study: the cheapest method for each accuracy, and the advice in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
+
+TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+# Times so close are a tie, and the first in the list wins: it is the simpler one.  So are errors so close.
+_TIE, _SAME = 1.25, 0.8
+# Forces that balance the load on every mesh have no error to be shown.
+_NOTHING = 1e-5
+_LABELS = {
+    "energy": "displacement in the energy norm",
+    "pressure": "contact pressure",
+    "peak": "largest pressure",
+    "zone": "ends of the contact zone",
+    "force": "contact force",
+}
+
+
+def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
+    """The errors without luck: of each run the largest on its mesh and the finer ones by the same method.
+
+    An error that changes its sign is small on one mesh by accident.
+    """
+    result: list[float | None] = []
+    for row in rows:
+        family = [r for r in rows if r["method"] == row["method"] and coarseness(r) <= coarseness(row)]
+        errors = [r[quantity] for r in family if r[quantity] is not None]
+        result.append(max(errors) if row[quantity] is not None else None)
+    return result
+
+
+def coarseness(row: Row) -> float:
+    """The size of the cells, or the accuracy that was asked for: what falls from run to run of a method."""
+    return float(row["size_of_cells"] or row["asked"])
+
+
+def cheapest_front(rows: Sequence[Row], quantity: str, floor: float | None = None) -> list[tuple[Row, float]]:
+    """The runs that no cheaper run beats, cheapest first, each with its lasting error.
+
+    A step down is worth a fifth of the error at least; where several runs are as good as equal, the first of the list
+    stands for them.  Errors below that of the reference, ``floor``, cannot be told apart.
+    """
+    errors = [None if e is None else max(e, floor or 0.0) for e in lasting_errors(rows, quantity)]
+    known = [(row, e) for row, e in zip(rows, errors, strict=True) if e is not None and row["seconds"]]
+    front: list[tuple[Row, float]] = []
+    for row, error in sorted(known, key=lambda pair: (pair[0]["seconds"], pair[1])):
+        if not front or error < _SAME * front[-1][1]:
+            front.append(next(pair for pair in known if _as_good(pair, (row, error))))
+    return [pair for k, pair in enumerate(front) if not any(_beats(later, pair) for later in front[k + 1 :])]
+
+
+def _beats(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
+    return bool(one[0]["seconds"] <= other[0]["seconds"] and one[1] <= other[1])
+
+
+def _as_good(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
+    """Whether the first is as good as the second within what is called a tie."""
+    return bool(one[0]["seconds"] <= _TIE * other[0]["seconds"] and _SAME * one[1] <= other[1])
+
+
+def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
+    """The cheapest run that meets a target; among ties the first of the list.  None: no run does."""
+    errors = lasting_errors(rows, quantity)
+    enough = [row for row, e in zip(rows, errors, strict=True) if e is not None and e <= target and row["seconds"]]
+    least = min((row["seconds"] for row in enough), default=0.0)
+    return next((row for row in enough if row["seconds"] <= _TIE * least), None)
+
+
+def advice(study: Study) -> str:
+    """One paragraph: which method for which accuracy, from the data alone."""
+    rows = study.rows
+    parts = [f"{study.scene.title or 'The scene'}: errors relative to {study.reference}, times of whole solves."]
+    for quantity in quantities_with_errors(study):
+        best: list[tuple[str, float, Row]] = []
+        for target in TARGETS:
+            row = choice(rows, quantity, target) if target > 2 * (study.floor[quantity] or 0.0) else None
+            if row is not None and best and best[-1][2]["method"] == row["method"]:
+                best[-1] = (best[-1][0], target, row)
+            elif row is not None:
+                best.append((_percent(target), target, row))
+        said = [
+            f"{row['method']} ({first}{'' if _percent(last) == first else ' down to ' + _percent(last)}, "
+            f"there {row['seconds']:.2g} s and {row['dofs']} unknowns)"
+            for first, last, row in best
+        ]
+        label = _LABELS[quantity]
+        parts.append(f"For the {label} take " + ", then ".join(said) + "." if said else _none(study, quantity))
+    parts += [text for text in (_on_gamma(rows), _on_time(rows), _on_failures(rows)) if text]
+    return " ".join(parts)
+
+
+def _none(study: Study, quantity: str) -> str:
+    """What to say of a quantity that no run has."""
+    best = min((e for e in lasting_errors(study.rows, quantity) if e is not None), default=None)
+    floor = study.floor[quantity]
+    text = f"No run has the {_LABELS[quantity]} within {_percent(TARGETS[0])} beyond doubt"
+    text += f": the best is wrong by {100 * best:.2g} %" if best is not None else ""
+    return text + (f", the reference itself perhaps by {100 * floor:.2g} %." if floor else ".")
+
+
+def _percent(target: float) -> str:
+    return f"{100 * target:g} %"
+
+
+def quantities_with_errors(study: Study) -> list[str]:
+    """Quantities that have errors."""
+    return [name for name in QUANTITIES if any((row[name] or 0.0) > _NOTHING for row in study.rows)]
+
+
+def _finest(rows: Sequence[Row], name: str) -> Row | None:
+    """The run of a method on its finest mesh, if it is solved there."""
+    own = [row for row in rows if row["method"] == name]
+    last = min(own, key=coarseness, default=None)
+    return last if last is not None and last["seconds"] and last["pressure"] is not None else None
+
+
+def _on_gamma(rows: Sequence[Row]) -> str:
+    """What gamma leaves on the finest mesh."""
+    base = _finest(rows, rows[0]["method"])
+    fixed = [row for name in dict.fromkeys(r["method"] for r in rows) if (row := _finest(rows, name)) is not None]
+    fixed = [row for row in fixed if row["gamma"] != "auto" and row["algorithm"] == "auto"]
+    if base is None or not base["pressure"] or not fixed:
+        return ""
+    ratios = {row["gamma"]: row["pressure"] / base["pressure"] for row in fixed}
+    enough = [gamma for gamma, ratio in ratios.items() if 0.9 <= ratio <= 1.1]
+    low = {gamma: ratio for gamma, ratio in ratios.items() if ratio > 1.1}
+    said = ", ".join(f"{gamma:.0e} leaves {ratio:.2g} times that" for gamma, ratio in low.items())
+    text = f"On the finest Q1 mesh the pressure is wrong by {base['pressure']:.1e} without regularisation"
+    if enough:
+        spread = f"{min(enough):.0e}" + (f" to {max(enough):.0e}" if len(enough) > 1 else "")
+        text += f", and by as much with a fixed gamma of {spread} E/size"
+    return text + (f"; {said}." if said else ".")
+
+
+def _on_time(rows: Sequence[Row]) -> str:
+    """Times on the finest mesh relative to the base."""
+    base = _finest(rows, rows[0]["method"])
+    if base is None:
+        return ""
+    said = []
+    for name in dict.fromkeys(row["method"] for row in rows):
+        row = _finest(rows, name)
+        alike = row is not None and row["gamma"] == "auto" and row["element"] == base["element"]
+        if row is not None and alike and name != base["method"]:
+            said.append(f"{name} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
+    own = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
+    return f"There, in multiples of the time of {base['method']} ({own}): {', '.join(said)}." if said else ""
+
+
+def _on_failures(rows: Sequence[Row]) -> str:
+    """Which runs have no solution."""
+    failed = [row for row in rows if row["status"] != "converged"]
+    if not failed:
+        return f"All {len(rows)} runs have a solution."
+    said: dict[str, list[str]] = {}
+    for row in failed:
+        mesh = f"cells x {row['size_of_cells']:g}" if row["size_of_cells"] else f"asked for {row['asked']:g}"
+        said.setdefault(row["status"], []).append(f"{row['method']} ({mesh})")
+    return (
+        f"{len(failed)} of {len(rows)} runs have no solution: "
+        + "; ".join(f"{', '.join(names)}: {status}" for status, names in said.items())
+        + "."
+    )

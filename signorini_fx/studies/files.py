@@ -1,0 +1,129 @@
+"""The files of a study: its table, its advice, and one picture for each quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from signorini_fx.report.style import INK, RULE, STYLE, finish
+from signorini_fx.results.files import write_csv
+from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness, lasting_errors, quantities_with_errors
+from signorini_fx.studies.methods import FAMILIES
+from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
+
+_COLOURS = ("#1a1a1a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#6b6b6b", "#8c6d1f")
+_MARKERS = "os^Dv<>PX"
+
+
+def write_study(study: Study, folder: Path) -> None:
+    """Write work_precision.csv, reference.csv, advice.txt and one picture per quantity."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_csv(folder / "work_precision.csv", study.rows)
+    rows = [{"quantity": name, "may_be_wrong_by": error, "is": study.reference} for name, error in study.floor.items()]
+    write_csv(folder / "reference.csv", rows)
+    (folder / "advice.txt").write_text(advice(study) + "\n", encoding="utf-8")
+    for quantity in quantities_with_errors(study):
+        draw(folder / f"work_precision_{quantity}", study, quantity)
+
+
+def draw(stem: Path, study: Study, quantity: str) -> None:
+    """Error against time: the cheapest front of all methods on the left, the families beside it."""
+    errors = lasting_errors(study.rows, quantity)
+    points = [(row, e) for row, e in zip(study.rows, errors, strict=True) if e and row["seconds"]]
+    if not points:
+        return
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(11.0, 5.6), layout="constrained")
+        grid = figure.add_gridspec(2, 4, width_ratios=(1.75, 1, 1, 1))
+        large = figure.add_subplot(grid[:, 0])
+        small: list[Axes] = []
+        for k in range(6):
+            shared = small[0] if small else None
+            small.append(figure.add_subplot(grid[k // 3, 1 + k % 3], sharex=large, sharey=shared))
+        times, values = [row["seconds"] for row, _ in points], [error for _, error in points]
+        large.set(xscale="log", yscale="log", xlim=(min(times) / 6, 1.6 * max(times)))
+        floor = study.floor[quantity]
+        low = min(values) / 2
+        large.set_ylim(low, 2 * max(values))
+        small[0].set(yscale="log", ylim=(low, 15 * max(values)))  # room for the names
+        for axes in (large, *small[:5]):
+            axes.plot(times, values, "o", color=RULE, markersize=2.5, zorder=1)
+            axes.grid(visible=True, which="major", color=RULE, linewidth=0.35, zorder=0)
+            if floor and floor > low:
+                axes.axhspan(low, floor, facecolor="#f3e9e9", zorder=0)
+        _front(large, study, quantity)
+        for axes, (family, title) in zip(small, FAMILIES.items(), strict=False):
+            _family(axes, points, family)
+            axes.set_title(title, loc="left", fontsize=8)
+            axes.tick_params(labelleft=family in ("element", "linear algebra"))
+        large.set_title("The cheapest method for each accuracy", loc="left", fontweight="bold")
+        large.set_ylabel(f"relative error: {QUANTITIES[quantity]}")
+        for axes in (large, small[3], small[4]):
+            axes.set_xlabel("seconds for the whole solve")
+        small[2].set_xlabel("seconds for the whole solve")
+        small[5].set_axis_off()
+        small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7.5, transform=small[5].transAxes)
+        finish(figure, stem, f"What accuracy costs: {study.scene.title}")
+
+
+def _front(axes: Axes, study: Study, quantity: str) -> None:
+    """The front as a staircase; a name where the method changes, in the empty corner below it."""
+    front = cheapest_front(study.rows, quantity, study.floor[quantity])
+    seconds, errors = [row["seconds"] for row, _ in front], [error for _, error in front]
+    axes.step(seconds, errors, where="post", color=INK, linewidth=1.2, zorder=3)
+    axes.plot(seconds, errors, "o", color=INK, markersize=4, zorder=4)
+    for k, (row, error) in enumerate(front):
+        if k + 1 < len(front) and front[k + 1][0]["method"] == row["method"]:
+            continue
+        place: dict[str, Any] = {
+            "xytext": (-5, -3),
+            "textcoords": "offset points",
+            "ha": "right",
+            "va": "top",
+            "fontsize": 7,
+        }
+        axes.annotate(f"{row['method']}\n{row['dofs']} unknowns", (row["seconds"], error), **place, zorder=5)
+
+
+def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
+    """One line per method of the family."""
+    names = dict.fromkeys(row["method"] for row, _ in points if family in row["families"].split("; "))
+    for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
+        own = sorted(((r["seconds"], e, coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
+        axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
+    style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
+    long = len(names) > 6 and max(map(len, names)) > 15
+    small = {"fontsize": 5.2 if long else 6.2, "ncols": 2 if len(names) > 6 else 1, "columnspacing": 0.8}
+    axes.legend(loc="upper right", handlelength=1.3, labelspacing=0.2, handletextpad=0.5, **small, **style)
+
+
+def _coarsest(point: tuple[float, float, float]) -> float:
+    return -point[2]
+
+
+def _how_to_read(study: Study, floor: float | None, low: float) -> str:
+    """The words beside the pictures."""
+    lines = [
+        "How to read this",
+        "Each point is one method on one mesh; a line joins",
+        "the meshes of a method, coarse to fine. Lower is more",
+        "accurate, further left is cheaper. Gray: all methods.",
+        "The error shown is the largest on this and finer",
+        "meshes: luck on one mesh does not count.",
+        "Exact: without regularisation. Not said otherwise:",
+        "Q1, cold start, the program's own gamma and linear",
+        "algebra; Coulomb friction by a fixed point (FP).",
+        "Times are medians, machine code of forms excluded.",
+    ]
+    if floor and floor > low:
+        lines += ["Shaded: the reference itself may be wrong by so much."]
+    failed = [row["method"] for row in study.rows if row["status"] != "converged"]
+    counts = [f"{name} ({failed.count(name)})" for name in dict.fromkeys(failed)]
+    lines += [f"{len(failed)} of {len(study.rows)} runs failed:" if failed else "No run failed."]
+    lines += [f"   {text}" for text in counts[:3]] + (["   and others: see the table"] if len(counts) > 3 else [])
+    return "\n".join(lines)

@@ -1,0 +1,226 @@
+"""What other solutions are measured against: one of much higher accuracy, and how far it can be trusted itself.
+
+It is a solution without regularisation.  Bodies with straight sides get triangles of degree 2 divided where the error
+is, many more than any run that is measured; others a fine uniform mesh.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, geometry
+from mpi4py import MPI
+
+from signorini_fx import compat
+from signorini_fx.accuracy.price_list import interpolated, zone_ends
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.material import stress
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.hierarchy import scene_on
+from signorini_fx.mesh.refinement import mark, refine
+from signorini_fx.mesh.tagged import load_mesh, simplex_parameters
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import EXPECTED_RATES
+
+Floats = npt.NDArray[np.float64]
+EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
+_CELLS = {"P": "triangle", "Q": "quadrilateral"}
+# How errors fall with h on smooth parts of the boundary, and the slowest rate that the reference is credited with.
+_EXPECTED, _SLOWEST = {"energy": 1.0, **EXPECTED_RATES}, 0.5
+# Meshes divided where the error is begin with these cells, relative to those of the scene: all its nodes that matter,
+# where loads jump or named sides end, should be nodes of them too.
+_FIRST = 2.0
+
+
+def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
+    """The scene with elements ``factor`` times as large, of this kind, and solver settings of its own.
+
+    Raises:
+        SceneError: the generator makes no such meshes.
+    """
+    if not isinstance(scene.mesh, MeshGenerator):
+        raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
+    mesh = scene_on(scene, factor).mesh
+    assert isinstance(mesh, MeshGenerator)
+    parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
+    given = {"max_iterations", "max_outer_iterations", "tolerance"}
+    return scene.model_copy(
+        update={
+            "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
+            "element": scene.element.model_copy(update={"degree": int(element[1])}),
+            # A method stands for itself here, not for what would take over from it.
+            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings, fallbacks=False),
+            "accuracy": None,
+        }
+    )
+
+
+class Reference:
+    """A solution to measure others against.
+
+    Stresses are compared at the quadrature points of the reference's cells; where a point lies outside the other mesh
+    (a curved boundary), the nearest cell is continued.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        self._located: dict[Any, npt.NDArray[np.int32]] = {}
+        d, mesh = solution.discretisation, solution.discretisation.tagged.mesh
+        points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
+        cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+
+        def at_points(expression: Any) -> Floats:
+            return np.asarray(fem.Expression(expression, points).eval(mesh, cells)).reshape(
+                cells.size * len(points), -1
+            )
+
+        self._points = np.zeros((cells.size * len(points), 3))
+        self._points[:, :2] = at_points(ufl.SpatialCoordinate(mesh))
+        self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
+        lame = at_points(ufl.as_vector(d.lame))
+        self._lame, self._mu = lame.T
+        self._stress = at_points(_stress(solution))
+        self._size = self._energy_norm(self._stress)
+
+    @property
+    def about(self) -> str:
+        """What it is, in the words of the study."""
+        mesh, scene = self.solution.discretisation.tagged.mesh, self.solution.scene
+        kind = {"triangle": "P", "quadrilateral": "Q"}[mesh.topology.cell_name()]
+        adaptive = "" if isinstance(scene.mesh, MeshGenerator) else ", adaptive"
+        return f"{kind}{scene.element.degree}, exact{adaptive}"
+
+    def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
+        """Relative errors of a solution; None where there is nothing to compare.
+
+        Args:
+            solution: the solution.
+            mesh_key: solutions with the same key are on the same mesh; None: on a mesh of its own.
+        """
+        table, fine = solution.table, self.solution.table
+        weight, pressure = fine.columns["weight"], fine.columns["pressure"]
+        difference = interpolated(table, fine, "pressure") - pressure
+        size = float(np.sqrt(np.dot(weight, pressure**2)))
+        ends, true_ends = zone_ends(table), zone_ends(fine)
+        length = float(sum(abs(b - a) for a, b in zip(true_ends[::2], true_ends[1::2], strict=True)))
+        assert solution.contact is not None
+        assert self.solution.contact is not None
+        force, true_force = (np.concatenate(s.contact.forces) for s in (solution, self.solution) if s.contact)
+        peak = pressure.max()
+        return {
+            "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
+            "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
+            "peak": float(abs(table.columns["pressure"].max() / peak - 1)) if peak > 0 else None,
+            "zone": float(np.abs(np.subtract(ends, true_ends)).max()) / length
+            if len(ends) == len(true_ends) > 0 and length > 0
+            else None,
+            "force": float(np.linalg.norm(force - true_force) / np.linalg.norm(true_force)),
+        }
+
+    def _energy_norm(self, tau: Floats) -> float:
+        """The square root of the integral of C^-1 tau : tau for tau = (xx, yy, xy) at the points."""
+        xx, yy, xy = tau.T
+        lame, mu = self._lame, self._mu
+        density = (xx**2 + yy**2 + 2 * xy**2 - lame / (2 * (lame + mu)) * (xx + yy) ** 2) / (2 * mu)
+        return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
+
+    def _stress_of(self, solution: Solution, key: Any) -> Floats:
+        """Stress of another solution at the points of the reference."""
+        mesh = solution.discretisation.tagged.mesh
+        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (3,)))
+        function = fem.Function(space)
+        points = compat.interpolation_points(space.element)
+        function.interpolate(fem.Expression(_stress(solution), points))
+        if key is None or key not in self._located:
+            self._located[key] = self._locate(mesh)
+        return np.asarray(function.eval(self._points, self._located[key]))
+
+    def _locate(self, mesh: Any) -> npt.NDArray[np.int32]:
+        """A cell of the mesh for each point."""
+        dim = mesh.topology.dim
+        tree = geometry.bb_tree(mesh, dim, padding=1e-12)
+        candidates = geometry.compute_collisions_points(tree, self._points)
+        colliding = geometry.compute_colliding_cells(mesh, candidates, self._points)
+        starts, ends = colliding.offsets[:-1], colliding.offsets[1:]
+        found = ends > starts
+        cells = np.zeros(len(self._points), dtype=np.int32)
+        cells[found] = colliding.array[starts[found]]
+        if not found.all():
+            every = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+            middles = geometry.create_midpoint_tree(mesh, dim, every)
+            cells[~found] = geometry.compute_closest_entity(tree, middles, mesh, self._points[~found])
+        return cells
+
+
+def _stress(solution: Solution) -> Any:
+    """Stress (xx, yy, xy) as UFL."""
+    sigma = stress(solution.displacement, *solution.discretisation.lame)
+    return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+
+
+def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
+    """A reference for a scene, and how far it may be wrong.
+
+    Args:
+        scene: with a mesh from a generator, contact and one load step.
+        fine: cells of a uniform reference, relative to those of the scene.
+        unknowns: of a reference on triangles divided where the error is, at least.
+
+    Raises:
+        SceneError: the scene is none of that kind.
+        ConvergenceError: there is no solution.
+    """
+    solutions = divided(scene, _FIRST, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
+    reference = Reference(solutions[-1])
+    # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
+    finest = solutions[-1].discretisation.dofs
+    near, far = (min(solutions[:-1], key=lambda s: abs(np.log(finest / s.discretisation.dofs / k))) for k in (4, 16))
+    return reference, reference_errors(reference.errors(near), reference.errors(far))
+
+
+def uniform(scene: Scene, fine: float, element: str) -> list[Solution]:
+    """Solutions on uniform meshes with cells 4, 2 and 1 times ``fine`` times as large as those of the scene."""
+    return [solve(on_mesh(scene, k * fine, element, EXACT), MPI.COMM_SELF) for k in (4, 2, 1)]
+
+
+def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
+    """Solutions on triangles of degree 2, divided where the error is until there are so many unknowns."""
+    scene = on_mesh(scene, first, "P2", EXACT)
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    solutions: list[Solution] = []
+    while not solutions or solutions[-1].discretisation.dofs < unknowns:
+        solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
+        solutions.append(solution)
+        squares = StressRecovery(solution.discretisation).squares(solution.displacement.x.petsc_vec)
+        tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
+    return solutions
+
+
+def _straight(scene: Scene) -> bool:
+    return (
+        isinstance(scene.mesh, MeshGenerator)
+        and simplex_parameters(scene.mesh.generator, scene.mesh.parameters) is not None
+    )
+
+
+def reference_errors(second: dict[str, float | None], third: dict[str, float | None]) -> dict[str, float | None]:
+    """How far the reference may be wrong, from the differences to it on cells two and four times as large.
+
+    With errors like h^r the differences are 2^r - 1 and 4^r - 1 times that of the reference, so that their ratio is
+    2^r + 1; in the energy norm, where the error is orthogonal to the coarser spaces, this holds of the squares.  The
+    rate is the one that is seen, or the expected one where that is smaller.
+    """
+    found: dict[str, float | None] = {}
+    for name, near in second.items():
+        far, power = third[name], 2 if name == "energy" else 1
+        expected, slowest = (2 ** (power * rate) - 1 for rate in (_EXPECTED[name], _SLOWEST))
+        seen = expected if not far or not near else (far / near) ** power - 2
+        found[name] = None if near is None else near / min(expected, max(seen, slowest)) ** (1 / power)
+    return found

@@ -1,0 +1,79 @@
+"""Bodies and scenes in space that several tests share, as plain functions."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.body import contact_boundary
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.scene.reading import parse_scene
+
+CELLS = {"hexahedra": dmesh.CellType.hexahedron, "tetrahedra": dmesh.CellType.tetrahedron}
+
+
+def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
+    """A box from the origin with boundaries left, right (across x[0]), front, back (x[1]), bottom, top (x[2])."""
+    mesh = dmesh.create_box(comm, [(0.0, 0.0, 0.0), size], shape, CELLS[cells])
+    near = 1e-9 * max(size)
+    names = (("left", "right"), ("front", "back"), ("bottom", "top"))
+    markers = {}
+    for axis, pair in enumerate(names):
+        for name, place in zip(pair, (0.0, size[axis]), strict=True):
+            markers[name] = lambda x, axis=axis, place=place: np.abs(x[axis] - place) < near
+    return tag_boundaries(mesh, markers)
+
+
+def disc(cells="hexahedra", n=12, radius=1.0, height=0.5, layers=3):
+    """A cylinder on its base around the origin: a box whose squares are blown up to circles."""
+    mesh = dmesh.create_box(MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, layers), CELLS[cells])
+    x = mesh.geometry.x
+    square = np.abs(x[:, :2]).max(axis=1)
+    size = np.hypot(x[:, 0], x[:, 1])
+    grown = 1.0 - square + square * np.divide(square, size, out=np.ones_like(size), where=size > 0)
+    x[:, :2] *= radius * grown[:, None]
+    return tag_boundaries(
+        mesh, {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9}
+    )
+
+
+def friction_of(bound=None, coefficient=None, **more):
+    """The table of a friction law."""
+    if bound is not None:
+        return {"law": "tresca", "bound": bound}
+    return {"law": "none"} if coefficient is None else {"law": "coulomb", "coefficient": coefficient, **more}
+
+
+def block(
+    nx=12, cells="hexahedra", *, bound=None, coefficient=None, gamma=1e6, comm=MPI.COMM_SELF, mesh=None, **solver
+):
+    """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along x[1]."""
+    return parse_scene(
+        {
+            "mesh": mesh or box(cells, (nx, nx // 3, nx // 3), comm=comm),
+            "material": {"young": 5000.0, "poisson": 0.4},
+            "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
+            "traction": {
+                "boundary": "top",
+                "y": "4 if 1 <= x[0] <= 2 else 0",
+                "z": "-20 if 1 <= x[0] <= 2 else 0",
+            },
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001",
+                "friction": friction_of(bound, coefficient),
+            },
+            "solver": {"gamma_n": gamma, "gamma_t": gamma, "initial_contact": "all", **solver},
+        }
+    )
+
+
+TANGENTS_OF = contact_boundary.tangents_of
+
+
+def turned_tangents(normal, rng):
+    """Tangents turned at random at every node."""
+    angle = rng.uniform(0.0, 2 * np.pi, len(normal))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.einsum("nij,jkn->nik", TANGENTS_OF(normal), turn)

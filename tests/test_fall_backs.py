@@ -1,0 +1,307 @@
+"""Where full steps do not solve a problem, one fall-back after the other is tried; the history says which."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import PATCH, alone, energy, example1
+
+from signorini_fx.algorithms import descent, fall_backs
+from signorini_fx.algorithms.descent import energy_descent
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact import resting_place as resting
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import solver, strategy, task
+from signorini_fx.solving.one_mesh import contact_task, from_rest
+
+JUMP = "0.001 if x[0] < 1.37 else 0.002"
+
+
+def with_contact(scene, **changes):
+    """The scene with other data of its one contact."""
+    return scene.model_copy(update={"contact": (scene.contact[0].model_copy(update=changes),)})
+
+
+def jumping(**settings):
+    """Example 1 over a step in the foundation: the plain iteration cycles."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 60, "ny": 20}},
+        "material": {"young": 5000.0, "poisson": 0.4},
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+        "traction": {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
+        "contact": {"boundary": "bottom", "gap": JUMP, "friction": {"law": "tresca", "bound": 1.5}},
+        "solver": settings,
+    }
+    return parse_scene(data)
+
+
+def flat(**settings):
+    """A block that lies on its foundation, held by nothing but friction, all of which slips."""
+    scene = example1(coefficient=0.3, gamma="auto", nx=15, ny=5, **settings)
+    return with_contact(scene.model_copy(update={"displacement": ()}), gap=0.0)
+
+
+def pulled(coefficient, **settings):
+    """A block pulled by its end over a rough foundation, for which the fixed point does not contract."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 60, "ny": 20}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "right", "x": 0.0, "y": 0.0},
+        "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", "x": 60.0}],
+        "contact": {
+            "boundary": "bottom",
+            "gap": 1e-4,
+            "friction": {"law": "coulomb", "coefficient": coefficient},
+        },
+        "solver": settings,
+    }
+    return parse_scene(data)
+
+
+def fall_backs_of(solution):
+    """What was tried, in order."""
+    return [event.split(": ", 1)[1] for event in solution.history.events if ": " in event]
+
+
+def same(ours, theirs, rtol=1e-9):
+    """Equal displacements, to a share of the largest."""
+    a, b = ours.displacement.x.array, theirs.displacement.x.array
+    np.testing.assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max())
+
+
+@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
+def test_the_plain_way_stays_plain(law):
+    """Where nothing goes wrong there is no event, and no solve more than without fall-backs."""
+    ours, without = (alone(example1(**law, nx=60, ny=20, fallbacks=on)) for on in (True, False))
+    assert ours.history.events == []
+    assert ours.history.linear_solves == without.history.linear_solves
+    np.testing.assert_array_equal(ours.displacement.x.array, without.displacement.x.array)
+
+
+@pytest.mark.parametrize("gamma", [1e6, 1e8])
+def test_through_stick(gamma):
+    """sigma = 1 / gamma_2 cycles; an infinite one does not, and comes to its solution."""
+    ours = alone(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH))
+    assert fall_backs_of(ours) == ["through stick"]
+    assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
+    same(ours, alone(example1(bound=1.5, gamma=gamma, patch=PATCH)))
+
+
+def test_smaller_gamma():
+    """A path of problems with growing gamma leads past the cycle, to the gamma that was asked for."""
+    ours = alone(jumping())
+    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma"]
+    summary = summarise(ours, ours.table)
+    assert summary["events"] == ours.history.events
+    assert "fall-backs       active sets cycle: contact where the body rests" in render(summary)
+    gammas = [record.gamma_n for record in ours.history.outer]
+    assert gammas[0] == gammas[1] == gammas[-1] == pytest.approx(1e4 * gammas[2])
+    same(ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3)
+
+
+def test_descent():
+    """Elements that lock make the path cycle as well; steps that lower the energy do not."""
+    ours = alone(example1(bound=1.5, poisson=0.4999, gamma="auto", nx=60, ny=20, degree=2))
+    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma", "descent"]
+    assert ours.certificate.holds
+    assert abs(ours.functionals.relative_gap) < 1e-8
+
+
+def test_held_by_friction_that_slips_everywhere():
+    """No node sticks and yet the forces balance: sets that do not hold the body, and a solution."""
+    ours = alone(flat())
+    contact, friction = ours.contact.forces
+    np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_descent_from_anywhere(seed):
+    """From random iterates: the energy falls with every step, to the solution of the full steps."""
+    scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
+    reference = alone(scene)
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(discretisation, discretisation.boundary, History())
+    random = np.random.default_rng(seed)
+    x = task.iterate.x.getArray()
+    x[:] = np.where(task.system.fixed, x, 0.01 * random.standard_normal(x.size))
+    task.iterate.newton.problem.set_data(task.start.data)
+    slopes = []
+    lowest = descent._Line.lowest
+
+    def watched(line):
+        slopes.append(line.slope(0.0))
+        return lowest(line)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(descent._Line, "lowest", watched)
+        status = energy_descent(task.iterate.newton, task.start.data, lambda: None)
+    assert status is Status.CONVERGED
+    assert len(slopes) > 2
+    assert all(slope < 0 for slope in slopes)
+    assert task.history.linear_solves == len(slopes)
+    ours = from_rest(discretisation, task.rest, task.iterate.newton.problem.system.displacement(task.iterate.x)).x.array
+    np.testing.assert_allclose(ours, reference.displacement.x.array, atol=1e-9)
+
+
+def test_monolithic_where_the_fixed_point_does_not_contract():
+    """And without fall-backs the outcome has its name."""
+    ours = alone(pulled(5.0))
+    assert fall_backs_of(ours) == ["monolithic Newton from the same start"]
+    assert ours.algorithm == "coulomb-newton"
+    same(ours, alone(pulled(5.0, algorithm="alm", coulomb="newton")), rtol=1e-3)
+    assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
+
+
+def test_damping(monkeypatch):
+    """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
+    monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
+    ours = alone(pulled(5.0))
+    assert fall_backs_of(ours)[-1] == "fixed point damped by 0.5 from the same start"
+    monkeypatch.undo()
+    same(ours, alone(pulled(5.0, coulomb="newton")), rtol=1e-5)
+
+
+@pytest.fixture
+def no_fall_backs(monkeypatch):
+    """No help for single problems, so that what comes after is needed."""
+    monkeypatch.setattr(task, "try_fall_backs", lambda newton, data, sets, failed, measure: failed)
+
+
+@pytest.mark.usefixtures("no_fall_backs")
+def test_augmentation():
+    """A much smaller gamma, and multipliers: the limit without regularisation."""
+    ours = alone(jumping(tolerance=1e-10))
+    assert [fall_back.split(" with")[0] for fall_back in fall_backs_of(ours)] == ["augmented Lagrangian"]
+    exact = alone(jumping(algorithm="exact", gamma_n=1e5, gamma_t=1e5))
+    same(ours, exact, rtol=1e-6)
+
+
+@pytest.mark.usefixtures("no_fall_backs")
+def test_nested_iteration(monkeypatch):
+    """When nothing else has helped, coarser meshes make the start."""
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
+    ours = alone(jumping())
+    assert fall_backs_of(ours) == ["nested iteration on 2 coarser meshes"]
+    assert len(ours.levels) == 3
+    monkeypatch.undo()
+    same(ours, alone(jumping()))
+
+
+@pytest.mark.usefixtures("no_fall_backs")
+def test_giving_up(monkeypatch):
+    """At last the outcome is the one that the plain iteration had."""
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
+    monkeypatch.setattr(solver, "_from_coarser", lambda scene, comm, history, failed: failed)
+    ours = alone(jumping(), check=False)
+    assert ours.status is Status.CYCLING
+
+
+def test_fall_backs_that_fail_restores_the_start(monkeypatch):
+    """No half-way iterate is left for what comes after, nor the problem of a fall-back."""
+    seen = []
+
+    def failing(newton, data, sets, failed, measure):
+        before, sets_before = newton.x.getArray().copy(), newton.problem.sets
+        status = fall_backs.try_fall_backs(newton, data, sets, failed, measure)
+        problem = newton.problem
+        assert problem.data is data
+        assert not problem.sets.changed(sets_before).any()
+        seen.append((status, np.array_equal(before, newton.x.getArray())))
+        return status
+
+    def no_help(newton, data, sets, measure):
+        def softer():
+            newton.solve_once(replace(data, gamma_n=1e-4 * data.gamma_n), None, measure)
+            return Status.MAX_ITERATIONS
+
+        return iter([("nothing", softer)])
+
+    monkeypatch.setattr(task, "try_fall_backs", failing)
+    monkeypatch.setattr(fall_backs, "_in_order", no_help)
+    alone(jumping(), check=False)
+    assert seen[0] == (Status.CYCLING, True)
+
+
+@pytest.mark.usefixtures("no_fall_backs")
+def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
+    """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
+
+    def without(scene, levels):
+        return [with_contact(scene, boundary="nowhere")] * (levels - 1)
+
+    monkeypatch.setattr(solver, "coarser_scenes", without)
+    ours = alone(jumping(), check=False)
+    assert ours.status is Status.CYCLING
+    assert ours.history.events[-1].startswith("no coarser meshes: ")
+
+
+def test_augmentation_leaves_no_regularisation_error(monkeypatch):
+    """What path-following did not get rid of is not said of a solution that it did not find."""
+
+    def failing(newton, data, sets, **_):
+        return Status.CYCLING, data, np.inf
+
+    monkeypatch.setattr(strategy, "path_following", failing)
+    ours = alone(jumping(algorithm="path-following"))
+    assert any("augmented Lagrangian" in event for event in ours.history.events)
+    assert "regularisation_error" not in ours.parameters
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("make", [jumping, flat])
+def test_the_same_solution_on_every_number_of_ranks(make):
+    """Decisions are taken from sums over the ranks, so that none waits for the others, and the solution is the same.
+
+    The block that slips everywhere has sets that are equal but for round-off: it may take another fall-back.
+    """
+    ours, reference = solver.solve(make(), MPI.COMM_WORLD), alone(make())
+    if make is jumping:
+        assert fall_backs_of(ours) == fall_backs_of(reference)
+    assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
+    ours_force, force = (np.sum(solution.contact.forces, axis=0) for solution in (ours, reference))
+    np.testing.assert_allclose(ours_force, force, rtol=0, atol=1e-6)
+
+
+def test_a_limit_that_is_asked_for_is_kept():
+    """Three solves are three solves."""
+    ours = alone(jumping(max_iterations=3), check=False)
+    assert ours.status is Status.MAX_ITERATIONS
+    assert ours.history.linear_solves == 3
+    assert ours.history.events == []
+
+
+# --- trifles ----------------------------------------------------------------------------------------------------------
+
+
+def test_no_load_no_motion():
+    """A held body without any load is solved without a solve; the energy is zero."""
+    scene = example1(coefficient=0.3, nx=30, ny=10, levels=2)
+    held = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
+    solution = alone(scene.model_copy(update={"traction": (), "displacement": held}))
+    assert solution.converged
+    assert solution.history.linear_solves == 0
+    assert energy(solution) == 0.0
+
+
+@pytest.mark.parametrize("load", [1e-6, 1e-12])
+@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
+def test_grazing(law, load):
+    """A load that lays the body down and hardly deforms it: its forces are exact, though the drop is so much larger."""
+    scene = example1(**law, gamma="auto", nx=60, ny=20)
+    traction = scene.traction[0].model_copy(update={"y": -20.0 * load})
+    solution = alone(scene.model_copy(update={"traction": (traction,)}))
+    contact, _ = solution.contact.forces
+    assert contact[1] == pytest.approx(60.0 * load, rel=max(1e-8, 1e-15 / load))
+    assert solution.contact.pressure.min() >= 0
+
+
+def test_rest_beside_a_wall():
+    """A node that slides along a wall which it enters stops nothing, whatever the round-off of its normal."""
+    rows, gap = np.array([[-1.0], [1e-17], [-1e-17]]), np.array([0.5, -0.1, -0.1])
+    assert resting._furthest(rows, gap, np.array([-1.0])) == pytest.approx(-0.5)
+    assert resting._furthest(np.zeros((2, 1)), gap[:2], np.array([-1.0])) is None

@@ -1,0 +1,615 @@
+"""Mesh files in space: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
+
+import json
+import re
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+import ufl
+from dolfinx import default_scalar_type, fem, mesh
+from dolfinx.io import XDMFFile
+from mpi4py import MPI
+from scenes import alone, table_of
+
+from signorini_fx import cli
+from signorini_fx.compat import geometry_degree
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.files.shape import measures, quality
+from signorini_fx.mesh.files.step import names_of_faces
+from signorini_fx.mesh.halving import halved, straightened
+from signorini_fx.mesh.info import mesh_info
+from signorini_fx.mesh.tagged import load_mesh, read_mesh
+from signorini_fx.scene.reading import parse_scene
+
+KINDS = ["tetra", "tetra10", "hexahedron", "hexahedron27"]
+SUFFIXES = ["inp", "med", "msh", "vtu", "xdmf"]
+each_kind = pytest.mark.parametrize("kind", KINDS)
+# A quarter of a ring of radii 1 and 2 and height 1.5: volume, the integral of x y z, and areas.
+VOLUME, MOMENT = np.pi / 4 * 3 * 1.5, 15 / 4 / 2 * 1.5**2 / 2
+FOOT, OUTSIDE = np.pi / 4 * 3, np.pi * 1.5
+
+
+def quarter(folder, kind):
+    """The quarter of a ring by gmsh, its names overlapping and its inside without one; two regions."""
+    recombine = "Recombine;" if kind.startswith("hexa") else ""
+    file = folder / f"{kind}.geo"
+    file.write_text(
+        f"""
+        Mesh.ElementOrder = {2 if kind[-1].isdigit() else 1};
+        Point(1) = {{1, 0, 0}}; Point(2) = {{2, 0, 0}}; Point(3) = {{0, 2, 0}}; Point(4) = {{0, 1, 0}};
+        Point(5) = {{0, 0, 0}};
+        Line(1) = {{1, 2}}; Circle(2) = {{2, 5, 3}}; Line(3) = {{3, 4}}; Circle(4) = {{4, 5, 1}};
+        Curve Loop(1) = {{1, 2, 3, 4}}; Plane Surface(1) = {{1}};
+        Transfinite Curve{{2, 4}} = 5; Transfinite Curve{{1, 3}} = 3; Transfinite Surface{{1}};
+        {"Recombine Surface{:};" if recombine else ""}
+        low[] = Extrude {{0, 0, 0.75}} {{ Surface{{1}}; Layers{{1}}; {recombine} }};
+        high[] = Extrude {{0, 0, 0.75}} {{ Surface{{low[0]}}; Layers{{1}}; {recombine} }};
+        Physical Volume("lower half") = {{low[1]}}; Physical Volume("all") = {{low[1], high[1]}};
+        Physical Surface("foot") = {{1}}; Physical Surface("ends") = {{1, high[0]}};
+        Physical Surface("outside") = {{low[3], high[3]}};
+        """
+    )
+    return file
+
+
+def areas(found):
+    """Area of each boundary."""
+    each = measures(found.points, found.facets, found.facet)
+    return {name: each[rows].sum() for name, rows in found.boundaries.items()}
+
+
+def volumes(found):
+    """Volume of each region."""
+    each = measures(found.points, found.cells, found.cell)
+    return {name: each[rows].sum() for name, rows in found.regions.items()}
+
+
+def integrals(tagged):
+    """Volume and the integral of x y z by dolfinx, over all ranks."""
+    x, dx = ufl.SpatialCoordinate(tagged.mesh), ufl.dx(metadata={"quadrature_degree": 8})
+    terms = (fem.Constant(tagged.mesh, default_scalar_type(1.0)), x[0] * x[1] * x[2])
+    return [tagged.mesh.comm.allreduce(fem.assemble_scalar(fem.form(term * dx))) for term in terms]
+
+
+def check_quarter(found, rel):
+    """Names and sizes, of a straight mesh (rel 3e-2) or of a curved one."""
+    assert volumes(found) == pytest.approx({"lower half": VOLUME / 2, "all": VOLUME}, rel=rel)
+    assert areas(found) == pytest.approx({"foot": FOOT, "ends": 2 * FOOT, "outside": OUTSIDE}, rel=rel)
+
+
+@each_kind
+def test_a_script(tmp_path, kind):
+    """A .geo in space, and what dolfinx makes of it: wrong nodes would give another moment."""
+    file = quarter(tmp_path, kind)
+    found, rel = read_file(file), 3e-4 if kind[-1].isdigit() else 6e-2
+    assert found.kind == kind
+    check_quarter(found, rel)
+    assert integrals(read_mesh(file, MPI.COMM_SELF)) == pytest.approx([VOLUME, MOMENT], rel=rel)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@each_kind
+def test_written_and_read(tmp_path, kind, suffix):
+    """All that arrays hold survives a file: names that overlap, regions, facets without a name, nodes between."""
+    first = read_file(quarter(tmp_path, kind))
+    file = tmp_path / f"again.{suffix}"
+    if (kind == "hexahedron27" and suffix in ("inp", "med")) or (kind[-1].isdigit() and suffix == "xdmf"):
+        with pytest.raises(MeshError, match=f"27 nodes|cannot hold cells of kind {kind}"):
+            write_file(first, file)
+        return
+    write_file(first, file)
+    again = read_file(file)
+    assert again.kind == kind
+    assert areas(again) == pytest.approx(areas(first), rel=1e-12)
+    assert volumes(again) == pytest.approx(volumes(first), rel=1e-12)
+    assert len(again.facets) == len(first.facets)
+    tagged = [read_mesh(one, MPI.COMM_SELF) for one in (file, tmp_path / f"{kind}.geo")]
+    assert integrals(tagged[0]) == pytest.approx(integrals(tagged[1]), rel=1e-12)
+
+
+def foreign(folder, kind):
+    """The quarter as another program has it: points in another order, every other cell mirrored, triangles apart."""
+    own = read_file(quarter(folder, kind))
+    order = np.random.default_rng(1).permutation(len(own.points))
+    points = np.empty_like(own.points)
+    points[order] = own.points
+    # The mirror image of a cell: its corners exchanged, and the nodes between them along with them.
+    cell = CELLS[kind]
+    swap = [1, 0, 3, 2, 5, 4, 7, 6] if cell.word == "hexahedra" else [1, 0, 2, 3]
+    place = {frozenset(corners): node for node, corners in enumerate(cell.nodes)}
+    mirror = [place[frozenset(swap[c] for c in corners)] for corners in cell.nodes]
+    cells = order[own.cells]
+    cells[::2] = cells[::2][:, mirror]
+    foot = order[own.facets[own.boundaries["foot"]]]
+    return points, [(kind, cells), (cell.facet, foot)]
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(
+    ("kind", "form"),
+    [
+        *((kind, form) for kind in KINDS for form in ("gmsh22", "vtu")),
+        *((kind, form) for kind in KINDS[:3] for form in ("med", "abaqus")),  # which have no hexahedra of 27 nodes
+    ],
+)
+def test_files_of_others(tmp_path, kind, form):
+    """meshio writes each format in its own order of nodes; a mirrored cell is a cell."""
+    points, blocks = foreign(tmp_path, kind)
+    suffix = {"gmsh22": "msh", "abaqus": "inp"}.get(form, form)
+    numbers = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(blocks, start=7)]
+    other = meshio.Mesh(points, blocks)
+    if form == "gmsh22":
+        other.cell_data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
+        other.field_data = {"body": np.array([7, 3]), "foot": np.array([8, 2])}
+    elif form == "med":
+        other.cell_data = {"cell_tags": [-own for own in numbers]}
+        other.cell_tags = {-7: ["body"], -8: ["foot"]}
+    elif form == "abaqus":
+        other = meshio.Mesh(points, blocks[:1], point_sets={"foot": np.unique(blocks[1][1])})
+    else:
+        other.cell_data = {"number": numbers}
+    file = tmp_path / f"foreign.{suffix}"
+    meshio.write(file, other, file_format=form)
+    found = read_file(file, {"foot": 8} if form == "vtu" else None)
+    own = read_file(tmp_path / f"{kind}.geo")
+    assert areas(found)["foot"] == pytest.approx(areas(own)["foot"], rel=1e-12)
+    tagged = [read_mesh(tmp_path / f"{kind}.geo", MPI.COMM_SELF), read_mesh(file, MPI.COMM_SELF, {"foot": low})]
+    assert integrals(tagged[1]) == pytest.approx(integrals(tagged[0]), rel=1e-12)
+    assert tagged[1].facets("foot").size == len(own.boundaries["foot"])
+
+
+def low(x):
+    """A rule for the foot."""
+    return x[2] < 1e-9
+
+
+def test_hexahedra_of_20_nodes(tmp_path):
+    """They get the nodes that they lack, in the middle of their faces, and are the same cells as before."""
+    whole = read_file(quarter(tmp_path, "hexahedron27"))
+    file = tmp_path / "twenty.vtu"
+    meshio.write(file, meshio.Mesh(whole.points, [("hexahedron20", whole.cells[:, :20])]))
+    found = read_file(file, {"foot": low})
+    assert found.kind == "hexahedron27"
+    assert len(found.points) == len(whole.points)
+    size = measures(found.points, found.cells, found.cell).sum()
+    assert size == pytest.approx(VOLUME, rel=3e-4)
+    assert integrals(read_mesh(file, MPI.COMM_SELF, {"foot": low})) == pytest.approx([size, MOMENT], rel=3e-4)
+    # gmsh numbers the edges in another way.
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
+    gmsh.merge(str(tmp_path / "hexahedron27.geo"))
+    gmsh.model.mesh.generate(3)
+    gmsh.write(str(tmp_path / "twenty.msh"))
+    gmsh.finalize()
+    assert len(meshio.read(tmp_path / "twenty.msh").cells_dict["hexahedron20"]) == 16
+    check_quarter(read_file(tmp_path / "twenty.msh"), 3e-4)
+
+
+# The faces of a cube as the manual of Abaqus has them: S1 to S6.
+CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+FACES_OF_CUBE = [(2, 0), (2, 1), (1, 0), (0, 1), (1, 1), (0, 0)]
+# Of a tetrahedron: the corner that is not on them.
+APEX = [3, 2, 0, 1]
+
+
+def abaqus(folder, element, points, sets="", surfaces=""):
+    """A file with one element."""
+    lines = ["*HEADING", "*NODE", *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(points, start=1))]
+    numbers = [str(n) for n in range(1, len(points) + 1)]
+    rows = ",\n".join(", ".join(part) for part in (numbers[:12], numbers[12:]) if part)
+    lines += [f"*ELEMENT, TYPE={element}, ELSET=solid", f"1, {rows}", sets, surfaces]
+    file = folder / "one.inp"
+    file.write_text("\n".join(line for line in lines if line) + "\n")
+    return file
+
+
+def between(corners, edges):
+    """Corners and the middles of edges."""
+    x = np.array(corners, dtype=float)
+    return [*map(tuple, x), *(tuple((x[a] + x[b]) / 2) for a, b in edges)]
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D8R", "C3D8I", "C3D20", "C3D20R"])
+def test_faces_of_abaqus_hexahedra(tmp_path, element):
+    """Each face is where the manual says, by number and by a set of elements."""
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    points = between(CUBE, edges if "20" in element else [])
+    surfaces = "\n".join(f"*SURFACE, NAME=face{n}\nsolid, S{n}" for n in range(1, 7))
+    found = read_file(abaqus(tmp_path, element, points, surfaces=surfaces))
+    assert found.kind == ("hexahedron27" if "20" in element else "hexahedron")
+    for n, (axis, at) in enumerate(FACES_OF_CUBE, start=1):
+        (facet,) = found.facets[found.boundaries[f"face{n}"]]
+        assert (found.points[facet][:, axis] == at).all(), n
+
+
+@pytest.mark.parametrize("element", ["C3D4", "C3D10", "C3D10M"])
+def test_faces_of_abaqus_tetrahedra(tmp_path, element):
+    """Each face is opposite the corner that the manual says."""
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    points = between(corners, edges if "10" in element else [])
+    surfaces = "\n".join(f"*SURFACE, NAME=face{n}\n1, S{n}" for n in range(1, 5))
+    sets = "*NSET, NSET=floor\n1, 2, 3"
+    found = read_file(abaqus(tmp_path, element, points, sets, surfaces))
+    assert {name: len(rows) for name, rows in found.boundaries.items()}["floor"] == 1
+    assert (found.points[found.facet_corners[found.boundaries["floor"]]][..., 2] == 0).all()
+    for n, apex in enumerate(APEX, start=1):
+        (facet,) = found.facet_corners[found.boundaries[f"face{n}"]]
+        x = found.points[facet]
+        assert not (x == corners[apex]).all(axis=1).any(), n
+    with pytest.raises(MeshError, match=r"is a tetra\d* and has no face S5"):
+        read_file(abaqus(tmp_path, element, points, surfaces="*SURFACE, NAME=no\n1, S5"))
+
+
+def test_shells_that_name_faces_of_solids(tmp_path):
+    """Membranes on the skin of a body name its boundary, as shells do in Abaqus."""
+    file = abaqus(tmp_path, "C3D8", CUBE)
+    file.write_text(file.read_text() + "*ELEMENT, TYPE=M3D4, ELSET=skin\n2, 1, 2, 3, 4\n")
+    found = read_file(file)
+    assert found.boundaries["skin"].size == 1
+    assert set(found.regions) == {"solid"}
+
+
+def test_tags_of_dolfinx(tmp_path):
+    """A mesh in space with tags on facets and cells as dolfinx writes them into one XDMF file."""
+    for cell in (mesh.CellType.tetrahedron, mesh.CellType.hexahedron):
+        own = mesh.create_box(MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [4, 2, 2], cell)
+        facets = mesh.locate_entities_boundary(own, 2, low)
+        tags = mesh.meshtags(own, 2, np.sort(facets), np.full(len(facets), 3, dtype=np.int32))
+        left = mesh.locate_entities(own, 3, lambda x: x[0] < 1 + 1e-9)
+        parts = mesh.meshtags(own, 3, left, np.full(len(left), 7, dtype=np.int32))
+        tags.name, parts.name = "sides", "parts"
+        own.topology.create_connectivity(2, 3)
+        with XDMFFile(MPI.COMM_SELF, tmp_path / "mesh.xdmf", "w") as file:
+            file.write_mesh(own)
+            file.write_meshtags(tags, own.geometry)
+            file.write_meshtags(parts, own.geometry)
+        found = read_file(tmp_path / "mesh.xdmf")
+        assert areas(found) == pytest.approx({"boundary_3": 2.0})
+        assert volumes(found) == pytest.approx({"region_7": 1.0})
+
+
+# --- drawings of CAD programs ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def drawings(tmp_path_factory):
+    """A plate of 40 x 20 x 10 with a hole of radius 5, as .step (faces with names, and none) and .brep."""
+    folder = tmp_path_factory.mktemp("drawings")
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    occ = gmsh.model.occ
+    occ.addBox(0, 0, 0, 40, 20, 10, 1)
+    occ.addCylinder(20, 10, -1, 0, 0, 12, 5, 2)
+    occ.cut([(3, 1)], [(3, 2)])
+    occ.synchronize()
+    gmsh.write(str(folder / "plain.step"))
+    gmsh.write(str(folder / "plain.brep"))
+    gmsh.clear()
+    occ.addRectangle(0, 0, 0, 3, 1)
+    occ.synchronize()
+    gmsh.write(str(folder / "flat.step"))
+    gmsh.finalize()
+    text = (folder / "plain.step").read_text()
+    names = iter(NAMES)
+    named = re.sub(r"ADVANCED_FACE\(''", lambda _: f"ADVANCED_FACE('{next(names)}'", text)
+    (folder / "named.step").write_text(named)
+    (folder / "metres.stp").write_text(named.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)"))
+    return folder
+
+
+# In the order in which OpenCASCADE writes the faces.
+NAMES = ["left", "front", "cover", "back", "foot", "right end", "hole"]
+PLATE, SHEET, RIM = 8000 - 250 * np.pi, 800 - 25 * np.pi, 100 * np.pi
+SIDES = {"left": 200, "front": 400, "back": 400, "right end": 200, "cover": SHEET, "foot": SHEET, "hole": RIM}
+
+
+@pytest.mark.parametrize("name", ["named.step", "metres.stp"])
+def test_names_of_faces_in_step(drawings, name):
+    """They are found by their vertices; the mesh is in millimetres whatever the unit of the file."""
+    unit = 1000.0 if name == "metres.stp" else 1.0
+    found = read_file(drawings / name, degree=2)
+    assert found.kind == "tetra10"
+    assert areas(found) == pytest.approx({label: unit**2 * area for label, area in SIDES.items()}, rel=1e-4)
+    assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(unit**3 * PLATE, rel=1e-4)
+    for label, axis, at in (("left", 0, 0), ("right end", 0, 40), ("front", 1, 0), ("back", 1, 20), ("foot", 2, 0)):
+        x = found.points[found.facets[found.boundaries[label]]]
+        np.testing.assert_allclose(x[..., axis], unit * at, atol=1e-6 * unit)
+
+
+def test_a_face_that_is_elsewhere_has_no_name(drawings):
+    """A name goes to the surface with the same vertices, not to one that looks like it."""
+    left = [[0, y, z] for y in (0, 20) for z in (0, 10)]
+    right = [[40, y, z] for y in (0, 20) for z in (0, 10)]
+    corners = {3: right, 4: left, 5: [*left[:3], [0, 20, 9]], 6: left[:3]}
+    assert names_of_faces(drawings / "named.step", corners) == {3: "right end", 4: "left"}
+    assert set(read_file(drawings / "plain.step").boundaries) == {f"boundary_{n}" for n in range(1, 8)}
+
+
+@pytest.mark.parametrize("name", ["plain.step", "plain.brep"])
+def test_drawings_without_names(drawings, name):
+    """Surfaces by their numbers, which the scene may name, or by rules; cells have the size that is asked for."""
+    rules = {"lower": low, "round": lambda x: 5.1 - np.hypot(x[0] - 20, x[1] - 10)}
+    found = read_file(drawings / name, {"sole": 5, **rules})
+    sizes = areas(found)
+    assert sizes["sole"] == sizes["lower"] == pytest.approx(SHEET, rel=5e-3)
+    assert sizes["round"] == pytest.approx(RIM, rel=5e-3)
+    counts = [len(read_file(drawings / name, size=size).cells) for size in (3.0, 1.5)]
+    assert counts[1] > 4 * counts[0]
+    assert 1000 < len(found.cells) < 30_000
+    assert quality(found.points, found.corners).min() > 0.2
+    with pytest.raises(SceneError, match=r"mesh\.boundaries\.sole: .*the numbers there are: 1, 2, 3, 4, 5, 6, 7"):
+        read_file(drawings / name, {"sole": 9})
+
+
+def test_finer_cells_of_a_drawing(drawings):
+    """Halved cells have their new nodes on the true shape."""
+    straight, finer = (read_file(drawings / "plain.step", size=10.0, halvings=n) for n in (0, 1))
+    assert len(finer.cells) == 8 * len(straight.cells)
+    errors = [abs(measures(one.points, one.cells, one.cell).sum() - PLATE) for one in (straight, finer)]
+    assert errors[1] < 0.3 * errors[0]
+    curved = read_file(drawings / "plain.step", size=10.0, halvings=1, degree=2)
+    assert abs(measures(curved.points, curved.cells, curved.cell).sum() - PLATE) < 0.1 * errors[1]
+
+
+def test_a_plane_drawing(drawings):
+    """A face in the plane makes a plane mesh."""
+    found = read_file(drawings / "flat.step")
+    assert found.kind == "triangle"
+    assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(3.0)
+    assert sorted(areas(found).values()) == pytest.approx([1.0, 1.0, 3.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("odd.step", b"no drawing", "is no STEP file: it does not begin with ISO-10303-21"),
+        ("odd.stp", b"ISO-10303-21;\nHEADER;\n", "gmsh cannot read it"),
+        ("odd.brep", b"Point(1) = {0, 0, 0};", "is no BREP file of OpenCASCADE"),
+        ("odd.brep", b"DBRep_DrawableShape\n\nCASCADE Topology V1", "gmsh cannot read it"),
+    ],
+)
+def test_drawings_that_are_none(tmp_path, name, content, message, capfd):
+    """One sentence with the name of the file."""
+    file = tmp_path / name
+    file.write_bytes(content)
+    with pytest.raises(MeshError, match=message) as caught:
+        read_file(file)
+    assert str(file) in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_sizes_that_cannot_be(tmp_path, drawings):
+    """A size is for drawings of CAD programs, and positive."""
+    with pytest.raises(SceneError, match=r"mesh\.size: the cells of a \.geo have their size"):
+        read_file(quarter(tmp_path, "tetra"), size=1.0)
+    for size in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(SceneError, match=r"mesh\.size: a positive length is expected"):
+            read_file(drawings / "plain.step", size=size)
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+TETRA = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+PRISM = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (0, 1))]
+BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("points", "blocks", "message"),
+    [
+        (
+            [*CUBE, (0.5, 0.5, 2.0)],
+            [("hexahedron", [list(range(8))]), ("tetra", [[4, 5, 6, 8], [4, 6, 7, 8]])],
+            r"mixes cell types .*\(1 hexahedron, 2 tetra\); use one; .* would not be conforming",
+        ),
+        (PRISM, [("wedge", [list(range(6))])], "no element for cells of kind wedge; use one of: tetra, tetra10, hexa"),
+        (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
+        ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
+        (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells are there twice"),
+        (BALL, [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])], r"surface in space \(a shell\)"),
+        ([[1, *x[:2]] for x in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], r"in one with the normal \(-?1, 0, 0\): turn it"),
+        ([[x, y, y] for x, y, _ in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], "in one with the normal"),
+        (
+            [*TETRA, [1, 1, 1], [-1, -1, -1]],
+            [("tetra", [[0, 1, 2, k] for k in (3, 4, 5)])],
+            "a facet belongs to 3 cells",
+        ),
+        ([*TETRA[:3], [0, 0, float("inf")]], [("tetra", [[0, 1, 2, 3]])], "not finite"),
+    ],
+)
+def test_meshes_that_are_refused(tmp_path, points, blocks, message):
+    """The file, what is wrong, and where."""
+    file = tmp_path / "odd.vtu"
+    meshio.write(file, meshio.Mesh(np.array(points, dtype=float), blocks))
+    with pytest.raises(MeshError, match=message) as caught:
+        read_file(file)
+    assert str(file) in str(caught.value)
+
+
+def test_curved_cells_that_are_folded(tmp_path):
+    """Also between their corners: two nodes in the middle of edges are exchanged."""
+    found = read_file(quarter(tmp_path, "tetra10"))
+    found.cells[0, [8, 9]] = found.cells[0, [9, 8]]
+    meshio.write(tmp_path / "odd.vtu", meshio.Mesh(found.points, [("tetra10", found.cells)]))
+    with pytest.raises(MeshError, match="1 cells are folded"):
+        read_file(tmp_path / "odd.vtu")
+
+
+def test_an_abaqus_mesh_without_heights(tmp_path):
+    """Nodes of solid elements with two coordinates."""
+    file = abaqus(tmp_path, "C3D4", TETRA)
+    file.write_text(re.sub(r"^(\d+, \S+, \S+), \S+$", r"\1", file.read_text(), count=4, flags=re.MULTILINE))
+    with pytest.raises(MeshError, match="no third coordinate"):
+        read_file(file)
+
+
+# --- halving, info, ranks --------------------------------------------------------------------------------------------
+
+
+@each_kind
+def test_halved(tmp_path, kind):
+    """Eight children each; volume, areas and moments stay to round-off, and the mesh is conforming."""
+    first = read_file(quarter(tmp_path, kind))
+    finer = halved(first)
+    assert len(finer.cells) == 8 * len(first.cells)
+    assert len(finer.facets) == 4 * len(first.facets)
+    assert volumes(finer) == pytest.approx(volumes(first), rel=1e-12)
+    if first.degree == 1:  # the area of a curved facet is not integrated exactly
+        assert areas(finer) == pytest.approx(areas(first), rel=1e-12)
+    else:
+        check_quarter(finer, 3e-4)
+    write_file(finer, tmp_path / "finer.vtu")
+    again = read_file(tmp_path / "finer.vtu")  # which counts the facets that one cell has alone
+    assert {tuple(row) for row in np.sort(again.facet_corners)} == {tuple(row) for row in np.sort(finer.facet_corners)}
+    tagged = [read_mesh(one, MPI.COMM_SELF) for one in (tmp_path / "finer.vtu", tmp_path / f"{kind}.geo")]
+    assert integrals(tagged[0]) == pytest.approx(integrals(tagged[1]), rel=1e-12)
+
+
+def test_halved_again_and_again(tmp_path):
+    """The shape of tetrahedra does not get worse with every halving."""
+    found = read_file(quarter(tmp_path, "tetra"))
+    worst = []
+    for _ in range(3):
+        found = halved(found)
+        worst.append(quality(found.points, found.corners).min())
+    assert worst[2] > 0.3
+    assert worst[2] > 0.95 * worst[1]
+
+
+@pytest.mark.parametrize("kind", ["tetra10", "hexahedron27"])
+def test_straightened(tmp_path, kind):
+    """The corners alone."""
+    found = straightened(read_file(quarter(tmp_path, kind)))
+    assert found.kind == kind.rstrip("0123456789")
+    check_quarter(found, 3e-2)
+    assert len(found.points) == len(np.unique(found.cells))
+
+
+def test_quality_of_perfect_cells():
+    """1 for a regular tetrahedron and a cube, however large; less for others."""
+    regular = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
+    cube = 3 * np.array(CUBE, dtype=float)
+    assert quality(regular, np.array([[0, 1, 2, 3]])) == pytest.approx([1.0])
+    assert quality(cube, np.array([range(8)])) == pytest.approx([1.0])
+    assert quality(cube * [1, 1, 2], np.array([range(8)])) == pytest.approx([3 * 4 ** (1 / 3) / 6])
+    assert quality(regular * [1, 1, 1e-3], np.array([[0, 1, 2, 3]]))[0] < 0.02
+
+
+def test_mesh_info_and_convert(tmp_path, capsys):
+    """Volume, areas, quality, and what has no name, of a body in space."""
+    file, target = quarter(tmp_path, "hexahedron"), tmp_path / "again.med"
+    assert cli.main(["mesh-info", str(file)]) == 0
+    out = capsys.readouterr().out
+    for text in (
+        "16 hexahedra, 45 points",
+        "x[0] 0 to 2, x[1] 0 to 2, x[2] 0 to 1.5; volume 3.44",
+        "best 1",
+        "foot             8 facets, area 2.29",
+        "x[2] 0 to 0",
+        "all              16 cells, volume 3.44",
+        "exterior facets  16 facets, area ",
+    ):
+        assert text in out, text
+    assert cli.main(["convert", str(file), str(target)]) == 0
+    capsys.readouterr()
+    assert cli.main(["mesh-info", str(target), "--json"]) == 0
+    info, own = json.loads(capsys.readouterr().out), mesh_info(read_file(file))
+    assert info["volume"] == pytest.approx(own["volume"])
+    assert info["surface"] == pytest.approx(own["surface"])
+    assert {name: one["facets"] for name, one in info["boundaries"].items()} == {"foot": 8, "ends": 16, "outside": 8}
+    assert (info["pieces"], info["coincident"]) == (1, 0)
+
+
+def test_pieces_that_share_an_edge(tmp_path):
+    """Two cubes that share an edge are two pieces; forces pass through faces."""
+    other = [(x + 1, y, z + 1) for x, y, z in CUBE]
+    points = [*CUBE, *(x for x in other if x not in CUBE)]
+    where = {x: n for n, x in enumerate(points)}
+    cells = [[where[x] for x in cube] for cube in (CUBE, other)]
+    meshio.write(tmp_path / "two.vtu", meshio.Mesh(np.array(points, dtype=float), [("hexahedron", cells)]))
+    assert mesh_info(read_file(tmp_path / "two.vtu"))["pieces"] == 2
+
+
+def test_size_on_the_command_line(drawings, capsys):
+    """Of the cells of a drawing."""
+    counts = []
+    for size in ("3", "2"):
+        assert cli.main(["mesh-info", str(drawings / "plain.step"), "--size", size, "--json"]) == 0
+        counts.append(json.loads(capsys.readouterr().out)["cells"])
+    assert counts[1] > 2 * counts[0]
+
+
+@pytest.mark.mpi
+@each_kind
+def test_on_ranks(tmp_path, kind):
+    """A file is read on one rank; names that overlap have all their facets and cells on any number of ranks."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        write_file(read_file(quarter(folder, kind)), folder / "body.msh")
+    comm.barrier()
+    tagged = read_mesh(folder / "body.msh", comm, halvings=1)
+    own = read_file(folder / "body.msh")
+    counts = {name: comm.allreduce(int(tagged.facets(name).size)) for name in tagged.boundaries}
+    assert counts == {name: 4 * len(rows) for name, rows in own.boundaries.items()}
+    owned = tagged.mesh.topology.index_map(3).size_local
+    cells = {name: comm.allreduce(int((tagged.cells(name) < owned).sum())) for name in tagged.regions}
+    assert cells == {name: 8 * len(rows) for name, rows in own.regions.items()}
+    rel = 3e-4 if kind[-1].isdigit() else 6e-2
+    assert integrals(tagged) == pytest.approx([VOLUME, MOMENT], rel=rel)
+
+
+@pytest.mark.mpi
+def test_mistakes_on_ranks(tmp_path):
+    """All ranks raise the same."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        meshio.write(folder / "odd.vtu", meshio.Mesh(np.array(PRISM, dtype=float), [("wedge", [list(range(6))])]))
+    comm.barrier()
+    with pytest.raises(MeshError, match="cells of kind wedge"):
+        read_mesh(folder / "odd.vtu", comm)
+
+
+def test_a_scene_on_a_drawing(drawings):
+    """Names of the file and rules with x[2]: pressed without friction, the plate has a pressure of E times 0.001."""
+    scene = parse_scene(
+        {
+            "mesh": {"file": drawings / "named.step", "size": 6.0, "boundaries": {"sole": "x[2] < 1e-9"}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "cover", "z": -0.01},
+                {"boundary": "left", "normal": 0.0},
+                {"boundary": "front", "normal": 0.0},
+            ],
+            "contact": {"boundary": "sole"},
+        }
+    )
+    solution = alone(scene)
+    assert solution.converged
+    columns = table_of(solution).columns
+    area = areas(read_file(drawings / "named.step", size=6.0))["foot"]
+    # Not exactly: the facets of the hole are not quite upright.
+    assert np.median(columns["pressure"]) == pytest.approx(1.0, rel=1e-3)
+    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(area, rel=2e-3)
+
+
+def test_curved_cells_of_a_drawing(drawings):
+    """They come with elements of degree 2, which can follow them."""
+    for degree in (1, 2):
+        scene = parse_scene(
+            {
+                "mesh": {"file": drawings / "named.step", "size": 6.0},
+                "element": {"degree": degree},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": {"boundary": "cover", "z": -0.01},
+                "contact": {"boundary": "foot"},
+            }
+        )
+        assert geometry_degree(load_mesh(scene, MPI.COMM_SELF).mesh) == degree

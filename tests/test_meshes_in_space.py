@@ -1,0 +1,402 @@
+"""Generators in space: names, volume, areas, shape of the cells; the same mesh every time, on ranks, in all units."""
+
+import importlib
+import inspect
+from math import cos, pi, radians, tan
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone, table_of
+
+from signorini_fx.compat import geometry_cells, geometry_degree, geometry_element
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.shape import check_shape, quality
+from signorini_fx.mesh.refinement import cells_at, refine
+from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.scene.reading import parse_scene
+
+TAN, COS = tan(radians(15)), cos(radians(15))
+FLANK = 2 * 2 / COS
+SECTION = 2 * (1 + 2 * TAN)
+# The bracket's seat is a ring, its hole goes through the foot; beside the fillet a square less a quarter of a circle.
+SEAT, HOLE, FILLET = pi * (10**2 - 5.5**2), pi * 5.5**2, 6**2 * (1 - pi / 4)
+# The punch's edge: half of the outside of a torus, and the volume that it cuts off its cylinder.
+EDGE = 2 * pi * (1.5 * pi / 2 * 0.5 + 0.5**2)
+CUT = 2 * pi * ((1 - pi / 4) * 0.25 * 2 - 0.125 * (5 / 6 - pi / 4))
+# Parameters of a small mesh: its volume and the areas of its boundaries.
+SMALL = {
+    "box": (
+        {"nx": 6, "ny": 2, "nz": 2},
+        3.0,
+        {"left": 1, "right": 1, "front": 3, "back": 3, "bottom": 3, "top": 3},
+    ),
+    "wedge_block": (
+        {"nx": 4, "ny": 4, "nz": 6},
+        2 * SECTION,
+        {"tip": 2, "top": 2 + 8 * TAN, "left": FLANK, "right": FLANK, "front": SECTION, "back": SECTION},
+    ),
+    "cylinder": ({"nz": 4}, pi, {"bottom": pi, "top": pi, "side": 2 * pi}),
+    "ring": (
+        {"nr": 4, "nz": 2},
+        1.5 * pi,
+        {"bottom": 3 * pi, "top": 3 * pi, "inner": pi, "outer": 2 * pi},
+    ),
+    "half_sphere": ({"contact_size": 0.4}, 1024 * pi / 3, {"sphere": 128 * pi, "top": 64 * pi}),
+    "cylindrical_punch": (
+        {"contact_size": 0.25},
+        12 * pi - CUT,
+        {"foot": pi * 1.5**2 + EDGE, "side": 4 * pi * 2.5, "top": 4 * pi},
+    ),
+    "bracket": (
+        {"contact_size": 3.0},
+        40 * (60 * 8 + 42 * 8 + FILLET) - 8 * HOLE,
+        {
+            "foot": 2400 - HOLE,
+            "heel": 2000,
+            "toe": 320,
+            "top": 320,
+            "inside": 40 * (46 + 36 + 3 * pi) - HOLE - SEAT,
+            "seat": SEAT,
+            "hole": 8 * 11 * pi,
+            "front": 60 * 8 + 42 * 8 + FILLET,
+            "back": 60 * 8 + 42 * 8 + FILLET,
+        },
+    ),
+}
+CURVED = ["cylinder", "ring", "half_sphere", "cylindrical_punch", "bracket"]
+STRUCTURED = ["box", "wedge_block", "cylinder", "ring"]
+PARTS = ["half_sphere", "cylindrical_punch"]
+each = pytest.mark.parametrize("name", SMALL)
+each_cell = pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+each_curved = pytest.mark.parametrize("name", CURVED)
+
+
+def make(name, comm=MPI.COMM_SELF, **changes):
+    """The small mesh of a generator."""
+    return generate_mesh(name, SMALL[name][0] | changes, comm)
+
+
+def integral(tagged, boundary=None):
+    """The volume, or the area of a boundary, with curved sides; over all ranks."""
+    mesh = tagged.mesh
+    one, measure = fem.Constant(mesh, default_scalar_type(1.0)), ufl.dx(metadata={"quadrature_degree": 6})
+    if boundary is not None:
+        facets = tagged.facets(boundary)
+        tags = dmesh.meshtags(mesh, 2, facets, np.ones(len(facets), dtype=np.int32))
+        measure = ufl.Measure("ds", mesh, subdomain_data=tags, metadata={"quadrature_degree": 6})(1)
+    return mesh.comm.allreduce(fem.assemble_scalar(fem.form(one * measure)))
+
+
+def check(tagged, volume, areas, rel):
+    """Names, areas and volume; no facet is without a name, which is also to say that the mesh is conforming."""
+    assert set(tagged.boundaries) == set(areas)
+    for boundary, expected in areas.items():
+        assert integral(tagged, boundary) == pytest.approx(expected, rel=rel), boundary
+    assert integral(tagged) == pytest.approx(volume, rel=rel)
+    named = np.concatenate([tagged.facets(boundary) for boundary in areas])
+    exterior = dmesh.exterior_facet_indices(tagged.mesh.topology)
+    np.testing.assert_array_equal(np.sort(named), np.sort(exterior))
+
+
+def cells_of(tagged):
+    """Nodes of the cells in the order of mesh files, and their kind."""
+    word, degree = tagged.mesh.topology.cell_name(), geometry_degree(tagged.mesh)
+    kind = {"tetrahedron": ("tetra", "tetra10"), "hexahedron": ("hexahedron", "hexahedron27")}[word][degree - 1]
+    cell = CELLS[kind]
+    places = geometry_element(tagged.mesh).points
+    own = [np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes]
+    order = [int(np.argmin(np.abs(places - x).sum(axis=1))) for x in own]
+    return geometry_cells(tagged.mesh)[:, order], cell
+
+
+@each_cell
+@each
+def test_names_volume_areas_and_quality(name, cell):
+    """What the sketch promises; straight sides lose a little of what is round."""
+    _, volume, areas = SMALL[name]
+    tagged = make(name, cell=cell)
+    check(tagged, volume, areas, 3e-2 if name in CURVED else 1e-12)
+    assert tagged.mesh.topology.cell_name() == cell
+    nodes, kind = cells_of(tagged)
+    shape = quality(tagged.mesh.geometry.x, nodes[:, : len(kind.corners)])
+    # Tetrahedra that are divided make hexahedra of a worse shape than a grid has.
+    low, mean = (0.15, 0.45) if cell == "hexahedron" and name not in STRUCTURED else (0.3, 0.6)
+    assert shape.min() > low
+    assert shape.mean() > mean
+
+
+@each_cell
+@each_curved
+def test_geometry_of_degree_two(name, cell):
+    """The nodes within facets and edges are on the surfaces: volume and areas are right to the fourth order."""
+    _, volume, areas = SMALL[name]
+    straight, curved = (make(name, cell=cell, order=order) for order in (1, 2))
+    assert (geometry_degree(straight.mesh), geometry_degree(curved.mesh)) == (1, 2)
+    check(curved, volume, areas, 5e-4)
+    errors = [abs(integral(tagged) / volume - 1) for tagged in (straight, curved)]
+    assert errors[1] < 0.05 * errors[0]
+    nodes, kind = cells_of(curved)
+    check_shape(curved.mesh.geometry.x, nodes, kind, name)  # none is turned inside out
+
+
+@pytest.mark.parametrize("part", ["half", "quarter"])
+@pytest.mark.parametrize("name", PARTS)
+def test_parts(name, part):
+    """Half of it, or a quarter, with names where it was cut."""
+    _, volume, areas = SMALL[name]
+    share = {"half": 1 / 2, "quarter": 1 / 4}[part]
+    section = {"half_sphere": 32 * pi, "cylindrical_punch": 12 - 2 * FILLET / 144}[name]
+    cut = {"symmetry_y": section} if part == "half" else {"symmetry_x": section / 2, "symmetry_y": section / 2}
+    tagged = make(name, part=part, order=2)
+    check(tagged, share * volume, {boundary: share * area for boundary, area in areas.items()} | cut, 5e-4)
+    for axis, boundary in ((1, "symmetry_y"), (0, "symmetry_x")):
+        assert tagged.mesh.geometry.x[:, axis].min() > -1e-9 or boundary not in cut
+
+
+def test_symmetric_bracket():
+    """The half with x[1] >= 0."""
+    _, volume, areas = SMALL["bracket"]
+    half = {boundary: area / 2 for boundary, area in areas.items() if boundary not in ("front", "back")}
+    side = areas["back"]
+    check(
+        make("bracket", symmetric=True, order=2),
+        volume / 2,
+        half | {"back": side, "symmetry": side - 8 * 11},
+        5e-4,
+    )
+
+
+@pytest.mark.parametrize("part", ["whole", "half", "quarter"])
+def test_a_node_where_contact_begins(part):
+    """The sphere touches a plane in a node."""
+    x = make("half_sphere", part=part).mesh.geometry.x
+    assert np.linalg.norm(x, axis=1).min() < 1e-9
+    assert x[:, 2].min() > -1e-9
+
+
+@pytest.mark.parametrize("name", ["half_sphere", "cylindrical_punch", "bracket"])
+def test_small_cells_where_contact_is(name):
+    """Edges are short in the zone and long far away."""
+    tagged = make(name, contact_size=0.1 if name != "bracket" else 1.5)
+    x = tagged.mesh.geometry.x[geometry_cells(tagged.mesh)]
+    edges = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)
+    middle = x.mean(axis=1)
+    away = {
+        "half_sphere": np.linalg.norm(middle, axis=1),
+        "cylindrical_punch": np.hypot(np.hypot(middle[:, 0], middle[:, 1]) - 1.5, middle[:, 2]),
+        "bracket": np.maximum(np.hypot(middle[:, 0] - 37, middle[:, 1]) - 10, 0),
+    }[name]
+    wanted = {"half_sphere": (1, 0.1, 1.2), "cylindrical_punch": (0.3, 0.1, 0.35), "bracket": (2, 1.5, 4)}
+    zone, near, far = wanted[name]
+    # gmsh takes a size as that of the shortest edges rather than of all.
+    assert near < edges[away < zone].mean() < 1.5 * near
+    assert edges[away > 0.8 * away.max()].mean() > far
+
+
+@each
+def test_the_same_mesh_every_time(name):
+    """Points and cells, bit by bit."""
+    first, second = make(name), make(name)
+    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+
+
+NO_LENGTHS = {"angle", "nx", "ny", "nz", "nr", "nt", "cell", "order", "part", "symmetric"}
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@each
+def test_the_same_mesh_in_all_units(name, unit):
+    """A body of nanometres or of kilometres has the same cells."""
+    generate = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+    defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key != "comm"}
+    lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key not in NO_LENGTHS}
+    first, second = make(name), make(name, **lengths)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    size = np.abs(first.mesh.geometry.x).max()
+    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.mpi
+@each
+def test_on_ranks(name):
+    """The cells, the facets and the areas are the same on any number of ranks."""
+    comm = MPI.COMM_WORLD
+    order = {"order": 2} if name in CURVED else {}
+    shared, own = make(name, comm, **order), make(name, **order)
+    assert shared.mesh.topology.index_map(3).size_global == own.mesh.topology.index_map(3).size_global
+    for boundary in own.boundaries:
+        assert comm.allreduce(shared.facets(boundary).size) == own.facets(boundary).size, boundary
+        assert integral(shared, boundary) == pytest.approx(integral(own, boundary), rel=1e-12)
+    assert integral(shared) == pytest.approx(integral(own), rel=1e-12)
+
+
+@each
+def test_coarser(name):
+    """Edges twice as long: about an eighth of the cells, the same names."""
+    parameters = SMALL[name][0] | ({"contact_size": 1.5, "size": 3.0} if name == "bracket" else {})
+    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
+    fine = generate_mesh(name, parameters, MPI.COMM_SELF)
+    assert set(coarse.boundaries) == set(fine.boundaries)
+    ratio = fine.mesh.topology.index_map(3).size_global / coarse.mesh.topology.index_map(3).size_global
+    assert 4 < ratio < 12
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
+@pytest.mark.parametrize("name", ["box", "wedge_block"])
+def test_refined(name, everything):
+    """Tetrahedra are bisected on any number of ranks: areas, volume and region stay."""
+    parameters = simplex_parameters(name, SMALL[name][0])
+    tagged = generate_mesh(name, parameters, MPI.COMM_WORLD)
+    fine = refine(tagged, None if everything else np.arange(2, dtype=np.int32))
+    assert integral(fine) == pytest.approx(integral(tagged), rel=1e-12)
+    for boundary in tagged.boundaries:
+        assert integral(fine, boundary) == pytest.approx(integral(tagged, boundary), rel=1e-12)
+    cells = [one.mesh.topology.index_map(3).size_global for one in (tagged, fine)]
+    assert (cells[1] == 8 * cells[0]) if everything else (cells[0] < cells[1] < 4 * cells[0])
+    if name == "wedge_block":
+        index_map = fine.mesh.topology.index_map(3)
+        assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts
+
+
+def test_regions_of_refined_tetrahedra():
+    """The children of a cell are in its region, and no others."""
+    tagged = make("box", cell="tetrahedron")
+    left = dmesh.locate_entities(tagged.mesh, 3, lambda x: x[0] < 1 + 1e-9)
+    tags = dmesh.meshtags(tagged.mesh, 3, left, np.full(left.size, 5, dtype=np.int32))
+    fine = refine(TaggedMesh(tagged.mesh, tagged.facet_tags, tagged.boundaries, tags, {"third": 5}))
+    x = fine.mesh.geometry.x[geometry_cells(fine.mesh)].mean(axis=1)
+    np.testing.assert_array_equal(fine.cells("third"), np.flatnonzero(x[:, 0] < 1))
+
+
+def test_what_is_not_refined():
+    """Hexahedra, and cells that would lose their curves."""
+    with pytest.raises(MeshError, match="only tetrahedra can be refined"):
+        refine(make("box"))
+    with pytest.raises(MeshError, match="straight sides"):
+        refine(make("half_sphere", order=2))
+
+
+def test_cells_at_a_point():
+    """Those that have it as a corner."""
+    tagged = make("box")
+    assert len(cells_at(tagged, np.array([[0.0, 0.0, 0.0]]))) == 1
+    assert len(cells_at(tagged, np.array([[2.0, 0.5, 0.5], [0.0, 0.0, 0.0]]))) == 9
+    assert len(cells_at(tagged, np.array([[0.5, 0.5, 0.25]]))) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "path"),
+    [
+        ("ring", {"inner_radius": 2.0}, "inner_radius"),
+        ("ring", {"nt": 1}, "nt"),
+        ("wedge_block", {"angle": 90.0}, "angle"),
+        ("cylindrical_punch", {"rounding": 2.0}, "rounding"),
+        ("half_sphere", {"part": "third"}, "part"),
+        ("bracket", {"thickness": 45.0}, "thickness"),
+        ("bracket", {"seat_radius": 23.0}, "seat_radius"),
+        ("bracket", {"radius": 10.0}, "radius"),
+        ("box", {"width": -1.0}, "width"),
+        *((name, {"order": 3}, "order") for name in CURVED),
+        *((name, {"cell": "quadrilateral"}, "cell") for name in SMALL),
+        *((name, {"colour": "red"}, "colour") for name in SMALL),
+    ],
+)
+def test_parameters_that_are_refused(name, changes, path):
+    """With the path of the parameter, at once."""
+    with pytest.raises(SceneError) as caught:
+        make(name, **changes)
+    assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
+
+
+TOO_MANY = {"nx": 999, "ny": 999, "nz": 999}
+TOO_MANY_AROUND = {"nr": 999, "nt": 999, "nz": 999}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        *((name, {"contact_size": 1e-9}) for name in ("half_sphere", "cylindrical_punch", "bracket")),
+        *((name, {"size": 1e-3, "contact_size": 1e-3}) for name in ("half_sphere", "cylindrical_punch")),
+        *((name, TOO_MANY) for name in ("box", "wedge_block")),
+        *((name, TOO_MANY_AROUND) for name in ("cylinder", "ring")),
+    ],
+    ids=str,
+)
+def test_more_cells_than_there_could_be(name, changes):
+    """A mesh that no machine could hold is refused before it is tried, on all ranks."""
+    with pytest.raises(SceneError, match=r"mesh\.parameters"):
+        make(name, MPI.COMM_WORLD, **changes)
+
+
+@pytest.mark.mpi
+def test_cells_too_large_for_their_arcs():
+    """A thin ring of few curved tetrahedra would have some turned inside out: that is said, on all ranks."""
+    with pytest.raises(MeshError, match="turned inside out: use more of them"):
+        make("ring", MPI.COMM_WORLD, cell="tetrahedron", order=2, nt=2, inner_radius=1.95)
+
+
+@each
+def test_documented(name):
+    """A sketch in the docstring, all parameters under Args, and names under Returns."""
+    module = importlib.import_module(f"signorini_fx.meshes.{name}")
+    assert "::\n" in module.__doc__
+    doc = inspect.getdoc(module.generate)
+    for boundary in SMALL[name][2]:
+        assert boundary in doc.partition("Returns:")[2]
+    for parameter in inspect.signature(module.generate).parameters:
+        assert parameter == "comm" or f"\n    {parameter}: " in doc
+
+
+# --- bodies in contact -----------------------------------------------------------------------------------------------
+
+STEEL = {"young": 210000.0, "poisson": 0.3}
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_wedge_in_its_groove(friction):
+    """The normal forces on the flanks balance the load: P / (sin a + F cos a) together, while it slides down."""
+    scene = {
+        "mesh": {"generator": "wedge_block", "parameters": {"nx": 4, "ny": 3, "nz": 8}},
+        "material": STEEL,
+        "displacement": [{"boundary": side, "normal": 0.0} for side in ("front", "back")],
+        "traction": {"boundary": "top", "z": -100.0},
+        "contact": [
+            {"boundary": side, "friction": {"law": "coulomb", "coefficient": friction}} for side in ("left", "right")
+        ],
+    }
+    columns = table_of(alone(parse_scene(scene))).columns
+    load = 100.0 * SMALL["wedge_block"][2]["top"]
+    normal = np.dot(columns["weight"], columns["pressure"])
+    assert normal == pytest.approx(load / (tan(radians(15)) * COS + friction * COS), rel=1e-5)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_sphere_on_a_plane(cell):
+    """A quarter bears its load, and the pressure is that of Hertz as well as four cells along the radius can tell."""
+    radius, load = 8.0, 400.0
+    parameters = {"part": "quarter", "cell": cell, "contact_size": 0.06, "contact_zone": 0.35}
+    scene = {
+        "mesh": {"generator": "half_sphere", "parameters": parameters},
+        "material": STEEL,
+        "displacement": [{"boundary": f"symmetry_{axis}", "normal": 0.0} for axis in "xy"],
+        "traction": {"boundary": "top", "z": -load / (pi * radius**2)},
+        "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
+    }
+    tagged = generate_mesh("half_sphere", parameters, MPI.COMM_SELF)
+    columns = table_of(alone(parse_scene(scene))).columns
+    top = integral(tagged, "top") / (pi * radius**2)  # a quarter, and straight facets do not have all of that
+    force = columns["weight"] * columns["pressure"]
+    assert force.sum() == pytest.approx(load * top, rel=1e-6)
+    contact = (3 * load * radius * (1 - 0.3**2) / (4 * 210000.0)) ** (1 / 3)
+    # The mean of r^2 under the pressure p0 sqrt(1 - r^2 / a^2) is 2/5 a^2; single nodes scatter on tetrahedra.
+    squares = columns["x"] ** 2 + columns["y"] ** 2
+    assert np.sqrt(2.5 * force @ squares / force.sum()) == pytest.approx(contact, rel=0.03)
+    assert columns["pressure"].max() == pytest.approx(1.5 * load / (pi * contact**2), rel=0.1)

@@ -1,0 +1,140 @@
+"""The package from Python: names, help, arguments of another kind, short forms."""
+
+import pydoc
+
+import numpy as np
+import pytest
+from dolfinx import fem, mesh
+from mpi4py import MPI
+from scenes import alone, example1
+
+import signorini_fx as sfx
+from signorini_fx import SceneError
+
+COMM = MPI.COMM_SELF
+DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
+TAGGED = sfx.tag_boundaries(
+    DOLFINX_MESH, {"left": "x[0] < 1e-9", "bottom": lambda x: np.isclose(x[1], 0), "top": "x[1] > 1 - 1e-9"}
+)
+
+
+def function():
+    """A scalar field on the mesh, -20 everywhere."""
+    f = fem.Function(fem.functionspace(DOLFINX_MESH, ("Lagrange", 1)))
+    f.x.array[:] = -20.0
+    return f
+
+
+def scene(**changed):
+    """A block that is pressed on its foundation."""
+    entries = {
+        "mesh": TAGGED,
+        "material": sfx.LinearElastic(young=5000.0, poisson=0.3),
+        "displacement": sfx.PrescribedDisplacement(boundary="left", x=0.0, y=0.0),
+        "traction": sfx.SurfaceTraction(boundary="top", y=-20.0),
+        "contact": sfx.UnilateralContact(boundary="bottom"),
+        **changed,
+    }
+    return sfx.Scene(**entries)
+
+
+def test_public_names_are_shown():
+    """By dir(), hence by completion, and by help(): all of them and nothing else."""
+    assert sorted(dir(sfx)) == sorted([*sfx.__all__, "__version__"])
+    text = pydoc.render_doc(sfx, renderer=pydoc.plaintext)
+    missing = [name for name in sfx.__all__ if name not in text]
+    assert not missing
+
+
+@pytest.mark.parametrize("name", sfx.__all__)
+def test_every_public_name_is_explained(name):
+    """With a docstring; each field of a table of the scene stands in that of its class or of a base."""
+    thing = getattr(sfx, name)
+    assert thing.__doc__
+    explained = "".join(base.__doc__ or "" for base in thing.__mro__) if isinstance(thing, type) else ""
+    for field in getattr(thing, "model_fields", {}):
+        assert f"{field}:" in explained or f"{field}, " in explained, field
+
+
+def test_what_can_be_accepted(tmp_path):
+    """The path of a scene for a scene, NumPy's numbers, a field of the mesh as a traction."""
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        '[mesh]\ngenerator = "rectangle"\nparameters = {nx = 6, ny = 2}\n[material]\nyoung = 5000.0\npoisson = 0.3\n'
+        '[displacement]\nboundary = "left"\nx = 0.0\ny = 0.0\n[traction]\nboundary = "top"\ny = -20.0\n'
+        '[contact]\nboundary = "bottom"\n'
+    )
+    for given in (path, str(path)):
+        assert sfx.solve(given, COMM).converged
+    plain = alone(scene())
+    numbers = alone(
+        scene(
+            material=sfx.LinearElastic(young=np.float64(5000.0), poisson=np.array(0.3)),
+            traction=sfx.SurfaceTraction(boundary="top", y=np.float32(-20.0)),
+        )
+    )
+    field = alone(scene(traction=sfx.SurfaceTraction(boundary="top", y=function())))
+    for other in (numbers, field):
+        np.testing.assert_allclose(other.contact.pressure, plain.contact.pressure, rtol=1e-9)
+
+
+WRONG = {
+    "young": (
+        lambda: sfx.LinearElastic(young=function(), poisson=0.3),
+        "young: must be a number, not dolfinx's Function",
+    ),
+    "gap": (lambda: sfx.UnilateralContact(boundary="bottom", gap=function()), "gap: dolfinx's Function cannot be"),
+    "bound": (lambda: sfx.TrescaFriction(bound=function()), "bound: dolfinx's Function cannot be"),
+    "displacement": (lambda: sfx.PrescribedDisplacement(boundary="left", x=function()), "x: dolfinx's Function cannot"),
+    "array": (lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)), "y: must be a number, not numpy's ndarray"),
+    "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* tag_boundaries(mesh"),
+    "file": (lambda: scene(mesh="body.msh"), "MeshFile(file='body.msh')"),
+    "key": (lambda: sfx.SurfaceTraction(boundary="top", yy=3.0), "yy: unknown key"),
+    "kind": (lambda: scene(contact=sfx.SurfaceTraction(boundary="top")), "contact: must be a table"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+@pytest.mark.timeout(60)
+def test_wrong_kinds_in_a_scene(what):
+    """One sentence that names the key, and no search without end in a field of FEniCSx."""
+    build, told = WRONG[what]
+    with pytest.raises(SceneError) as error:
+        build()
+    assert all(part in str(error.value) for part in told.split(" .* "))
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: sfx.solve(None), "a Scene or the path of a scene file"),
+        (lambda: sfx.solve(scene(), 2), "a communicator of mpi4py"),
+        (lambda: sfx.read_scene(scene()), "the path of a scene file"),
+        (lambda: sfx.tag_boundaries(TAGGED, {}), "a mesh of dolfinx is expected, not TaggedMesh"),
+        (lambda: sfx.tag_boundaries(DOLFINX_MESH, {"left": 3}), "boundary 'left'"),
+        (lambda: sfx.write_results("a", "b"), "a Solution and a folder, not str"),
+        (lambda: sfx.LinearElastic(5000.0, 0.3), "keyword arguments: young, poisson"),
+    ],
+)
+def test_wrong_kinds_of_arguments(call, told):
+    """A TypeError that says what is expected."""
+    with pytest.raises(TypeError, match=told):
+        call()
+
+
+def test_short_forms():
+    """One line each, and tables for notebooks whose text is escaped."""
+    solution = alone(example1(bound=1.5, nx=12, ny=4).model_copy(update={"title": "<b>"}))
+    for thing in (solution, solution.table, solution.contact, solution.history, solution.certificate, TAGGED):
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 200
+    shown = solution._repr_html_()
+    assert "&lt;b&gt;" in shown
+    assert "converged" in shown
+    assert solution.table._repr_html_().count("<tr>") == 1 + 13
+
+
+def test_numbers_of_numpy_in_settings():
+    """Where a word would do as well."""
+    settings = sfx.SolverSettings(gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3))
+    assert (settings.gamma_n, settings.gamma_t, settings.inner_iterations) == (1e6, 2e6, 3)

@@ -1,0 +1,103 @@
+"""Answers in space that are known without this package: Hertz, and torsion with a stick radius that moves in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import alone
+from spaces import box, disc, friction_of
+from torsion_oracle import torsion
+
+from signorini_fx.results.certificate import Tractions, certify
+from signorini_fx.scene.reading import parse_scene
+
+
+def test_hertz():
+    """A sphere (as a paraboloid) on a block: largest pressure and radius of contact for the force.
+
+    A quarter of the block; finite size enters with the third power of a over it.
+    """
+    young, poisson, radius, n = 1000.0, 0.3, 1.0, 14
+    tagged = box("hexahedra", (n, n, n), size=(1.0, 1.0, 1.0))
+    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x**1.8
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": young, "poisson": poisson},
+            "displacement": [
+                {"boundary": "left", "normal": 0.0},
+                {"boundary": "front", "normal": 0.0},
+                {"boundary": "top", "z": -0.012},
+            ],
+            "contact": {"boundary": "bottom", "gap": f"(x[0]**2 + x[1]**2) / (2 * {radius})"},
+        }
+    )
+    solution = alone(scene)
+    force = 4 * solution.contact.forces[0][2]
+    modulus = young / (1 - poisson**2)
+    a = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+    peak = 3 * force / (2 * np.pi * a**2)
+    assert 0.08 < a < 0.2
+    assert solution.table.columns["pressure"].max() == pytest.approx(peak, rel=0.02)
+    columns = solution.table.columns
+    r = np.hypot(columns["x"], columns["y"])
+    # The mean distance of the force from the axis is 3 pi / 16 a; an area of whole nodes would be off by one of them.
+    mean = np.average(r, weights=columns["weight"] * columns["pressure"])
+    assert 16 / (3 * np.pi) * mean == pytest.approx(a, rel=0.02)
+    expected = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0.0))
+    inside = r < 0.5 * a
+    np.testing.assert_allclose(columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak)
+
+
+@pytest.mark.parametrize("share", [0.9, 1.3, 2.0, 4.0])
+def test_torsion(share):
+    """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).
+
+    nu = 0, so that the press itself makes no shear; slip begins at phi = q H / (G a).
+    """
+    young, height, bound = 1000.0, 0.5, 3.0
+    modulus = young / 2
+    phi = share * bound * height / modulus
+    scene = parse_scene(
+        {
+            "mesh": disc(n=20, height=height, layers=8),
+            "material": {"young": young, "poisson": 0.0},
+            "displacement": {"boundary": "top", "x": f"{-phi} * x[1]", "y": f"{phi} * x[0]", "z": -0.005},
+            "contact": {"boundary": "bottom", "friction": friction_of(bound=bound)},
+        }
+    )
+    solution = alone(scene)
+    torque = solution.contact.moments[1][2]
+    assert abs(torque) == pytest.approx(torsion(modulus, height, bound, phi).torque, rel=5e-3)
+    states = solution.table.columns["friction"]
+    r = np.hypot(solution.table.columns["x"], solution.table.columns["y"])
+    if share < 1:
+        assert set(states) == {"stick"}
+        assert abs(torque) == pytest.approx(np.pi / 2 * modulus * phi / height, rel=5e-3)
+    else:
+        assert r[states == "slip"].min() > r[states == "stick"].max() - 0.15
+    assert abs(torque) < 2 / 3 * np.pi * bound * 1.01
+
+
+def test_certificate_sees_a_shear_astray():
+    """A shear of the right size that does not point along the slip is refused, even where the forces balance.
+
+    All of the bottom is prescribed along the foundation: there the support takes what the shear lacks.
+    """
+    scene = parse_scene(
+        {
+            "mesh": box("hexahedra", (3, 3, 3), size=(1.0, 1.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [{"boundary": "bottom", "x": 0.01, "y": 0.02}, {"boundary": "top", "z": -0.01}],
+            "contact": {"boundary": "bottom", "friction": friction_of(bound=2.0)},
+        }
+    )
+    solution = alone(scene)
+    tractions = Tractions.of(solution.contact)
+    tagged, law = solution.discretisation.tagged, solution.certificate.law
+    turned = replace(tractions, shear=tractions.shear @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert certify(scene, tagged, solution.displacement, tractions, law=law).holds
+    wrong = certify(scene, tagged, solution.displacement, turned, law=law)
+    assert wrong.equilibrium < 1e-9
+    assert not wrong.holds
+    assert wrong.wrong_way_slip > 1e-2

@@ -1,0 +1,98 @@
+"""A solution in space made up beforehand, whose slip turns from node to node: how fast the errors fall.
+
+On the bottom of a box, with r the position from its middle and R = |r|,
+
+    mu = q r / sqrt(1 + R^2),    tau_T u = c (r / R) max(R - 1, 0)^2,    bound = |mu| + q max(1 - R, 0),
+
+so that the disc R < 1 sticks, with a shear that reaches its bound at R = 1, and all else slips outwards.  With nu = 0
+the displacement (tau_T u + z mu / G, - e z) has these tractions and a constant pressure E e.
+"""
+
+import numpy as np
+import pytest
+import ufl
+from scenes import alone
+from spaces import box
+
+from signorini_fx.scene.model import (
+    BodyForce,
+    LinearElastic,
+    PrescribedDisplacement,
+    Scene,
+    SolverSettings,
+    TrescaFriction,
+    UnilateralContact,
+)
+
+YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1
+SHEAR_MODULUS = YOUNG / 2
+
+
+def slip_and_shear(x):
+    """(tau_T u, mu) at points (3, n), shape (2, n) each."""
+    size = np.maximum(np.hypot(x[0], x[1]), 1e-300)
+    return FAR * x[:2] / size * np.maximum(size - 1, 0.0) ** 2, BOUND * x[:2] / np.sqrt(1 + size**2)
+
+
+def bound(x):
+    """At points (3, n), shape (n,)."""
+    return np.linalg.norm(slip_and_shear(x)[1], axis=0) + BOUND * np.maximum(1 - np.hypot(x[0], x[1]), 0.0)
+
+
+def displacement(x):
+    """At points (3, n), shape (3, n)."""
+    slip, shear = slip_and_shear(x)
+    return np.vstack((slip + x[2] * shear / SHEAR_MODULUS, -PRESSED * x[2]))
+
+
+def force(mesh):
+    """-div sigma of the displacement, by UFL."""
+    x = ufl.SpatialCoordinate(mesh)
+    size = ufl.sqrt(x[0] ** 2 + x[1] ** 2 + 1e-18)  # its derivative at 0 must be a number
+    away = ufl.conditional(ufl.ge(size, 1.0), FAR * (size - 1) ** 2 / size, 0.0)
+    sheared = BOUND / ufl.sqrt(1 + size**2)
+    u = ufl.as_vector([(away + x[2] * sheared / SHEAR_MODULUS) * x[k] for k in (0, 1)] + [-PRESSED * x[2]])
+    sigma = YOUNG * ufl.sym(ufl.grad(u))
+    return [-value for value in ufl.div(sigma)]
+
+
+def errors(cells, n, algorithm):
+    """Of the displacement in L2 and of the shear on the bottom in L2, by the nodes, relative."""
+    tagged = box(cells, (2 * n, 2 * n, n // 2), size=(4.0, 4.0, 1.0))
+    tagged.mesh.geometry.x[:, :2] -= 2.0
+    fx, fy, fz = force(tagged.mesh)
+    sides = ("left", "right", "front", "back", "top")
+    scene = Scene(
+        mesh=tagged,
+        material=LinearElastic(young=YOUNG, poisson=0.0),
+        body_force=BodyForce(x=fx, y=fy, z=fz),
+        displacement=[
+            PrescribedDisplacement(
+                boundary=name, **{axis: lambda x, k=k: displacement(x)[k] for k, axis in enumerate("xyz")}
+            )
+            for name in sides
+        ],
+        contact=UnilateralContact(boundary="bottom", friction=TrescaFriction(bound=bound)),
+        solver=SolverSettings(algorithm=algorithm),
+    )
+    solution = alone(scene)
+    x = solution.discretisation.space.tabulate_dof_coordinates().T
+    exact = displacement(x)
+    found = solution.displacement.x.array.reshape(-1, 3).T
+    columns = solution.table.columns
+    nodes = np.vstack([columns[axis] for axis in "xyz"])
+    inner = np.abs(nodes[:2]).max(axis=0) < 2 - 1e-9  # at the rim the supports take the shear
+    shear = np.vstack([columns[f"shear_{axis}"] for axis in "xy"])
+    wrong = np.square(shear - slip_and_shear(nodes)[1]).sum(axis=0)
+    share = columns["weight"][inner] @ wrong[inner] / columns["weight"][inner].sum()
+    return np.linalg.norm(found - exact) / np.linalg.norm(exact), np.sqrt(share) / BOUND
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_rates(cells, algorithm):
+    """Halving the cells divides the error of the displacement by more than 2.8, that of the shear by more than 1.7."""
+    coarse, fine = (np.array(errors(cells, n, algorithm)) for n in (4, 8))
+    first, second = np.log2(coarse / fine)
+    assert first > 1.5
+    assert second > 0.75

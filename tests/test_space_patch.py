@@ -1,0 +1,219 @@
+"""Patch tests in space: constant states of stress on distorted meshes at any angle, which every element must hold.
+
+The body is a box on a flat foundation in its own frame X; the mesh is distorted, then turned with all that acts on it,
+x = R X.  The foundation gives way by p / gamma_1 and mu / gamma_2, which a constant state turns into a rigid motion.
+"""
+
+import numpy as np
+import pytest
+from scenes import alone
+from spaces import box, friction_of
+
+from signorini_fx.scene.reading import parse_scene
+
+YOUNG, POISSON = 5000.0, 0.3
+PRESSURE, SHEAR, GAP, GAMMA = 20.0, 4.0, 0.002, 1e6
+OBLIQUE = np.radians(37.0)
+SIZE = (1.5, 1.2, 1.0)
+ROUND_OFF = 1e-10
+ELEMENTS = {"P1": ("tetrahedra", 1), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
+TURNS = {"upright": (0.0, (0.0, 0.0, 1.0)), "turned": (0.9, (0.3, -0.8, 0.5))}
+SIDES = {
+    "left": (0, -1.0),
+    "right": (0, 1.0),
+    "front": (1, -1.0),
+    "back": (1, 1.0),
+    "top": (2, 1.0),
+    "bottom": (2, -1.0),
+}
+
+each_element = pytest.mark.parametrize("element", ELEMENTS)
+each_turn = pytest.mark.parametrize("turn", TURNS)
+
+
+def rotation(angle, axis):
+    """The matrix that turns by an angle about an axis."""
+    a, b, c = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def patch_mesh(element, turn):
+    """Vertices are moved by up to a fifth of a cell, those of the boundary along it, then all are turned."""
+    shape = (4, 3, 3)
+    tagged = box(ELEMENTS[element][0], shape, size=SIZE)
+    x = tagged.mesh.geometry.x
+    rng = np.random.default_rng(7)
+    moved = np.zeros_like(x)
+    for axis in range(3):
+        inside = (x[:, axis] > 1e-9) & (x[:, axis] < SIZE[axis] - 1e-9)
+        moved[inside, axis] = (rng.random(inside.sum()) - 0.5) * 0.4 * SIZE[axis] / shape[axis]
+    x[:] = (x + moved) @ rotation(*TURNS[turn]).T
+    return tagged
+
+
+class State:
+    """A constant state of stress in the frame of the body, with the displacement that it has there."""
+
+    def __init__(self, stress, origin):
+        """``stress`` has xx, yy, zz, xy, xz, yz; the bottom is moved by ``origin``, and not turned."""
+        xx, yy, zz, xy, xz, yz = stress
+        self.stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        trace = np.trace(self.stress)
+        strain = (1 + POISSON) / YOUNG * self.stress - POISSON / YOUNG * trace * np.eye(3)
+        self.slope = np.array(strain)
+        self.slope[:2, 2] += strain[:2, 2]  # the rotation that leaves the bottom where it is
+        self.slope[2, :2] = 0.0
+        self.origin = np.array(origin)
+
+    def tractions(self, turn, *names):
+        """The tractions of the state on some sides, turned."""
+        matrix, found = rotation(*TURNS[turn]), []
+        for name in names:
+            axis, sign = SIDES[name]
+            force = matrix @ (sign * self.stress[:, axis])
+            found.append({"boundary": name, **dict(zip("xyz", map(float, force), strict=True))})
+        return found
+
+    def displacement(self, turn, x):
+        """At points (n, 3)."""
+        matrix = rotation(*TURNS[turn])
+        return (x @ matrix @ self.slope.T + self.origin) @ matrix.T
+
+
+LAWS = [{"bound": SHEAR / 0.9}, {"coefficient": SHEAR / 0.9 / PRESSURE}]
+CONFINED = -POISSON / (1 - POISSON) * PRESSURE
+
+
+def pressed(shear=0.0, angle=0.0, creep=0.0):
+    """No widening: pressure, and a shear in a direction, at which the bottom has moved by ``creep`` more."""
+    way = np.array([np.cos(angle), np.sin(angle)])
+    along = (shear / GAMMA + creep) * way
+    return State((CONFINED, CONFINED, -PRESSURE, 0.0, *(shear * way)), (*along, -GAP - PRESSURE / GAMMA))
+
+
+def run(element, turn, **effects):
+    """Solve on the distorted mesh."""
+    given = {
+        "mesh": patch_mesh(element, turn),
+        "element": {"degree": ELEMENTS[element][1]},
+        "material": {"young": YOUNG, "poisson": POISSON},
+        "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA, "tolerance": 1e-12},
+        **effects,
+    }
+    return alone(parse_scene(given))
+
+
+def assert_displacement(solution, state, turn):
+    """The displacement is that of the state, to round-off."""
+    x = solution.discretisation.space.tabulate_dof_coordinates()
+    exact = state.displacement(turn, x)
+    found = solution.displacement.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())
+
+
+def assert_contact(solution, turn, shear=(0.0, 0.0), state=None):
+    """Pressure and shear, the latter in the frame of the body, are constant, and all nodes in one state.
+
+    The iteration leaves up to 1e-8 of its bound of a shear whose direction it has to find.
+    """
+    columns = solution.table.columns
+    np.testing.assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
+    vectors = np.column_stack([columns[f"shear_{axis}"] for axis in "xyz"])
+    expected = rotation(*TURNS[turn]) @ np.array([*shear, 0.0])
+    left = 1e-8 * SHEAR if state == "slip" else ROUND_OFF * PRESSURE
+    np.testing.assert_allclose(vectors, np.tile(expected, (len(vectors), 1)), rtol=0, atol=left)
+    if state is not None:
+        assert set(columns["state"]) == {state}
+
+
+def contact(**more):
+    """The foundation below the bottom."""
+    return {"boundary": "bottom", "gap": GAP, **more}
+
+
+def smooth(*names):
+    """Walls that hold without friction."""
+    return [{"boundary": name, "kind": "bilateral"} for name in names]
+
+
+@each_element
+@each_turn
+def test_compression(element, turn):
+    """Pressure on top between free sides, frictionless: the body widens, held sideways by two smooth walls."""
+    stress = (0.0, 0.0, -PRESSURE, 0.0, 0.0, 0.0)
+    state = State(stress, (0.0, 0.0, -GAP - PRESSURE / GAMMA))
+    walls = {"contact": [contact(), *smooth("left", "front")]}
+    solution = run(element, turn, traction=[{"boundary": "top", "pressure": PRESSURE}], **walls)
+    assert_displacement(solution, state, turn)
+    bottom = solution.table.columns["boundary"] == "bottom"
+    np.testing.assert_allclose(solution.table.columns["pressure"][bottom], PRESSURE, rtol=ROUND_OFF)
+
+
+@each_element
+@each_turn
+@pytest.mark.parametrize("law", LAWS, ids=["tresca", "coulomb"])
+def test_stick(element, turn, law):
+    """Shear at 0.9 of its bound: everything sticks, and nothing but friction holds the body sideways."""
+    state = pressed(SHEAR, OBLIQUE)
+    solution = run(
+        element,
+        turn,
+        traction=state.tractions(turn, "top", "left", "right", "front", "back"),
+        contact=contact(friction=friction_of(**law)),
+    )
+    assert solution.converged
+    assert_displacement(solution, state, turn)
+    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
+
+
+@each_element
+@each_turn
+@pytest.mark.parametrize("coulomb", ["tresca", "fp", "newton"])
+def test_slip(element, turn, coulomb):
+    """The top is moved farther than friction can hold, at 37 degrees: everything slips, the shear is at its bound."""
+    state = pressed(SHEAR, OBLIQUE, creep=0.01)
+    law = {"bound": SHEAR} if coulomb == "tresca" else {"coefficient": SHEAR / PRESSURE}
+    back = rotation(*TURNS[turn])
+
+    def moved(component):
+        return lambda x: state.displacement(turn, x.T)[:, component]
+
+    solution = run(
+        element,
+        turn,
+        displacement={"boundary": "top", **{axis: moved(k) for k, axis in enumerate("xyz")}},
+        traction=state.tractions(turn, "left", "right", "front", "back"),
+        contact=contact(friction=friction_of(**law), direction=[float(c) for c in back @ [0.0, 0.0, -1.0]]),
+        solver={
+            "gamma_n": GAMMA,
+            "gamma_t": GAMMA,
+            "tolerance": 1e-12,
+            "coulomb": "auto" if coulomb == "tresca" else coulomb,
+        },
+    )
+    assert_displacement(solution, state, turn)
+    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "slip")
+
+
+@each_element
+@each_turn
+def test_two_foundations(element, turn):
+    """Pressed into a corner of two foundations with friction on one of them: each has its own pressure."""
+    state = pressed(0.0)
+    give = -CONFINED / GAMMA
+    state.origin[0] = -GAP - give
+    solution = run(
+        element,
+        turn,
+        traction=state.tractions(turn, "top", "right", "front", "back"),
+        contact=[
+            contact(),
+            {"boundary": "left", "gap": GAP},
+            *smooth("front"),
+        ],
+    )
+    columns = solution.table.columns
+    for name, value in (("bottom", PRESSURE), ("left", -CONFINED)):
+        here = columns["boundary"] == name
+        np.testing.assert_allclose(columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE)

@@ -1,0 +1,608 @@
+"""Pictures and page of a body in space: they say what the files say, on any number of ranks; no plane scene pays."""
+
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+from itertools import pairwise
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.quiver import Quiver
+from mpi4py import MPI
+from PIL import Image
+from scenes import alone
+from spaces import block, box, friction_of
+from test_report import Page, pictures, rows_of, summary_of
+
+from signorini_fx import cli
+from signorini_fx.errors import ResultError
+from signorini_fx.report import contact_surface, load_steps, page, sections_in_space, solid_body, view
+from signorini_fx.report.boundary_profiles import STATES
+from signorini_fx.report.reading import read_csv, read_facets
+from signorini_fx.results import outer_surface
+from signorini_fx.results.files import write_results
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+
+def stepped():
+    """Tetrahedra, Tresca friction, three load steps, a title with markup."""
+    data = block(6, "tetrahedra", bound=1.5)
+    loads = [load.model_copy(update={"factors": (0.5, 1.0, 0.7)}) for load in data.traction]
+    return data.model_copy(update={"traction": tuple(loads), "title": "$5 & <b>"})
+
+
+def quadratic():
+    data = block(6)
+    return data.model_copy(update={"element": data.element.model_copy(update={"degree": 2})})
+
+
+def between_walls():
+    """Two contact boundaries, neither below: one has friction, the other has not."""
+    return parse_scene(
+        {
+            "mesh": box("hexahedra", (4, 4, 4), size=(2.0, 1.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
+            "traction": [{"boundary": "top", "y": 4.0, "z": -40.0}],
+            "contact": [
+                {"boundary": "left", "friction": friction_of(coefficient=0.3)},
+                {"boundary": "right", "gap": "0.001 * x[2]"},
+            ],
+        }
+    )
+
+
+SCENES = {
+    "coulomb": lambda: block(12, coefficient=0.3),
+    "steps": stepped,
+    "quadratic": quadratic,
+    "walls": between_walls,
+}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A result folder of each scene, with its report."""
+    found = {}
+    for name, scene in SCENES.items():
+        found[name] = tmp_path_factory.mktemp("space") / name
+        write_results(alone(scene()), found[name], fields=False)
+        page.write_report(found[name])
+    return found
+
+
+@pytest.fixture(params=SCENES)
+def folder(request, folders):
+    return folders[request.param]
+
+
+def drawn(folder):
+    """Sides and figure of the contact surface from the files."""
+    table, facets = read_csv(folder / "contact.csv"), read_facets(folder / "contact.vtu")
+    return contact_surface.sides_of(table, facets), contact_surface.contact_figure(table, facets)
+
+
+def panels(figure):
+    """The axes that are no colour bars, in order."""
+    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+
+
+def test_files(folder):
+    """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
+    assert not (folder / "profiles.png").exists()
+    for name in ("deformed", "contact_surface", "history"):
+        assert (folder / f"{name}.pdf").stat().st_size > 5000
+        with Image.open(folder / f"{name}.png") as image:
+            assert 400 < image.width < 1600
+            assert 300 < image.height < 3000
+            assert np.asarray(image.convert("L")).std() > 10
+
+
+def test_nothing_is_cut_off(folder):
+    """Titles, labels and legends are within the picture, also without a title above it."""
+    _, figure = drawn(folder)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    inside = figure.bbox.padded(1.0)
+    for piece in (*figure.axes, *figure.legends):
+        box = piece.get_tightbbox(renderer)
+        assert inside.x0 <= box.x0 < box.x1 <= inside.x1
+        assert inside.y0 <= box.y0 < box.y1 <= inside.y1
+
+
+def test_pressure_is_that_of_the_table(folder):
+    """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
+    sides, figure = drawn(folder)
+    pressed = [axes for axes in panels(figure) if "seen along" in axes.get_title(loc="left")]
+    assert len(pressed) == len(sides)
+    for side, axes in zip(sides, pressed, strict=True):
+        (mesh,) = [c for c in axes.collections if type(c).__name__ == "TriMesh"]
+        pressure = side.floats("pressure")
+        np.testing.assert_array_equal(mesh.get_array()[: len(pressure)], pressure)
+        points = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
+        for direction, along in ((side.view.right, 0), (side.view.up, 1)):
+            expected = np.column_stack([side.floats(axis) for axis in "xyz"]) @ direction
+            np.testing.assert_allclose(points[: len(pressure), along], expected, atol=1e-12)
+        low, high = mesh.get_clim()
+        assert low == 0
+        assert high == pytest.approx(pressure.max())
+        assert mesh.get_cmap().name == "cividis"
+        # What is coloured is what touches: every node in contact, and no facet without one.
+        corners = mesh._triangulation.triangles
+        used = np.unique(corners[corners < len(pressure)])
+        assert set(np.flatnonzero(side.touching)) <= set(used)
+
+
+def test_states_and_slip_are_those_of_the_table(folders):
+    """Each node has the colour of its state on its own part of the area; arrows are the slip times what is said."""
+    (side,), figure = drawn(folders["coulomb"])
+    _, right = panels(figure)
+    regions = next(c for c in right.collections if isinstance(c, PolyCollection))
+    where, owner = contact_surface._around_nodes(side.nodes, side.polygons)
+    expected = [to_rgba(STATES[str(state)][0]) for state in side.columns["state"][owner]]
+    np.testing.assert_allclose(regions.get_facecolor(), expected)
+    x, y = where[..., 0], where[..., 1]
+    pieces = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2
+    np.testing.assert_allclose(np.bincount(owner, pieces), side.floats("weight"))
+    assert np.abs(where - side.nodes[owner][:, None]).max() == pytest.approx(0.125)  # half of a facet
+    (arrows,) = [c for c in right.collections if isinstance(c, Quiver)]
+    factor = float(re.search(r"slip \$\\times\\,(\d+)\$", right.get_title(loc="left")).group(1))
+    slips = np.flatnonzero(side.columns["friction"] == "slip")
+    at = {tuple(np.round(side.nodes[row], 9)): row for row in slips}
+    rows = [at[tuple(np.round(place, 9))] for place in arrows.get_offsets()]
+    assert len(rows) == len(slips)  # few enough to show all
+    for component, axis in ((arrows.U, "x"), (arrows.V, "y")):
+        np.testing.assert_allclose(component, factor * side.floats(f"slip_{axis}")[rows], rtol=1e-9, atol=1e-15)
+    legend = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert legend == {"open", "slip", "stick"} & {str(s) for s in side.columns["state"]}
+
+
+def test_shear_arrows(folders):
+    """They are along the shear of the table, and the longest one has the size that the title says."""
+    (side,), figure = drawn(folders["coulomb"])
+    left, _ = panels(figure)
+    (arrows,) = [c for c in left.collections if isinstance(c, Quiver)]
+    assert f"the longest ${side.floats('shear').max():.3g}$" in left.get_title(loc="left")
+    at = {tuple(np.round(place, 9)): row for row, place in enumerate(side.nodes)}
+    rows = [at[tuple(np.round(place, 9))] for place in arrows.get_offsets()]
+    shear = np.column_stack((side.floats("shear_x"), side.floats("shear_y")))[rows]
+    drawn_vectors = np.column_stack((arrows.U, arrows.V))
+    scale = np.linalg.norm(drawn_vectors, axis=1).max() / np.linalg.norm(shear, axis=1).max()
+    np.testing.assert_allclose(drawn_vectors, scale * shear, atol=1e-12)
+
+
+def test_many_arrows_are_thinned():
+    """None is nearer to another one than the distance, the first is kept, and no gap is left."""
+    nodes = np.random.default_rng(3).random((3000, 2))
+    kept = np.array(list(contact_surface._spread(nodes, np.arange(3000), 0.05)))
+    assert kept[0] == 0
+    apart = np.linalg.norm(nodes[kept][:, None] - nodes[kept], axis=2) + np.eye(len(kept))
+    assert apart.min() >= 0.05
+    assert np.linalg.norm(nodes[:, None] - nodes[kept], axis=2).min(axis=1).max() < 0.05
+
+
+def test_axes_are_those_of_space(folders):
+    """Labels name the coordinates, equal lengths are equal, and numbers are those of the coordinates."""
+    sides, figure = drawn(folders["walls"])
+    assert [side.name for side in sides] == ["left", "right"]
+    left, state, right, none = panels(figure)
+    assert left.get_title(loc="left").startswith("left, seen along $-x_1$")
+    assert right.get_title(loc="left").startswith("right, seen along $x_1$")
+    assert "no friction" in none.texts[0].get_text()
+    for axes in (left, right, state):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_2$", "$x_3$")
+        assert axes.get_aspect() == 1
+    # Seen along x_1 with x_3 upwards, x_2 grows to the left.
+    assert right.xaxis.get_major_formatter()(-0.5, 0) == "0.5"
+    assert left.xaxis.get_major_formatter().__class__.__name__ == "ScalarFormatter"
+    assert "arrows: shear" in left.get_title(loc="left")
+    assert "arrows" not in right.get_title(loc="left")
+
+
+@pytest.mark.parametrize("direction", [(0, 0, -1), (0, 0, 1), (1, 0, 0), (0, -1, 0), (1, 2, -2), (0.02, 0.01, -1)])
+def test_views(direction):
+    """Right-handed, against the direction; close to an axis it is the axis; the label measures what it says."""
+    seen = view.along(np.array(direction, dtype=float))
+    frame = np.array([seen.right, seen.up, seen.toward])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(frame) == pytest.approx(1)
+    assert -seen.toward @ direction >= 0.99 * np.linalg.norm(direction)
+    if np.count_nonzero(np.abs(direction) > 0.1) == 1:
+        assert np.abs(seen.toward).max() == 1
+    unit, label, falls = view.coordinate(seen.right)
+    assert unit @ seen.right == pytest.approx(-1 if falls else 1)
+    assert "x_" in label
+    assert label[1] != "-" or np.abs(seen.right).max() < 1
+    assert view.combination(np.array([0.6, 0.0, -0.8])) == r"0.60\,x_1-0.80\,x_3"
+    assert view.combination(np.array([0.0, -1.0, 0.0])) == "-x_2"
+
+
+def wall(touching):
+    """Table and facets of the wall of a hole around the axis x_3, its nodes in contact where the function says."""
+    angle, height = np.meshgrid(2 * np.pi * np.arange(24) / 24, (0.0, 0.5, 1.0), indexing="ij")
+    angle, height = angle.ravel(), height.ravel()
+    row = np.arange(72).reshape(24, 3)
+    ahead = np.roll(row, -1, axis=0)
+    facets = np.stack((row[:, :-1], ahead[:, :-1], ahead[:, 1:], row[:, 1:]), axis=-1).reshape(-1, 4)
+    closed = touching(angle)
+    zero = np.zeros(72)
+    table = {"x": np.cos(angle), "y": np.sin(angle), "z": height, "gap": zero, "pressure": np.where(closed, 1.0, 0.0)}
+    table |= {"n_x": -np.cos(angle), "n_y": -np.sin(angle), "n_z": zero, "bound": zero, "weight": zero + 1 / 72}
+    table |= {f"{name}{axis}": zero for name in ("shear", "slip") for axis in ("", "_x", "_y", "_z")}
+    state = np.where(closed, "stick", "open")
+    return table | {"state": state, "friction": np.full(72, "none"), "boundary": np.full(72, "hole")}, facets
+
+
+def test_bent_boundaries():
+    """The wall of a hole is seen where it touches, and from two sides where both touch; a part is shown as such."""
+    table, facets = wall(lambda angle: np.cos(angle) > 0.8)
+    (side,) = contact_surface.sides_of(table, facets)
+    np.testing.assert_array_equal(-side.view.toward, [-1, 0, 0])
+    assert side.hidden
+    assert set(side.polygons.ravel()) >= set(np.flatnonzero(side.touching))
+    assert side.floats("x")[side.polygons].mean(axis=1).min() > -1e-9
+    (axes,) = panels(contact_surface.contact_figure(table, facets))
+    assert "the other side is open" in axes.get_title(loc="left")
+    both = contact_surface.sides_of(*wall(lambda angle: np.abs(np.cos(angle)) > 0.8))
+    assert len(both) == 2
+    assert not any(side.hidden for side in both)
+    np.testing.assert_array_equal(both[0].view.toward, -both[1].view.toward)
+    assert sum(len(side.polygons) for side in both) == len(facets)
+    (nothing,) = panels(contact_surface.contact_figure(*wall(lambda angle: angle < -1)))
+    assert "nothing in contact" in nothing.get_title(loc="left")
+
+
+def test_small_zones_are_enlarged(folders):
+    """The window is about what touches where that is little, and the title says so."""
+    table, facets = read_csv(folders["coulomb"] / "contact.csv"), read_facets(folders["coulomb"] / "contact.vtu")
+    few = np.hypot(table["x"] - 1.5, table["y"] - 0.5) < 0.1
+    table |= {"state": np.where(few, table["state"], "open"), "pressure": np.where(few, table["pressure"], 0.0)}
+    left = panels(contact_surface.contact_figure(table, facets))[0]
+    assert "the part in contact" in left.get_title(loc="left")
+    low, high = left.get_xlim()
+    assert 0 < low < table["x"][few].min()
+    assert table["x"][few].max() < high < 3
+
+
+# --- the body --------------------------------------------------------------------------------------------------------
+
+
+def areas_of(surface):
+    """Area vectors of the facets."""
+    corners = surface.points[surface.facets]
+    one, other = (2, 3) if surface.facets.shape[1] == 4 else (1, 2)
+    start = 1 if surface.facets.shape[1] == 4 else 0
+    return np.cross(corners[:, one] - corners[:, 0], corners[:, other] - corners[:, start]) / 2
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_outer_surface(cells):
+    """It is closed, has the area and the volume of the body, and is the same on any number of ranks."""
+    together = outer_surface.gather_outer_surface(solve(block(6, cells, bound=1.5, comm=MPI.COMM_WORLD)))
+    solution = alone(block(6, cells, bound=1.5))
+    single = outer_surface.gather_outer_surface(solution)
+    assert outer_surface.outer_facets(solution) == len(single.facets) == len(together.facets)
+    for surface in (together, single):
+        areas = areas_of(surface)
+        np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
+        assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(14.0)
+        middle = surface.points[surface.facets].mean(axis=1)
+        assert np.einsum("ij,ij->", middle, areas) / 3 == pytest.approx(3.0)
+    scale, top = np.abs(single.displacement).max(), single.mises.max()
+    rows = [
+        np.hstack(
+            (s.points[s.facets].mean(axis=1), s.displacement[s.facets].mean(axis=1) / scale, s.mises[:, None] / top)
+        )
+        for s in (together, single)
+    ]
+    ours, theirs = (row[np.lexsort(np.round(row[:, :3], 6).T)] for row in rows)
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def test_colours_of_the_body_are_its_stress():
+    """Darker by the light at most, never another stress; a body under uniform pressure has that stress everywhere."""
+    scene = parse_scene(
+        {
+            "mesh": box("hexahedra", (3, 2, 2), size=(3.0, 1.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.25},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+            "traction": [{"boundary": "top", "pressure": 5.0}],
+            "contact": [{"boundary": "bottom"}],
+        }
+    )
+    surface = outer_surface.gather_outer_surface(alone(scene))
+    np.testing.assert_allclose(surface.mises, 5.0, rtol=1e-6)  # uniaxial
+    rising = np.arange(1.0, len(surface.facets) + 1)
+    foundation = [(np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]]), np.zeros((4, 3)))]
+    figure, factor = solid_body.solid_figure(surface.points, surface.facets, surface.displacement, rising, foundation)
+    body = figure.axes[0].collections[1]
+    seen = view.oblique()
+    front = areas_of(surface) @ seen.toward > 0
+    drawn_faces = body.get_facecolor()[:, 3] > 0
+    faces = body.get_facecolor()[drawn_faces]
+    assert len(faces) == np.count_nonzero(front)
+    bar = figure.axes[1]
+    assert bar.get_xlabel() == "stress of von Mises"
+    # Each is the facet at its place; the light takes the same share of red, green and blue.
+    moved = surface.points + factor * surface.displacement
+    middles = seen.flat(moved[surface.facets[front]]).mean(axis=1)
+    places = [path.vertices[:4].mean(axis=0) for path, face in zip(body.get_paths(), drawn_faces, strict=True) if face]
+    which = [int(np.argmin(np.linalg.norm(middles - place, axis=1))) for place in places]
+    assert sorted(which) == list(range(len(faces)))
+    tones = rising[front][which] / rising[front].max()
+    ours, theirs = faces[:, :3], mpl.colormaps["cividis"](tones)[:, :3]
+    ours, theirs = (rgb / np.linalg.norm(rgb, axis=1, keepdims=True) for rgb in (ours, theirs))
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    assert faces[:, :3].max(axis=1).min() > 0
+    assert factor == solid_body.magnification(surface.points, surface.displacement) > 1
+    (ground,) = figure.axes[0].collections[0].get_paths()  # below, so behind the body
+    corners = seen.flat(foundation[0][0])
+    assert ground.contains_points(corners).all()
+
+
+def test_lines_of_edges():
+    """All edges once, in as few lines as there are: an open one, a closed one, and three that meet."""
+    edges = np.array([[0, 1], [2, 1], [2, 3], [10, 11], [12, 11], [12, 10], [20, 21], [20, 22], [23, 20]])
+    lines = view.lines_of(edges)
+    steps = {frozenset(step) for line in lines for step in pairwise(line)}
+    assert steps == {frozenset(edge) for edge in edges.tolist()}
+    assert sum(len(line) - 1 for line in lines) == len(edges)
+    assert sorted(len(line) for line in lines) == [2, 2, 2, 4, 4]
+    assert view.lines_of(edges[:0]) == []
+
+
+def test_flat_foundations_only():
+    """A plane around the points, its normal theirs; no plane through points of a bowl, nor through too few."""
+    rng = np.random.default_rng(5)
+    points = np.column_stack((rng.random((40, 2)), np.zeros(40)))
+    turn = np.linalg.qr(rng.random((3, 3)))[0]
+    for frame in (np.eye(3), turn):
+        corners, normal = solid_body._plane(points @ frame)
+        assert abs(normal @ frame[2]) == pytest.approx(1)
+        np.testing.assert_allclose((corners - (points @ frame)[0]) @ normal, 0.0, atol=1e-12)
+    assert solid_body._plane(points + [0, 0, 0.1] * (points**2).sum(axis=1)[:, None]) is None
+    assert solid_body._plane(points[:2]) is None
+
+
+@pytest.mark.mpi
+def test_too_many_facets(tmp_path, monkeypatch, capsys):
+    """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(str(tmp_path / "out"))
+    monkeypatch.setattr(solid_body, "MOST_FACETS", 50)
+    solution = solve(block(6, bound=1.5, comm=comm))
+    write_results(solution, folder, fields=False)
+    comm.Barrier()
+    if comm.rank == 0:
+        said = capsys.readouterr().out
+        assert "the deformed body is not drawn: its surface has 56 facets, more than 50" in said
+        assert not (tmp_path / "out" / "deformed.png").exists()
+        assert (tmp_path / "out" / "contact_surface.png").exists()
+        page.write_report(folder)
+        assert "too many facets" in Page(tmp_path / "out").text
+
+
+@pytest.mark.mpi
+def test_pictures_on_ranks(tmp_path):
+    """The same picture of the contact surface on one rank and on all."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(str(tmp_path))
+    write_results(solve(block(6, coefficient=0.3, comm=comm)), f"{folder}/all", fields=False)
+    if comm.rank == 0:
+        write_results(alone(block(6, coefficient=0.3)), tmp_path / "one", fields=False)
+        for name in ("contact_surface.png", "deformed.png"):
+            ours, theirs = (
+                np.asarray(Image.open(tmp_path / kind / name).convert("L"), dtype=int) for kind in ("all", "one")
+            )
+            assert ours.shape == theirs.shape
+            assert np.mean(np.abs(ours - theirs) > 8) < 0.005
+
+
+# --- the page --------------------------------------------------------------------------------------------------------
+
+
+def test_page(folder):
+    """Well-formed, whole in itself, with the sections of space and none of the plane, and the numbers of the files."""
+    found, summary = Page(folder), summary_of(folder)
+    headings = found.of("h2")
+    assert headings[:2] == ["Outcome", "Certificate"]
+    assert {"Contact surface", "Forces and areas", "Iteration", "Deformed body"} <= set(headings)
+    assert not {"Zones", "Contact boundary", "Price list"} & set(headings)
+    assert not set(found.tags) & {"script", "link", "iframe"}
+    for wrong in ("unit thickness", "--accuracy", "--levels", "slip minus", "plane strain", "arc length"):
+        assert wrong not in found.source
+    kinds = [kind for kind, _ in pictures(found)]
+    assert kinds == ["png", *["svg+xml"] * (3 if "steps" in summary else 2)]
+    cells = found.of("td")
+    size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
+    for name in ("contact_force", "friction_force"):
+        shown = ", ".join(f"{0.0 if abs(c) <= 1e-9 * size else c:.6g}" for c in summary[name])
+        assert f"({shown})" in cells
+        assert f"{np.linalg.norm(summary[name]):.6g}" in cells
+    names = [entry["boundary"] for entry in summary["scene"]["contact"]]
+    start = cells.index("all" if len(names) > 1 else names[0], cells.index("both"))
+    expected = [summary["areas"][name] for name in ("contact", "stick", "slip")]
+    np.testing.assert_allclose([float(area) for area in cells[start + 2 : start + 5]], expected, rtol=1e-5, atol=1e-12)
+    rows = rows_of(folder / "contact.csv")
+    assert f"Every contact node, {len(rows)} rows" in found.text
+    row = max(rows, key=lambda one: float(one["pressure"]))
+    assert f"{float(row['pressure']):.6g}" in cells
+
+
+def test_moments_and_line_of_action(folders):
+    """The line on the page, with the force, has the moment of the summary; the same with the table of nodes."""
+    folder = folders["coulomb"]
+    summary, contact = summary_of(folder), read_csv(folder / "contact.csv")
+    # A moment about the axis, which pressure on a plane never has.
+    direction = np.array(summary["contact_force"]) / np.linalg.norm(summary["contact_force"])
+    summary["contact_moment"] = list(np.array(summary["contact_moment"]) + 3.0 * direction)
+    markup = sections_in_space.resultants(summary, contact)
+    line = markup.split("moment about this axis")[1].split("</table>")[0]
+    (row,) = re.findall(r"<tr><td[^>]*>\(([^)]*)\)</td><td[^>]*>([^<]*)</td></tr>", line)
+    through = np.array([float(c) for c in row[0].split(",")])
+    force, moment = np.array(summary["contact_force"]), np.array(summary["contact_moment"])
+    assert float(row[1]) == pytest.approx(3.0, rel=1e-5)
+    along = float(row[1]) * force / np.linalg.norm(force)
+    np.testing.assert_allclose(np.cross(through, force) + along, moment, rtol=1e-4, atol=1e-4 * np.abs(moment).max())
+    by_hand = contact["weight"] * contact["pressure"]
+    assert through[0] == pytest.approx(np.average(contact["x"], weights=by_hand), rel=1e-5)
+
+
+def test_long_tables_are_folded(folders):
+    """A long contact table is closed at first; of a very long one the page shows two ends."""
+    source = Page(folders["coulomb"]).source
+    assert re.search(r"<details><summary>Every contact node, 65 rows</summary>", source)
+    contact = read_csv(folders["coulomb"] / "contact.csv")
+    many = {name: np.tile(column, 10) for name, column in contact.items()}
+    facets = read_facets(folders["coulomb"] / "contact.vtu")
+    markup = sections_in_space.surface(many, facets)
+    assert "The first and the last 200 of 650 rows; contact.csv has all." in markup
+    assert markup.count("<tr") < 410
+    table = sections_in_space.nodes(contact)
+    k = int(np.argmax(contact["shear"]))
+    assert table["shear vector"][k][1] == contact["shear_y"][k]
+    assert np.linalg.norm(table["slip vector"][k]) == pytest.approx(contact["slip"][k])
+
+
+def test_curves_of_the_load_steps(folders, monkeypatch):
+    """Three components, those that are nought left out; friction against the motion along it."""
+    steps = read_csv(folders["steps"] / "steps.csv")
+    seen = []
+    monkeypatch.setattr(load_steps, "finish", lambda figure, *_: seen.append(figure))
+    load_steps.load_steps("unused", steps)
+    (figure,) = seen
+    upper, lower = figure.axes
+    lines = {line.get_label(): line.get_ydata() for line in upper.lines}
+    np.testing.assert_array_equal(lines["contact force, third component"], steps["contact_force_z"])
+    np.testing.assert_array_equal(lines["friction force, second component"], steps["friction_force_y"])
+    assert "contact force, first component" not in lines
+    assert upper.get_ylabel() == "force"
+    assert lower.get_ylabel() == "friction force, second component"
+    assert lower.get_xlabel().startswith("mean tangential displacement, second component")
+    ratio = lower.lines[0].get_xdata() / steps["mean_tangential_displacement_y"]
+    np.testing.assert_allclose(ratio, 10.0 ** round(np.log10(ratio[0])))
+
+
+def test_what_is_not_there(tmp_path, folders):
+    """Without pictures the contact surface is drawn from the files; a body that slides has a page as well."""
+    folder = tmp_path / "plain"
+    write_results(alone(between_walls()), folder, fields=False, pictures=False)
+    assert not list(folder.glob("*.p[nd][gf]"))
+    page.write_report(folder)
+    found = Page(folder)
+    assert "--no-pictures" in found.text
+    assert "svg+xml" in [kind for kind, _ in pictures(found)]
+    pushed = block(6, coefficient=0.1).model_copy(update={"displacement": ()})
+    write_results(alone(pushed, check=False), tmp_path / "slides", fields=False)
+    page.write_report(tmp_path / "slides")
+    assert summary_of(tmp_path / "slides")["converged"] is False
+    assert "What to do" in Page(tmp_path / "slides").text
+    write_results(alone(linear()), tmp_path / "linear", fields=False)
+    page.write_report(tmp_path / "linear")
+    found = Page(tmp_path / "linear")
+    assert [kind for kind, _ in pictures(found)] == ["png"]
+    assert "Contact surface" not in found.of("h2")
+
+
+def linear():
+    """A body in space without contact."""
+    data = block(6)
+    held = [entry.model_copy(update={"z": 0.0}) for entry in data.displacement]
+    return data.model_copy(update={"displacement": tuple(held), "contact": ()})
+
+
+def test_pictures_of_what_failed(folders):
+    """Numbers that are none do not keep the rest from being drawn."""
+    table, facets = read_csv(folders["coulomb"] / "contact.csv"), read_facets(folders["coulomb"] / "contact.vtu")
+    for name in ("pressure", "shear", "shear_x", "slip_x"):
+        table[name] = table[name].copy()
+        table[name][::3] = np.nan
+    contact_surface.contact_figure(table, facets).savefig(io.BytesIO())
+    surface = outer_surface.gather_outer_surface(alone(block(6)))
+    nothing = np.full_like(surface.displacement, np.nan)
+    figure, factor = solid_body.solid_figure(
+        surface.points, surface.facets, nothing, np.full(len(surface.facets), np.nan), []
+    )
+    figure.savefig(io.BytesIO())
+    assert factor == 1
+    assert isinstance(figure, Figure)
+
+
+def vtu(ends, rows):
+    """What is read of a contact surface."""
+    arrays = {"offsets": ends, "connectivity": rows}
+    inside = "".join(f'<DataArray Name="{name}">{text}</DataArray>' for name, text in arrays.items())
+    return f"<VTKFile>{inside}</VTKFile>"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("contact.vtu", None, r"contact\.vtu is missing"),
+        ("contact.vtu", "<VTKFile", "do not belong together"),
+        ("contact.vtu", "<VTKFile/>", "do not belong together"),
+        ("contact.vtu", vtu("3", "0 1 999"), "of other nodes than contact.csv"),
+        ("contact.vtu", vtu("3 5", "0 1 2 3 4 5"), "facets of different shapes"),
+        ("contact.vtu", vtu("2", "0 1"), "facets of 2 nodes"),
+        ("contact.csv", None, r"contact\.csv is missing"),
+        ("contact.csv", "", "contact.csv has 0 rows"),
+    ],
+)
+def test_broken_folders(folders, tmp_path, capsys, name, text, message):
+    """One sentence that names the place; no page, no traceback."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folders["coulomb"], copy)
+    (copy / page.PAGE).unlink()
+    (copy / name).unlink()
+    if text is not None:
+        (copy / name).write_text(text, encoding="utf-8")
+    with pytest.raises(ResultError, match=message):
+        page.write_report(copy)
+    assert cli.main(["report", str(copy)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert re.fullmatch(rf"signorini-fx: error: {re.escape(str(copy))}[^\n]*\n", printed.err)
+
+
+def test_plane_scenes_import_nothing_of_it(tmp_path):
+    """Neither solve nor report of a plane scene imports what draws in space."""
+    code = """
+import sys
+from scenes import alone, example1
+from signorini_fx.results.files import write_results
+from signorini_fx.report.page import write_report
+write_results(alone(example1(nx=6, ny=2)), sys.argv[1], fields=False)
+write_report(sys.argv[1])
+print([name for name in sys.modules if name.startswith("signorini_fx.re")])
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "out")], check=True, capture_output=True, text=True, cwd="tests"
+    )
+    assert "signorini_fx.report.boundary_profiles" in run.stdout
+    for name in ("contact_surface", "solid_body", "in_space", "report.view", "outer_surface", "results.surface"):
+        assert name not in run.stdout
+
+
+def test_page_needs_no_dolfinx(folders, tmp_path):
+    """The report of a body in space imports neither dolfinx nor MPI."""
+    code = """
+import sys
+from signorini_fx.report.page import write_report
+write_report(sys.argv[1], sys.argv[2])
+print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py", "ufl")])
+"""
+    arguments = [str(folders["coulomb"]), str(tmp_path / "page.html")]
+    run = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
+    assert run.stdout.strip() == "[]"
+    assert json.loads((folders["coulomb"] / "summary.json").read_text())["dimension"] == 3

@@ -1,0 +1,75 @@
+"""The number of ranks changes nothing in space either; more ranks than contact facets; errors raised alike."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from spaces import block, box, friction_of
+from test_ranks import same_on_all_ranks
+
+from signorini_fx.errors import SceneError
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+pytestmark = pytest.mark.mpi
+WORLD = MPI.COMM_WORLD
+
+
+def brick(comm, **effects):
+    """A brick that friction alone holds, pushed obliquely."""
+    return parse_scene(
+        {
+            "mesh": box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0), comm=comm),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": 10.0},
+            "body_force": {"x": 2.0, "y": 1.5},
+            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.3)},
+            **effects,
+        }
+    )
+
+
+SCENES = {
+    "frictionless": lambda comm: block(12, comm=comm),
+    "tresca": lambda comm: block(12, bound=1.5, comm=comm),
+    "coulomb, tetrahedra": lambda comm: block(12, "tetrahedra", coefficient=0.3, comm=comm),
+    "monolithic": lambda comm: block(12, coefficient=0.3, coulomb="newton", comm=comm),
+    "exact": lambda comm: block(12, bound=1.5, gamma="auto", algorithm="exact", comm=comm),
+    "one facet": lambda comm: block(3, bound=1.5, comm=comm),
+    "held by friction": brick,
+    "slides": lambda comm: brick(comm, body_force={"x": 4.0}),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_one_rank_or_many(name):
+    """Status, counts, and numbers to 1e-9 of the largest."""
+    together, alone = (solve(SCENES[name](comm), comm, check=False) for comm in (WORLD, MPI.COMM_SELF))
+    assert same_on_all_ranks(together.status) is alone.status
+    sets = [[(r.active_contact, r.slip_plus, r.changed) for r in s.history.iterations] for s in (together, alone)]
+    assert same_on_all_ranks(sets[0]) == sets[1]
+    if alone.status is not Status.CONVERGED:
+        return
+    ours, theirs = together.table.columns, alone.table.columns
+    for names in (
+        ("x", "y", "z"),
+        ("weight",),
+        ("u_n", "u_t", "u_t_x", "u_t_y"),
+        ("pressure", "shear", "shear_x", "shear_y", "bound"),
+    ):
+        close = 1e-9 * max(np.abs(theirs[one]).max() for one in names)
+        for one in names:
+            np.testing.assert_allclose(ours[one], theirs[one], rtol=0, atol=close, err_msg=one)
+    for one in ("state", "friction", "boundary"):
+        assert ours[one].tolist() == theirs[one].tolist()
+    assert same_on_all_ranks(together.certificate.holds) == alone.certificate.holds is True
+    np.testing.assert_allclose(together.contact.forces, alone.contact.forces, atol=1e-8)
+    assert same_on_all_ranks(together.contact.areas) == pytest.approx(alone.contact.areas)
+
+
+def test_errors_are_raised_alike():
+    """What has no meaning in space is refused with the same words everywhere."""
+    scene = brick(WORLD, material={"young": 1.0, "poisson": 0.3, "hypothesis": "plane strain"})
+    with pytest.raises(SceneError, match="hypothesis") as caught:
+        solve(scene, WORLD)
+    same_on_all_ranks(str(caught.value))

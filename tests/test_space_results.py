@@ -1,0 +1,90 @@
+"""What a result in space is written as: tables with vectors, areas and moments, the contact surface and the fields."""
+
+import csv
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from scenes import alone
+from spaces import block, box, friction_of
+
+from signorini_fx.results.files import write_results
+from signorini_fx.scene.reading import parse_scene
+
+CELLS = {"tetrahedra": ("tetrahedra", 1), "hexahedra": ("hexahedra", 1), "quadratic": ("hexahedra", 2)}
+
+
+@pytest.fixture(params=CELLS)
+def written(request, tmp_path):
+    """A solution and its folder."""
+    cells, degree = CELLS[request.param]
+    scene = block(6, cells, coefficient=0.3, gamma="auto")
+    scene = scene.model_copy(update={"element": scene.element.model_copy(update={"degree": degree})})
+    solution = alone(scene)
+    write_results(solution, tmp_path / "out", pictures=False)
+    return solution, tmp_path / "out"
+
+
+def test_files(written):
+    """Summary, table, contact surface; the surface has the area of the boundary and the numbers of the table."""
+    _, folder = written
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["dimension"] == 3
+    assert "zones" not in summary
+    assert summary["areas"]["stick"] + summary["areas"]["slip"] == pytest.approx(summary["areas"]["contact"])
+    with (folder / "contact.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {"x", "y", "z", "shear_x", "slip_z", "n_z", "state"} <= set(rows[0])
+    for row in rows:
+        vector = [float(row[f"shear_{axis}"]) for axis in "xyz"]
+        assert np.linalg.norm(vector) == pytest.approx(float(row["shear"]), abs=1e-12)
+    arrays = {
+        array.get("Name"): np.array(array.text.split(), dtype=float).reshape(-1, int(array.get("NumberOfComponents")))
+        for array in ElementTree.parse(folder / "contact.vtu").iter("DataArray")
+    }
+    np.testing.assert_array_equal(arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows])
+    np.testing.assert_array_equal(arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows])
+    cells = arrays["connectivity"].astype(int).reshape(len(arrays["offsets"]), -1)
+    corners = arrays["points"][cells[:, : 3 if arrays["types"][0, 0] == 5 else 4]][:, :, :2]
+    nxt = np.roll(corners, -1, axis=1)
+    areas = np.abs((corners[:, :, 0] * nxt[:, :, 1] - corners[:, :, 1] * nxt[:, :, 0]).sum(axis=1)) / 2
+    assert areas.sum() == pytest.approx(3.0)
+    assert (folder / "stress.bp").exists()
+    assert (folder / "von_mises.bp").exists()
+
+
+def test_forces_and_moments(written):
+    """Of all that acts on the body nothing is left, moments included."""
+    solution, folder = written
+    summary = json.loads((folder / "summary.json").read_text())
+    (force, friction), (moment, twist) = solution.contact.forces, solution.contact.moments
+    np.testing.assert_allclose(summary["contact_moment"], moment, atol=1e-12)
+    # The ends are held by x and y only: what acts along z is in balance, and so is its moment about the axis x[1].
+    np.testing.assert_allclose(force[2], 20.0, rtol=1e-9)
+    through = np.array(summary["contact_force_through"])
+    np.testing.assert_allclose(np.cross(through, force), moment, atol=1e-9)
+    columns = solution.table.columns
+    centre = np.average(columns["x"], weights=columns["weight"] * columns["pressure"])
+    assert through[0] == pytest.approx(centre)
+    assert np.abs(friction[:2]).max() > 0
+    assert np.abs(twist).max() > 0
+
+
+def test_moment_of_a_push():
+    """A push at a height tips the body: the pressure goes to the other end, where its resultant balances it."""
+    height, press, push = 1.0, 10.0, 4.0
+    scene = parse_scene(
+        {
+            "mesh": box("hexahedra", (8, 4, 4), size=(2.0, 1.0, height)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": press, "x": push},
+            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.8)},
+        }
+    )
+    solution = alone(scene)
+    moment = solution.contact.moments[0] + solution.contact.moments[1]
+    area = 2.0
+    loads = np.array([0.5, -1.0, 0.0]) * -press * area + np.array([0.0, height, 0.0]) * push * area
+    loads[2] = -0.5 * push * area
+    np.testing.assert_allclose(moment, -loads, atol=1e-8)

@@ -1,0 +1,166 @@
+"""Bodies in space that only contact and friction hold: what slides, opens or stays, and six rigid motions."""
+
+import basix.ufl
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from spaces import box, disc, friction_of
+
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+
+PRESS, AREA, VOLUME = 10.0, 4.0, 4.0
+FRICTION = {"coulomb": {"coefficient": 0.3}, "tresca": {"bound": 3.0}}
+LIMIT = 0.3 * PRESS * AREA
+
+
+def brick(law, *, mesh=None, press=PRESS, **effects):
+    """A brick 2 x 2 x 1 on its foundation, pressed on, and held by nothing else."""
+    return parse_scene(
+        {
+            "mesh": mesh or box("hexahedra", (6, 6, 3), size=(2.0, 2.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": press},
+            "contact": {"boundary": "bottom", "friction": friction_of(**law)},
+            **effects,
+        }
+    )
+
+
+def pushed(law, angle, share, **more):
+    """A push in a direction, in shares of the limit."""
+    force = share * LIMIT / VOLUME * np.array([np.cos(angle), np.sin(angle)])
+    return alone(brick(law, body_force=dict(zip("xy", map(float, force), strict=True)), **more), check=False)
+
+
+@pytest.mark.parametrize("law", FRICTION)
+@pytest.mark.parametrize("angle", np.arange(12) * np.pi / 6 + 0.1)
+def test_limit_push(law, angle):
+    """The limit is F N in every direction: held at 0.99 of it, *slides* at 1.01."""
+    held = pushed(FRICTION[law], angle, 0.99)
+    assert held.status is Status.CONVERGED
+    force = held.contact.forces[1]
+    np.testing.assert_allclose(force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
+    assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
+
+
+@pytest.mark.parametrize("hertz", [False, True])
+def test_limit_torque(hertz):
+    """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights of the mesh itself
+    to the share of the polygon, and nearly that of the smooth disc.
+    """
+    mesh = disc(n=16)
+    bound = "3 * sqrt(max(1 - x[0]**2 - x[1]**2, 0))" if hertz else 3.0
+
+    def turned(torque):
+        # A traction q r about the axis on top has the torque q I with I = integral of r^2.
+        twist = torque / inertia
+        law = {"law": "tresca", "bound": bound}
+        effects = [{"boundary": "top", "x": f"{-twist} * x[1]", "y": f"{twist} * x[0]"}]
+        press = {"boundary": "top", "pressure": PRESS}
+        contact = {"boundary": "bottom", "friction": law}
+        return alone(brick({}, mesh=mesh, traction=[press, *effects], contact=contact), check=False)
+
+    inertia = 1.0
+    weighted = turned(0.0).contact.boundary
+    r, given = np.hypot(*weighted.x[:, :2].T), 3.0
+    if hertz:
+        given = 3.0 * np.sqrt(np.maximum(1 - r**2, 0.0))
+    limit = float(np.dot(weighted.weight, r * given))
+    smooth = 3.0 * np.pi * (np.pi / 8 if hertz else 2 / 3)  # integral of bound r over the disc
+    assert limit == pytest.approx(smooth, rel=0.06 if hertz else 0.002)
+    # The traction is integrated exactly on the mesh: its torque for twist = 1 is what the contact takes up.
+    inertia = float(torque_of(turned(0.01)) / 0.01)
+    held = turned(0.99 * limit)
+    assert held.status is Status.CONVERGED
+    assert torque_of(held) == pytest.approx(0.99 * limit, rel=1e-6)
+    assert turned(1.01 * limit).status is Status.SLIDES
+
+
+@pytest.mark.parametrize("law", FRICTION)
+def test_between_the_polygons(law):
+    """In the half per cent between the two polygons nothing is proved: the iteration decides, here that it holds."""
+    middle = np.pi / 32  # of a side: there the inner polygon is nearest to the centre
+    held = pushed(FRICTION[law], middle, 0.998)
+    assert held.status is Status.CONVERGED
+    assert any("only the iteration can say" in found.message for found in held.findings)
+    safe = pushed(FRICTION[law], middle, 0.99)
+    assert not any("only the iteration can say" in found.message for found in safe.findings)
+
+
+def torque_of(solution):
+    """What friction takes up about the axis x[2]."""
+    columns = solution.table.columns
+    arm = columns["x"] * columns["shear_y"] - columns["y"] * columns["shear_x"]
+    return float(np.dot(columns["weight"], arm))
+
+
+@pytest.mark.parametrize(
+    ("law", "press", "status"),
+    [
+        ({}, PRESS, Status.NOT_HELD),
+        ({"coefficient": 0.3}, -PRESS, Status.OPEN),
+        ({"coefficient": 0.3}, 0.0, Status.OPEN),
+        ({"bound": 3.0}, PRESS, Status.CONVERGED),
+    ],
+)
+def test_held_or_not(law, press, status):
+    """Three translations and three rotations; contact takes one and two of them, friction the rest."""
+    assert alone(brick(law, press=press), check=False).status is status
+
+
+def test_the_free_motion_is_named():
+    """What is left free is said with its direction."""
+    solution = alone(brick({}, displacement={"boundary": "left", "x": 0.0}), check=False)
+    assert solution.status is Status.NOT_HELD
+    assert "the translation along (0, -1, 0)" in solution.findings[0].message.replace("(0, 1, 0)", "(0, -1, 0)")
+    tilted = alone(brick({}, displacement=[{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}]))
+    assert tilted.converged
+
+
+def test_resting_place():
+    """A brick that drops on a foundation that is tilted against it comes to rest on it; the results are those of one
+    that lies there, but for the motion.
+    """
+    law = {"coefficient": 0.5}
+    contact = {"boundary": "bottom", "friction": friction_of(**law)}
+    lying = alone(brick(law))
+    dropped = alone(brick(law, contact={**contact, "gap": "0.02 + 0.01 * x[0] + 0.005 * x[1]"}))
+    assert dropped.converged
+    one, other = (solution.table.columns["pressure"] for solution in (lying, dropped))
+    np.testing.assert_allclose(other, one, rtol=0, atol=2e-2 * one.max())
+    np.testing.assert_allclose(sum(dropped.contact.forces)[2], PRESS * AREA, rtol=1e-9)
+    u_n = dropped.table.columns["u_n"] - dropped.table.columns["gap"]
+    assert np.abs(u_n).max() < 1e-5
+
+
+def test_two_pieces_and_a_hinge():
+    """Two boxes that share an edge only are joined along it: one rotation is left of six motions."""
+    points = np.array([(x, y, z) for z in (0.0, 1.0) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
+    number = {tuple(p): k for k, p in enumerate(points)}
+
+    def cell(x, y):
+        return [number[x + i, y + j, float(k)] for k in (0, 1) for j in (0.0, 1.0) for i in (0.0, 1.0)]
+
+    cells = np.array([cell(0.0, 0.0), cell(1.0, 1.0)])
+    used, cells = np.unique(cells, return_inverse=True)
+    element = basix.ufl.element("Lagrange", "hexahedron", 1, shape=(3,))
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, cells.reshape(2, 8), points[used], element)
+    tagged = tag_boundaries(
+        mesh,
+        {
+            "left": lambda x: np.abs(x[0]) < 1e-9,
+            "bottom": lambda x: np.abs(x[2]) < 1e-9,
+            "top": lambda x: np.abs(x[2] - 1.0) < 1e-9,
+        },
+    )
+    scene = brick({}, mesh=tagged, displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0})
+    solution = alone(scene, check=False)
+    motions = solution.discretisation.motions
+    assert motions.pieces.count == 2
+    assert motions.free.shape[1] == 1
+    assert solution.status is Status.NOT_HELD
+    assert any("the rotation about the axis through (1, 1, " in found.message for found in solution.findings)
