@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from signorini_fx import TaggedMesh, parallel, solve
 from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.solving import solver
+from signorini_fx.solving import one_mesh
 
 _WARM = 96  # cells along the bottom of the solve that loads and compiles everything
 
@@ -28,7 +28,7 @@ _WARM = 96  # cells along the bottom of the solve that loads and compiles everyt
 @contextmanager
 def _stopwatch() -> Iterator[list[float]]:
     """The seconds that each mesh takes to be made."""
-    make, seconds = solver.load_mesh, []
+    make, seconds = one_mesh.load_mesh, []
 
     def timed(*arguments: Any) -> TaggedMesh:
         start = time.perf_counter()
@@ -36,11 +36,11 @@ def _stopwatch() -> Iterator[list[float]]:
         seconds.append(time.perf_counter() - start)
         return tagged
 
-    solver.load_mesh = timed
+    one_mesh.load_mesh = timed
     try:
         yield seconds
     finally:
-        solver.load_mesh = make
+        one_mesh.load_mesh = make
 
 
 def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
