@@ -44,8 +44,8 @@ FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH = 1e-4, 10.0
 DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # so many problems that run to their last iteration.  A fixed point with its most problems takes a tenth of them.
-# Tuned on the random scenes of stability/scatter.py: scene 1534 is solved after 2,688 solves, 20 problems of 100 are too
-# few for it.  docs/stability.md has the outcomes of scenes that no method solves.
+# Tuned on the random scenes of stability/scatter.py: scene 1534 is solved after 2,688 solves, for which 20 problems are
+# too few.  docs/stability.md has the outcomes of scenes that no method solves.
 PROBLEMS_PER_STEP = 40
 # As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
 # Choice: the limit is the same for every gamma, and a small one makes the easiest problems.
