@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import ContactState
-
-Nodal = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

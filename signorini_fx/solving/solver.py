@@ -58,7 +58,7 @@ def solve(
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
     scene = as_scene(scene)
-    _check_comm(comm)
+    refuse_other_than_comm(comm)
     options.refuse_mistyped(comm)
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
@@ -79,7 +79,12 @@ def solve(
     return solution
 
 
-def _check_comm(comm: object) -> None:
+def refuse_other_than_comm(comm: object) -> None:
+    """Say what is expected where no communicator is given.
+
+    Raises:
+        TypeError: it is none.
+    """
     if not isinstance(comm, MPI.Comm):
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
 

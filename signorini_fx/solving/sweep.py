@@ -24,6 +24,7 @@ from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.solver import refuse_other_than_comm
 from signorini_fx.solving.strategy import run
 
 
@@ -82,9 +83,11 @@ def sweep(
         loads: factors for all tractions, body forces and prescribed displacements.
 
     Raises:
+        TypeError: an argument is of another kind.
         SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
     """
     scene = as_scene(scene)
+    refuse_other_than_comm(comm)
     if (coefficients is None) == (loads is None):
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.steps > 1 or not scene.contact:
