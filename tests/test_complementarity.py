@@ -179,6 +179,13 @@ def test_friction_law():
     assert law.bound(np.array([8.0, 8.0])).tolist() == [1.5, 2.0]
 
 
+def test_friction_law_where_the_foundation_pulls():
+    """Bilateral contact may pull, and rubs all the same: the bound is given + coefficient * |lambda|, capped."""
+    law = FrictionLaw(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]), cap=np.array([9.0, 1.75]))
+    assert law.bound(np.array([-8.0, -4.0])).tolist() == [1.5, 1.0]
+    assert law.bound(np.array([-8.0, -8.0])).tolist() == [1.5, 1.75]
+
+
 # Multiples of 1/16 of moderate size: sums and products with gamma are exact, a difference is zero or far from it.
 NUMBER = st.integers(-64, 64).map(lambda i: i / 16)
 POSITIVE = st.integers(1, 64).map(lambda i: i / 16)
