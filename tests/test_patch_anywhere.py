@@ -285,9 +285,14 @@ def test_full_slip_by_monolithic_newton(cell, degree, algorithm, angle):
     assert_contact(solution, PRESSURE, SHEAR, "slip+")
 
 
+# What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which differs between releases
+# of dolfinx: up to 130 updates for twelve digits.
 @pytest.mark.parametrize(
     ("algorithm", "settings", "tolerance"),
-    [("alm", {"tolerance": 1e-12}, 1e-9), ("path-following", {"regularisation_error": 1e-7, "tolerance": 1e-7}, 1e-6)],
+    [
+        ("alm", {"tolerance": 1e-12, "max_outer_iterations": 200}, 1e-9),
+        ("path-following", {"regularisation_error": 1e-7, "tolerance": 1e-7}, 1e-6),
+    ],
 )
 @each_element
 def test_full_slip_in_the_limit(cell, degree, algorithm, settings, tolerance):
