@@ -29,7 +29,7 @@ HARD = {
     60: "",
     76: "",
     80: "",
-    102: "",
+    102: "gamma is 33 times the automatic one and the friction bound jumps; gamma = auto solves it",
     145: "",
     160: "",
     396: "",
@@ -44,7 +44,7 @@ HARD = {
     3679: "gamma is 1e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     3738: "gamma is 4e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     4195: "",
-    4501: "alm: gamma is small for a friction bound of 900, multipliers creep; the default algorithm solves it",
+    4501: "",
     4780: "a body that locks (linear cells, nu = 0.499999) hangs on friction in a corner; P2/P0 and nu = 0.3 end well",
 }
 
