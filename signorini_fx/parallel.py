@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import resource
 from collections.abc import Callable
@@ -121,8 +122,42 @@ def machine_memory(comm: MPI.Comm) -> float:
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on every rank."""
-    return np.concatenate(comm.allgather(rows), axis=0)
+    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the contact boundary at most.
+
+    Args:
+        comm: the ranks.
+        rows: shape (n, ...), alike on all ranks but for n; entries that are numbers or truth values.
+    """
+    own, every, counts = _to_be_stacked(comm, rows)
+    comm.Allgatherv(own, [every, counts])
+    return every
+
+
+def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Rows of all ranks stacked in rank order, on the first rank: for what is of the size of the mesh.
+
+    Args:
+        comm: the ranks.
+        rows: as for ``gather_rows``.
+
+    Returns:
+        All rows on the first rank, none on the others.
+    """
+    own, every, counts = _to_be_stacked(comm, rows, root_only=True)
+    comm.Gatherv(own, [every, counts])
+    return every
+
+
+def _to_be_stacked(
+    comm: MPI.Comm, rows: npt.NDArray[Any], *, root_only: bool = False
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any], list[int]]:
+    """The rows of this rank in the common type, room for those of all ranks, and how many numbers each rank sends."""
+    kinds = comm.allgather((rows.shape[0], rows.dtype))
+    dtype = np.result_type(*(kind for _, kind in kinds))  # a rank without rows may have made them of another type
+    row = rows.shape[1:]
+    count = 0 if root_only and not is_root(comm) else sum(number for number, _ in kinds)
+    numbers = [number * math.prod(row) for number, _ in kinds]
+    return np.ascontiguousarray(rows, dtype=dtype), np.empty((count, *row), dtype=dtype), numbers
 
 
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:

@@ -29,6 +29,27 @@ SCENE = example1(bound=1.5, nx=12, ny=4, gamma=1e4)
 FREE = SCENE.model_copy(update={"displacement": ()})
 
 
+def test_rows_of_all_ranks():
+    """Stacked in the order of the ranks, also where a rank has none and made them of another type."""
+    rows = np.arange(2.0 * WORLD.rank).reshape(-1, 2) if WORLD.rank else np.empty((0, 2), dtype=np.int32)
+    expected = np.vstack([np.arange(2.0 * rank).reshape(-1, 2) for rank in range(WORLD.size)])
+    every = parallel.gather_rows(WORLD, rows)
+    assert every.dtype == np.dtype(float if WORLD.size > 1 else np.int32)
+    np.testing.assert_array_equal(every, expected)
+    on_root = parallel.rows_on_root(WORLD, rows[:, 0] > 1)
+    assert on_root.dtype == np.dtype(bool)
+    np.testing.assert_array_equal(on_root, expected[:, 0] > 1 if WORLD.rank == 0 else [])
+
+
+@pytest.mark.parametrize("cell", ["tetrahedra", "hexahedra"])
+def test_size_of_a_body(cell):
+    """The diagonal of a block, on ranks whose own facets lie in a plane too, and of its plane counterpart."""
+    kind = dmesh.CellType.tetrahedron if cell == "tetrahedra" else dmesh.CellType.hexahedron
+    mesh = dmesh.create_box(WORLD, [[0, 0, 0], [3, 1, 2]], [6, 1, 2], kind)
+    empty = dmesh.meshtags(mesh, 2, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
+    assert TaggedMesh(mesh, empty, {}, None, {}).size == pytest.approx(np.sqrt(14), rel=1e-14)
+
+
 def discretised(scene, comm):
     return discretise(scene, load_mesh(scene, comm), Timings())
 

@@ -57,7 +57,10 @@ def scene(gradient, hypothesis, cell, degree=1):
 def test_cells_for_pictures(name, hypothesis, cell):
     """Cells of all ranks tile the body, with the displacement and the shear energy density of a constant strain."""
     gradient = GRADIENTS[name]
-    gathered = gather_cells(solve(scene(gradient, hypothesis, cell), MPI.COMM_WORLD))
+    comm = MPI.COMM_WORLD
+    gathered = gather_cells(solve(scene(gradient, hypothesis, cell), comm))
+    assert comm.rank == 0 or len(gathered.cells) == len(gathered.points) == 0  # the other ranks do not hold the mesh
+    gathered = comm.bcast(gathered)
     assert len(gathered.cells) == {"quadrilateral": 24, "triangle": 48}[cell]
     corners = gathered.points[gathered.cells]
     following = np.roll(corners, -1, axis=1)

@@ -98,15 +98,34 @@ class TaggedMesh(TaggedMeshBase):
         facets = dmesh.exterior_facet_indices(self.mesh.topology)
         # dolfinx divides by the number of facets, and a rank may have none.
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
-        own = self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64)
-        x = parallel.gather_rows(self.mesh.comm, own)
-        low, high = x.min(axis=0), x.max(axis=0)
-        try:
-            corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
-        except QhullError:
-            extents = " by ".join(f"{extent:g}" for extent in high - low)
-            raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-        return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
+        own = _extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
+        x = parallel.rows_on_root(self.mesh.comm, own)
+        return parallel.on_root(self.mesh.comm, lambda: _diameter(x))
+
+
+def _extremes(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The corners of the convex hull of points of one rank; all of them where they have none, as in a plane."""
+    if len(x) <= x.shape[1] + 1:
+        return x
+    try:
+        return x[ConvexHull((x - x.min(axis=0)) / np.ptp(x, axis=0).max()).vertices]
+    except QhullError:
+        return x
+
+
+def _diameter(x: npt.NDArray[np.float64]) -> float:
+    """Largest distance of two of the points of a body.
+
+    Raises:
+        MeshError: they lie in a plane, in two dimensions on a line.
+    """
+    low, high = x.min(axis=0), x.max(axis=0)
+    try:
+        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+    except QhullError:
+        extents = " by ".join(f"{extent:g}" for extent in high - low)
+        raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
+    return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:

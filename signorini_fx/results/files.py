@@ -302,7 +302,7 @@ class GatheredCells:
 
 
 def gather_cells(solution: Solution) -> GatheredCells:
-    """Vertices, cells and their values from all ranks; collective."""
+    """Vertices, cells and their values from all ranks, on the first one, and none on the others; collective."""
     d = solution.discretisation
     mesh = d.tagged.mesh
     comm = solution.comm
@@ -324,10 +324,10 @@ def gather_cells(solution: Solution) -> GatheredCells:
     cells += sum(counts[: comm.rank])
     per_cell = constant.x.array[constant.function_space.dofmap.list[:owned, 0]]
     return GatheredCells(
-        parallel.gather_rows(comm, x),
-        parallel.gather_rows(comm, cells),
-        parallel.gather_rows(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
-        parallel.gather_rows(comm, per_cell),
+        parallel.rows_on_root(comm, x),
+        parallel.rows_on_root(comm, cells),
+        parallel.rows_on_root(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
+        parallel.rows_on_root(comm, per_cell),
     )
 
 

@@ -44,7 +44,7 @@ def outer_facets(solution: Solution) -> int:
 
 
 def gather_outer_surface(solution: Solution) -> OuterSurface:
-    """The outer surface of all ranks; collective."""
+    """The outer surface of all ranks, on the first one, and an empty one on the others; collective."""
     d, comm = solution.discretisation, solution.comm
     mesh = d.tagged.mesh
     linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (3,))))
@@ -66,10 +66,10 @@ def gather_outer_surface(solution: Solution) -> OuterSurface:
     used, local = np.unique(nodes, return_inverse=True)
     numbers = space.dofmap.index_map.local_to_global(used.astype(np.int32)).astype(np.int64)
     values = np.column_stack((x[used], linear.x.array.reshape(-1, 3)[used]))
-    facets = parallel.gather_rows(comm, numbers[local.reshape(nodes.shape)])
-    every, first = np.unique(parallel.gather_rows(comm, numbers), return_index=True)
-    values = parallel.gather_rows(comm, values)[first]
-    mises = parallel.gather_rows(comm, _von_mises(solution, cells))
+    facets = parallel.rows_on_root(comm, numbers[local.reshape(nodes.shape)])
+    every, first = np.unique(parallel.rows_on_root(comm, numbers), return_index=True)
+    values = parallel.rows_on_root(comm, values)[first]
+    mises = parallel.rows_on_root(comm, _von_mises(solution, cells))
     return OuterSurface(values[:, :3], np.searchsorted(every, facets), values[:, 3:], mises)
 
 
