@@ -36,6 +36,17 @@ def shear_energy(gradient, hypothesis):
     return np.sum(stress * strain) / 2 - pressure**2 / (2 * bulk)
 
 
+def von_mises(gradient, hypothesis):
+    """Of a constant displacement gradient, from the differences of the principal stresses."""
+    mu, bulk = YOUNG / (2 * (1 + POISSON)), YOUNG / (3 * (1 - 2 * POISSON))
+    strain = np.zeros((3, 3))
+    strain[:2, :2] = (np.array(gradient) + np.transpose(gradient)) / 2
+    if hypothesis == "plane stress":
+        strain[2, 2] = -POISSON / (1 - POISSON) * (strain[0, 0] + strain[1, 1])
+    one, two, three = np.linalg.eigvalsh(2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3))
+    return np.sqrt(((one - two) ** 2 + (two - three) ** 2 + (three - one) ** 2) / 2)
+
+
 def scene(gradient, hypothesis, cell, degree=1):
     """A rectangle whose sides are all moved by a linear displacement."""
     (a, b), (c, d) = gradient
@@ -71,6 +82,7 @@ def test_cells_for_pictures(name, hypothesis, cell):
     expected = gathered.points @ np.transpose(gradient)
     np.testing.assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     np.testing.assert_allclose(gathered.density, shear_energy(gradient, hypothesis), rtol=1e-10)
+    np.testing.assert_allclose(gathered.mises, von_mises(gradient, hypothesis), rtol=1e-10)
 
 
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])

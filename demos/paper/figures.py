@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.report.deformed_body import deformed_mesh
+from signorini_fx.report.deformed_body import SHEAR_ENERGY, Foundation, deformed_mesh
 from signorini_fx.results.files import gather_cells
 from signorini_fx.results.solution import Solution
 
@@ -397,8 +397,16 @@ def _deformed(stem: Path, solution: Solution) -> None:
     cells = gather_cells(solution)
     c = lab.table_of(solution).columns
     nodes, normals = (np.column_stack((c[a], c[b])) for a, b in (("x", "y"), ("n_x", "n_y")))
-    gap = (nodes, normals * c["gap"][:, None])
-    deformed_mesh(stem, cells.points, cells.cells, cells.displacement, cells.density, gap=gap, factor=20.0)
+    deformed_mesh(
+        stem,
+        cells.points,
+        cells.cells,
+        cells.displacement,
+        cells.density,
+        field=SHEAR_ENERGY,
+        foundation=Foundation(nodes, normals * c["gap"][:, None]),
+        factor=20.0,
+    )
 
 
 def _save(figure: Figure, stem: Path) -> None:

@@ -1,8 +1,9 @@
-"""The deformed body on its foundation, the elastic shear energy density in gray tones."""
+"""The deformed body of the plane on its foundation, a field in colours or gray tones."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,15 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
 
 from signorini_fx.report.style import INK, STYLE, Floats, decimal_power, finish, math_number, readable, times_power
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
+_BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
+_AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
 _EDGE = "#9a9a9a"
 _GRAYS = LinearSegmentedColormap.from_list("shear energy", ["#ffffff", "#0d0d0d"])
 
@@ -42,71 +46,212 @@ def _diagonal(points: Floats) -> float:
     return float(np.hypot.reduce(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
+@dataclass(frozen=True)
+class Field:
+    """A quantity with one value per cell, and how it is drawn.
+
+    Attributes:
+        label: what stands at the colour bar.
+        colours: from nothing to the most.
+    """
+
+    label: str
+    colours: Colormap
+
+
+SHEAR_ENERGY = Field("elastic shear energy density", _GRAYS)
+VON_MISES = Field("stress of von Mises", mpl.colormaps["viridis_r"])
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """The contact boundary and what it may touch.
+
+    Attributes:
+        nodes: positions of the contact nodes, length, in order along each boundary, shape (k, 2).
+        offset: the vector d n from each to the rigid foundation, length, shape (k, 2).
+        touching: nodes in contact, shape (k,); None: not known.
+    """
+
+    nodes: Floats
+    offset: Floats
+    touching: npt.NDArray[np.bool_] | None = None
+
+    def pieces(self) -> list[Foundation]:
+        """Connected parts of the boundary."""
+        nodes, offset = (np.asarray(part, dtype=np.float64) for part in (self.nodes, self.offset))
+        touching = np.zeros(len(nodes), dtype=bool) if self.touching is None else np.asarray(self.touching, dtype=bool)
+        finite = np.isfinite(nodes).all(axis=1) & np.isfinite(offset).all(axis=1)
+        nodes, offset, touching = nodes[finite], offset[finite], touching[finite]
+        # From one boundary to the next the step is nought or much longer than those before and after.
+        steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
+        usual = np.maximum(steps[:-2], steps[2:])
+        inner = steps[1:-1]
+        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0))) + 1
+        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching)), strict=True)
+        return [Foundation(*parts) for parts in split if len(parts[0]) > 1]
+
+    def looks_like_itself(self, factor: float, size: float) -> bool:
+        """Whether a connected part keeps its shape where its gap is magnified.
+
+        Args:
+            factor: of the gap.
+            size: of the body, length.
+        """
+        if not (factor - 1) * float(np.hypot(*self.offset.T).max()) <= _AWAY * size:
+            return False
+        real, drawn = (np.diff(self.nodes + scale * self.offset, axis=0) for scale in (1.0, factor))
+        along = np.einsum("ij,ij->i", real, drawn)
+        return bool((along >= _BENT * np.hypot(*real.T) * np.hypot(*drawn.T)).all())
+
+
 def deformed_mesh(
     path_stem: str | Path,
     points: Floats,
     cells: npt.NDArray[Any],
     displacement: Floats,
-    density: Floats,
+    values: Floats,
     *,
-    gap: tuple[Floats, Floats] | None = None,
+    field: Field = VON_MISES,
+    foundation: Foundation | None = None,
     factor: float | None = None,
     title: str = "",
 ) -> None:
-    """Draw the deformed mesh, the elastic shear energy density in gray tones, as in Figures 2 and 6 of the paper.
+    """Draw the deformed mesh on its foundation, a field in colours: with ``SHEAR_ENERGY`` Figures 2 and 6 of the paper.
+
+    A displacement that is magnified needs a gap that is magnified alike, or the body would seem to enter the
+    foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
+    foundation visibly, as under a disk on a plane, there are two panels: body and foundation as they are; and the body
+    with its displacement magnified, without foundation, its contact zone marked.
 
     The edges of the cells are drawn if the mesh is coarse enough to see them; the body's outline always is.  Where a
-    singular corner would leave the rest of the body white, the gray scale ends at the density that 99 % of the area
-    stays below; an arrow at the colour bar says that black means more.
+    singular corner would leave the rest of the body without colour, the scale ends at the value that 99 % of the area
+    stays below; an arrow at the colour bar says that there is more.
 
     Args:
         path_stem: where to write, without suffix.
         points: positions, length, shape (n, 2); a point may appear several times, once for each rank that has it.
         cells: triangles or quadrilaterals, their points in order along the perimeter, shape (m, 3) or (m, 4).
         displacement: y at the points, length, shape (n, 2).
-        density: elastic shear energy density, energy per volume, one value per cell, shape (m,).
-        gap: contact nodes and the vector d n from each to the rigid foundation, lengths, both of shape (k, 2), nodes in
-            order along each boundary; like the displacement, d n is multiplied by the factor.
-        factor: None: ``magnification(points, displacement)``; the title says it.
+        values: the field, one value per cell, shape (m,).
+        field: what it is.
+        foundation: None: none is drawn.
+        factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
+            where one would not be true.
         title: what to say above the picture.
 
     Raises:
         ValueError: there are no cells.
     """
     points, displacement = np.asarray(points, dtype=np.float64), np.asarray(displacement, dtype=np.float64)
-    cells, density = np.asarray(cells).astype(np.int64), np.asarray(density, dtype=np.float64)
+    cells, values = np.asarray(cells).astype(np.int64), np.asarray(values, dtype=np.float64)
     if not cells.size:
         raise ValueError("the mesh has no cells")
-    factor = magnification(points, displacement) if factor is None else factor
-    moved = points + factor * displacement
-    moved = np.where(np.isfinite(moved), moved, points)  # a solve that failed may leave anything behind
-    corners, foundations = moved[cells], _foundations(gap, factor)
+    chosen = magnification(points, displacement) if factor is None else factor
+    pieces = [] if foundation is None else foundation.pieces()
+    size = _diagonal(points)
+    true = factor is not None or all(piece.looks_like_itself(chosen, size) for piece in pieces)
+    panels = [_Panel.of(points, cells, displacement, scale, pieces) for scale in ((chosen,) if true else (1.0, chosen))]
+    if not true:
+        panels[1] = replace(panels[1], with_foundation=False)
+    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    if true:
+        remark = what if chosen == 1 or not pieces else what.replace("displacement", "displacement and gap")
+    else:
+        remark = f"left: as it is; right: {what}, contact zone thick"
 
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    # A foundation that runs far away is not followed further than this.
-    around = 0.3 * float(max(high - low))
-    seen = [np.clip(line, low - around, high + around) for _, line in foundations]
-    everything = np.concatenate([np.stack((low, high)), *seen])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    margin = 0.035 * float(max(high - low))
-    low, high = low - margin, high + margin
-    aspect = (high[1] - low[1]) / (high[0] - low[0])
-    width = min(6.2, 6.2 / aspect)
-    area = _areas(corners)
-    cell_size = math.sqrt(float(np.median(area))) * 72 * width / (high[0] - low[0])
-    edged = cell_size >= _VISIBLE_CELL
-    top = upper_tone(density, area)
+    area = _areas(panels[0].corners)
+    top = upper_tone(values, area)
     power = decimal_power(top)
-
+    frames = [panel.frame() for panel in panels]
+    aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
+    widest = 6.2 if true else 4.0
+    widths = [min(widest, widest / aspect) for aspect in aspects]
+    height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(width, 3.0) + 0.8, width * aspect + 1.3), layout="constrained")
-        axes = figure.add_subplot()
+        figure = Figure(figsize=(max(sum(widths), 3.0) + 0.8 * len(panels), height + 1.3), layout="constrained")
+        grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
+        for axes, panel, (low, high), width in zip(grid, panels, frames, widths, strict=True):
+            cell_size = math.sqrt(float(np.median(_areas(panel.corners)))) * 72 * width / (high[0] - low[0])
+            body = panel.draw(axes, values * 10.0**power, top * 10.0**power, field, cell_size, frames[0])
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x_1$", ylabel="$x_2$")
+            axes.spines[:].set_visible(False)
+            axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
+            axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
+        bar = figure.colorbar(
+            body,
+            ax=list(grid),
+            orientation="horizontal",
+            extend="max" if float(values.max()) > 1.001 * top else "neither",
+            shrink=0.6,
+            aspect=45,
+            pad=0.02,
+        )
+        bar.ax.locator_params(nbins=6)
+        bar.set_label(f"{field.label}{times_power(power)}")
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """The body with its displacement and its gap times ``factor``."""
+
+    points: Floats
+    cells: npt.NDArray[np.int64]
+    moved: Floats
+    factor: float
+    pieces: list[Foundation]
+    with_foundation: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        points: Floats,
+        cells: npt.NDArray[np.int64],
+        displacement: Floats,
+        factor: float,
+        pieces: list[Foundation],
+    ) -> _Panel:
+        moved = points + factor * displacement
+        # A solve that failed may leave anything behind.
+        return cls(points, cells, np.where(np.isfinite(moved), moved, points), factor, pieces)
+
+    @property
+    def corners(self) -> Floats:
+        """Of the cells, shape (m, 3 or 4, 2)."""
+        return self.moved[self.cells]
+
+    def lines(self) -> list[Floats]:
+        """The foundations."""
+        return [piece.nodes + self.factor * piece.offset for piece in self.pieces] if self.with_foundation else []
+
+    def frame(self) -> tuple[Floats, Floats]:
+        """What is seen: the body, and a foundation that runs far away not much further than that."""
+        low, high = self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+        around = 0.3 * float(max(high - low))
+        seen = [np.clip(line, low - around, high + around) for line in self.lines()]
+        everything = np.concatenate([np.stack((low, high)), *seen])
+        low, high = everything.min(axis=0), everything.max(axis=0)
+        margin = 0.035 * float(max(high - low))
+        return low - margin, high + margin
+
+    def draw(
+        self,
+        axes: Axes,
+        values: Floats,
+        top: float,
+        field: Field,
+        cell_size: float,
+        whole: tuple[Floats, Floats],
+    ) -> PolyCollection:
+        """The cells in colours, the outline, the foundations; or the contact zone where there are none."""
+        edged = cell_size >= _VISIBLE_CELL
         # Vector cells without edges show seams in print, and a million of them take a viewer minutes.
         body = PolyCollection(
-            corners,
-            array=density * 10.0**power,
-            cmap=_GRAYS,
-            clim=(0.0, top * 10.0**power),
+            list(self.corners),
+            array=values,
+            cmap=field.colours,
+            clim=(0.0, top),
             edgecolors=_EDGE if edged else "none",
             linewidths=min(0.4, 0.045 * cell_size) if edged else 0.0,
             antialiaseds=edged,
@@ -114,44 +259,28 @@ def deformed_mesh(
             zorder=1,
         )
         axes.add_collection(body, autolim=False)
-        edges = moved[_outline(moved, cells)]
+        edges = self.moved[_outline(self.moved, self.cells)]
         axes.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.8, capstyle="round"), autolim=False)
-        centres = points[cells].mean(axis=1)
-        for nodes, line in foundations:
-            _draw_foundation(axes, line, _side_of_body(nodes, centres), margin)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x_1$", ylabel="$x_2$")
-        axes.spines[:].set_visible(False)
-        axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
-        axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * width * aspect))))
-        bar = figure.colorbar(
-            body,
-            ax=axes,
-            orientation="horizontal",
-            extend="max" if float(density.max()) > 1.001 * top else "neither",
-            shrink=0.6,
-            aspect=45,
-            pad=0.02,
-        )
-        bar.ax.locator_params(nbins=6)
-        bar.set_label(f"elastic shear energy density{times_power(power)}")
-        remark = f"displacement $\\times\\,{math_number(factor)}$"
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
+        if not self.with_foundation:
+            self._mark_contact(axes)
+            return body
+        centres = self.points[self.cells].mean(axis=1)
+        margin = 0.035 * float(np.max(whole[1] - whole[0]))
+        for piece, line in zip(self.pieces, self.lines(), strict=True):
+            _draw_foundation(axes, line, _side_of_body(piece.nodes, centres), margin)
+        return body
 
-
-def _foundations(gap: tuple[Floats, Floats] | None, factor: float) -> list[tuple[Floats, Floats]]:
-    """Connected pieces of the contact boundary: nodes and points of the foundation as drawn, both of shape (k, 2)."""
-    if gap is None:
-        return []
-    rows = np.column_stack([np.asarray(part, dtype=np.float64) for part in gap])
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    nodes, offset = rows[:, :2], rows[:, 2:]
-    # From one boundary to the next the step is nought or much longer than those before and after.
-    steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
-    usual = np.maximum(steps[:-2], steps[2:])
-    inner = steps[1:-1]
-    breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0))) + 1
-    pieces = zip(np.split(nodes, breaks), np.split(nodes + factor * offset, breaks), strict=True)
-    return [piece for piece in pieces if len(piece[0]) > 1]
+    def _mark_contact(self, axes: Axes) -> None:
+        """A thick line along the edges of the body between two nodes in contact, where they have gone."""
+        at = cKDTree(self.points)
+        for piece in self.pieces:
+            line = self.moved[at.query(piece.nodes)[1]]
+            assert piece.touching is not None
+            both = piece.touching[:-1] & piece.touching[1:]
+            zone = np.stack((line[:-1], line[1:]), axis=1)[both]
+            axes.add_collection(
+                LineCollection(list(zone), colors=INK, linewidths=3.0, capstyle="round", zorder=5), autolim=False
+            )
 
 
 def _side_of_body(nodes: Floats, centres: Floats) -> float:

@@ -165,7 +165,10 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
     return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
 
 
-_PLANE_BODY = "Displacement magnified as the title says; gray: elastic shear energy density; lines: the foundation."
+_PLANE_BODY = (
+    "Colour: stress of von Mises at the midpoints of the cells; hatched lines: the foundation. The title says what is "
+    "magnified; where a magnified gap would bend the foundation it is drawn beside, with the body as it is."
+)
 _SOLID_BODY = (
     "Displacement magnified as the title says; colour: stress of von Mises, shaded; broken lines: the body at rest; "
     "gray plane or broken frame: the foundation where it is flat, magnified with the gap."

@@ -292,13 +292,15 @@ class GatheredCells:
         points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
         cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, shape (n, 2).
-        density: shear energy density, one value per cell (at its midpoint), shape (m,).
+        density: shear energy density, energy per volume, one value per cell (at its midpoint), shape (m,).
+        mises: stress of von Mises there, shape (m,).
     """
 
     points: npt.NDArray[np.float64]
     cells: npt.NDArray[np.int64]
     displacement: npt.NDArray[np.float64]
     density: npt.NDArray[np.float64]
+    mises: npt.NDArray[np.float64]
 
 
 def gather_cells(solution: Solution) -> GatheredCells:
@@ -309,11 +311,12 @@ def gather_cells(solution: Solution) -> GatheredCells:
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
     linear.interpolate(solution.displacement)
-    constant = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    constant = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
     density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
     points = compat.interpolation_points(constant.function_space.element)
     with compiling():
-        compiled = fem.Expression(density, points, dtype=default_scalar_type)
+        both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
+        compiled = fem.Expression(both, points, dtype=default_scalar_type)
     constant.interpolate(compiled)
     space = linear.function_space
     cells = space.dofmap.list[:owned].astype(np.int64)
@@ -322,34 +325,41 @@ def gather_cells(solution: Solution) -> GatheredCells:
     x = space.tabulate_dof_coordinates()[:, :2]
     counts = comm.allgather(x.shape[0])
     cells += sum(counts[: comm.rank])
-    per_cell = constant.x.array[constant.function_space.dofmap.list[:owned, 0]]
+    per_cell = parallel.rows_on_root(
+        comm, constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[:owned, 0]]
+    )
     return GatheredCells(
         parallel.rows_on_root(comm, x),
         parallel.rows_on_root(comm, cells),
         parallel.rows_on_root(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
-        parallel.rows_on_root(comm, per_cell),
+        per_cell[:, 0],
+        per_cell[:, 1],
     )
 
 
 def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
     # matplotlib takes a while to import
     from signorini_fx.report.boundary_profiles import boundary_profiles
-    from signorini_fx.report.deformed_body import deformed_mesh, magnification
+    from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
     from signorini_fx.report.pyvista_pictures import draw_fields
     from signorini_fx.report.style import plain
 
     title = plain(solution.scene.title)
-    gap = None
+    foundation = None
     if table is not None:
         c = table.columns
-        gap = np.column_stack((c["x"], c["y"])), np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
+        foundation = Foundation(
+            np.column_stack((c["x"], c["y"])),
+            np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None],
+            c["state"] != "open",
+        )
     deformed_mesh(
         folder / "deformed",
         gathered.points,
         gathered.cells,
         gathered.displacement,
-        gathered.density,
-        gap=gap,
+        gathered.mises,
+        foundation=foundation,
         title=title,
     )
     factor = magnification(gathered.points, gathered.displacement)

@@ -1,0 +1,77 @@
+"""The picture of the deformed body: where body and foundation are drawn, and when one panel is not enough."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection
+
+from signorini_fx.report import deformed_body
+from signorini_fx.report.deformed_body import SHEAR_ENERGY, Foundation, deformed_mesh, magnification
+
+X = np.linspace(0.0, 3.0, 13)
+BOTTOM = np.column_stack((X, np.zeros(13)))
+POINTS = np.vstack((BOTTOM, BOTTOM + np.array([0.0, 1.0])))
+CELLS = np.array([[k, k + 1, k + 14, k + 13] for k in range(12)])
+DOWN = np.array([0.0, -1.0])
+
+
+def drawn(monkeypatch, gap, displacement, **options):
+    """The axes of the picture and its title; ``gap`` along the bottom."""
+    kept = []
+    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title: kept.append((figure, title)))
+    touching = gap <= -displacement[:13, 1] + 1e-12
+    foundation = Foundation(BOTTOM, gap[:, None] * DOWN, touching)
+    deformed_mesh("nowhere", POINTS, CELLS, displacement, np.ones(12), foundation=foundation, **options)
+    figure, title = kept[0]
+    return [axes for axes in figure.axes if axes.get_xlabel() == "$x_1$"], title
+
+
+def body_of(axes):
+    (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
+    return np.array([path.vertices[:4] for path in cells.get_paths()])
+
+
+def sinking(depth):
+    return np.tile([0.0, -depth], (26, 1))
+
+
+def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement(monkeypatch):
+    """One panel: body and foundation touch in it where they touch."""
+    gap = 0.001 + 0.0005 * (X - 1.5) ** 2
+    displacement = sinking(0.001)
+    factor = magnification(POINTS, displacement)
+    (axes,), title = drawn(monkeypatch, gap, displacement)
+    assert factor == 200
+    assert "displacement and gap" in title
+    assert "200" in title
+    np.testing.assert_allclose(body_of(axes), (POINTS + factor * displacement)[CELLS])
+    (line,) = axes.lines
+    np.testing.assert_allclose(line.get_xydata(), BOTTOM + factor * gap[:, None] * DOWN)
+
+
+@pytest.mark.parametrize("gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)])
+def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
+    """Two panels: all as it is; and the displacement magnified, with the contact zone and no foundation."""
+    gap = gap + 0.001
+    displacement = sinking(0.0012)
+    factor = magnification(POINTS, displacement)
+    (left, right), title = drawn(monkeypatch, gap, displacement)
+    assert "as it is" in title
+    assert "and gap" not in title
+    np.testing.assert_allclose(body_of(left), (POINTS + displacement)[CELLS])
+    np.testing.assert_allclose(body_of(right), (POINTS + factor * displacement)[CELLS])
+    (line,) = left.lines
+    np.testing.assert_allclose(line.get_xydata(), BOTTOM + gap[:, None] * DOWN)
+    assert not right.lines
+    zone = max((one for one in right.collections if isinstance(one, LineCollection)), key=lambda c: c.get_linewidth())
+    both = (gap[:-1] <= 0.0012) & (gap[1:] <= 0.0012)
+    assert len(zone.get_segments()) == both.sum()
+    if both.any():
+        assert np.array(zone.get_segments())[..., 1] == pytest.approx(-0.0012 * factor)
+
+
+def test_an_asked_factor_makes_one_panel(monkeypatch):
+    """As the figures of the paper need it, in the gray tones that the paper has."""
+    (axes,), title = drawn(monkeypatch, 0.3 * (X - 1.5) ** 2, sinking(0.001), factor=20.0, field=SHEAR_ENERGY)
+    assert "20" in title
+    (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
+    assert cells.get_cmap().name == "shear energy"
