@@ -36,14 +36,19 @@ def shear_energy(gradient, hypothesis):
     return np.sum(stress * strain) / 2 - pressure**2 / (2 * bulk)
 
 
-def von_mises(gradient, hypothesis):
-    """Of a constant displacement gradient, from the differences of the principal stresses."""
+def whole_stress(gradient, hypothesis):
+    """Of a constant displacement gradient, all components."""
     mu, bulk = YOUNG / (2 * (1 + POISSON)), YOUNG / (3 * (1 - 2 * POISSON))
     strain = np.zeros((3, 3))
     strain[:2, :2] = (np.array(gradient) + np.transpose(gradient)) / 2
     if hypothesis == "plane stress":
         strain[2, 2] = -POISSON / (1 - POISSON) * (strain[0, 0] + strain[1, 1])
-    one, two, three = np.linalg.eigvalsh(2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3))
+    return 2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3)
+
+
+def von_mises(gradient, hypothesis):
+    """The same, from the differences of the principal stresses."""
+    one, two, three = np.linalg.eigvalsh(whole_stress(gradient, hypothesis))
     return np.sqrt(((one - two) ** 2 + (two - three) ** 2 + (three - one) ** 2) / 2)
 
 
@@ -83,6 +88,51 @@ def test_cells_for_pictures(name, hypothesis, cell):
     np.testing.assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     np.testing.assert_allclose(gathered.density, shear_energy(gradient, hypothesis), rtol=1e-10)
     np.testing.assert_allclose(gathered.mises, von_mises(gradient, hypothesis), rtol=1e-10)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("triangle", 2)])
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+@pytest.mark.parametrize("name", GRADIENTS)
+def test_stresses(name, hypothesis, cell, degree):
+    """The tensor with the component out of the plane, von Mises and principal stresses of a constant strain."""
+    gradient = GRADIENTS[name]
+    found = solve(scene(gradient, hypothesis, cell, degree), MPI.COMM_WORLD).stress
+    sigma = whole_stress(gradient, hypothesis)
+    size = np.abs(sigma).max()
+    for function, expected in (
+        (found.tensor, sigma),
+        (found.von_mises, von_mises(gradient, hypothesis)),
+        (found.principal, np.linalg.eigvalsh(sigma)[::-1]),
+    ):
+        values = function.x.array.reshape(-1, *np.shape(expected))
+        np.testing.assert_allclose(values, np.broadcast_to(expected, values.shape), rtol=0, atol=1e-9 * size)
+    assert found.smallest().value == pytest.approx(np.linalg.eigvalsh(sigma)[0], rel=1e-9, abs=1e-9 * size)
+
+
+@pytest.mark.mpi
+def test_extremes_of_the_stress():
+    """Bending: von Mises and compression are largest at the top, tension at the bottom, on every rank alike."""
+    sides = {"x": "-1e-3 * x[0] * (x[1] - 0.4)", "y": f"5e-4 * (x[0]**2 + {POISSON} * (x[1] - 0.4)**2)"}
+    bent = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
+            "element": {"degree": 2},
+            "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": "plane stress"},
+            "displacement": [{"boundary": name, **sides} for name in ("left", "right", "top", "bottom")],
+        }
+    )
+    found = solve(bent, MPI.COMM_WORLD).stress
+    largest, tension, compression = found.largest(), found.largest("principal", 0), found.smallest()
+    assert largest.place[1] == pytest.approx(1.0)
+    assert compression.place[1] == pytest.approx(1.0)
+    assert tension.place[1] == pytest.approx(0.0)
+    assert largest.value == pytest.approx(0.6e-3 * YOUNG, rel=1e-6)
+    assert compression.value == pytest.approx(-0.6e-3 * YOUNG, rel=1e-6)
+    assert tension.value == pytest.approx(0.4e-3 * YOUNG, rel=1e-6)
+    assert MPI.COMM_WORLD.bcast(largest) == largest
+    with pytest.raises(ValueError, match="von_mises"):
+        found.largest("mises")
 
 
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])

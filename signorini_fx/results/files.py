@@ -12,17 +12,18 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem, io
+from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.material import shear_energy_density, stress
+from signorini_fx.body.material import shear_energy_density
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.records import as_rows
+from signorini_fx.results.fields import size_of_fields, write_fields
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
@@ -32,14 +33,13 @@ if TYPE_CHECKING:
     from signorini_fx.results.outer_surface import OuterSurface
 
 T = TypeVar("T")
-# What the files of fields take on each rank besides their data.
-_BYTES_PER_RANK = 100_000
 # The result of the last complete mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
 # All that a run may write; some of it only some runs do.  The report is about an older result then.
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
-    *("displacement.bp", "stress.bp", "density.bp", "von_mises.bp", "fields.xdmf", "fields.h5", "contact.vtu"),
+    *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
+    *("fields.xdmf", "fields.h5", "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("contact_surface.png", "contact_surface.pdf"),
     *("field_displacement.png", "field_density.png", "report.html"),
@@ -86,8 +86,9 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
     steps = summary.get("steps", [])
     if fields:
-        folder.reserve(_size_of_fields(solution))
+        folder.reserve(size_of_fields(solution))
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+        summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     gathered = gather_cells(solution) if pictures and plane else None
     outer = _outer_surface(solution) if pictures and not plane else None
@@ -219,69 +220,6 @@ def _cell(value: Any) -> Any:
 def _hypothesis(solution: Solution) -> str:
     """Plane strain or plane stress: one for the whole body."""
     return solution.scene.material[0].hypothesis
-
-
-def _stress_fields(solution: Solution) -> tuple[fem.Function, ...]:
-    """Stress, (xx, yy, xy) in the plane and a tensor in space, shear energy density, and in space the stress of von
-    Mises; discontinuous, of the degree that they have.
-    """
-    d = solution.discretisation
-    mesh = d.tagged.mesh
-    y = solution.displacement
-    sigma = stress(y, *d.lame)
-    density = shear_energy_density(y, *d.lame, _hypothesis(solution))
-    degree = max(solution.scene.element.degree, 1)
-    plane = d.tagged.dimension == 2
-    vector = fem.Function(fem.functionspace(mesh, ("DG", degree, (3,) if plane else (3, 3))), name="stress")
-    broken = fem.functionspace(mesh, ("DG", degree))
-    scalar = fem.Function(broken, name="shear_energy_density")
-    mises = () if plane else ((fem.Function(broken, name="von_mises"), ufl.sqrt(6 * d.lame[1] * density)),)
-    for function, expression in (
-        *mises,
-        (vector, ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])) if plane else sigma),
-        (scalar, density),
-    ):
-        points = compat.interpolation_points(function.function_space.element)
-        with compiling():
-            compiled = fem.Expression(expression, points, dtype=default_scalar_type)
-        function.interpolate(compiled)
-    return vector, scalar, *(function for function, _ in mises)
-
-
-def _size_of_fields(solution: Solution) -> float:
-    """About how many bytes the fields take, rather too many: points, cells and values of three files."""
-    d = solution.discretisation
-    topology = d.tagged.mesh.topology
-    cells = topology.index_map(topology.dim).size_global
-    corners = int(d.space.dofmap.list.shape[1])
-    point, cell = 3 * 8 + 3 * (8 if d.tagged.dimension == 2 else 24) + 9, 8 * (corners + 1)
-    continuous, broken = d.dofs // d.tagged.dimension * point + cells * cell, cells * (corners * point + cell)
-    return continuous + 2 * broken + _BYTES_PER_RANK * solution.comm.size
-
-
-def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """Displacement, stress and shear energy density for ParaView: VTX (ADIOS2), else XDMF; collective.
-
-    Returns:
-        Names of the files.
-    """
-    comm = solution.comm
-    stress_field, density, *mises = _stress_fields(solution)
-    if compat.has_vtx():
-        fields = {"displacement": solution.displacement, "stress": stress_field, "density": density}
-        fields |= {function.name: function for function in mises}
-        for name, function in fields.items():
-            with io.VTXWriter(comm, folder / f"{name}.bp", [function], engine="BP4") as file:
-                file.write(0.0)
-        return [f"{name}.bp" for name in fields]
-    mesh = solution.discretisation.tagged.mesh
-    dim = solution.discretisation.tagged.dimension
-    nodal = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), name="displacement")
-    nodal.interpolate(solution.displacement)
-    with io.XDMFFile(comm, folder / "fields.xdmf", "w") as file:
-        file.write_mesh(mesh)
-        file.write_function(nodal)
-    return ["fields.xdmf", "fields.h5"]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
 
@@ -118,6 +119,13 @@ class Solution:
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no contact table")
         return contact_table(self.contact, [effect.boundary for effect in self.scene.contact])
+
+    @cached_property
+    def stress(self) -> Stresses:
+        """The stress in the body: tensor, stress of von Mises, principal stresses and their extremes; with load steps,
+        of the last one.
+        """
+        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis)
 
     @property
     def comm(self) -> MPI.Comm:

@@ -221,6 +221,7 @@ def render(summary: dict[str, Any]) -> str:
         ]
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
+        *([f"  von Mises stress {_largest(summary['stress']['von_mises'])}"] if "stress" in summary else []),
         f"  deformation      {_deformation(summary['deformation'])}",
         f"  certificate      {_certificate(summary['certificate'])}",
         *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
@@ -234,6 +235,14 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
+
+
+def _largest(extreme: dict[str, Any]) -> str:
+    return f"{extreme['value']:.6g} at most, at {_point(extreme['place'])}"
+
+
+def _point(place: list[float]) -> str:
+    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place) + ")"
 
 
 def _touching(nodes: int) -> str:
@@ -287,7 +296,4 @@ def _left(figures: dict[str, Any]) -> str:
 
 
 def _zones(runs: list[list[list[float]]]) -> str:
-    def point(p: list[float]) -> str:
-        return "(" + ", ".join(f"{round(c, 9) + 0.0:.6g}" for c in p) + ")"
-
-    return ", ".join(f"{point(a)} to {point(b)}" for a, b in runs)
+    return ", ".join(f"{_point(a)} to {_point(b)}" for a, b in runs)

@@ -1,0 +1,71 @@
+"""The fields of a result for ParaView: displacement, stresses, shear energy density."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dolfinx import default_scalar_type, fem, io
+
+from signorini_fx import compat
+from signorini_fx.body.material import shear_energy_density
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.results.solution import Solution
+
+_BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
+
+
+def size_of_fields(solution: Solution) -> float:
+    """About how many bytes the fields take, rather too many: points, cells and values of each file."""
+    d = solution.discretisation
+    topology = d.tagged.mesh.topology
+    cells = topology.index_map(topology.dim).size_global
+    corners = int(d.space.dofmap.list.shape[1])
+    cell = 8 * (corners + 1)
+    continuous = d.dofs // d.tagged.dimension * (2 * 3 * 8 + 9) + cells * cell
+    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1))
+    return continuous + broken + _BYTES_PER_RANK * solution.comm.size
+
+
+def write_fields(solution: Solution, folder: Path) -> list[str]:
+    """Displacement, stresses and shear energy density: VTX (ADIOS2), else the displacement as XDMF; collective.
+
+    The stress is a tensor with nine components, which ParaView takes for one, in the plane too.
+
+    Returns:
+        Names of the files.
+    """
+    if compat.has_vtx():
+        found = solution.stress
+        fields = {
+            "displacement": solution.displacement,
+            "stress": found.tensor,
+            "von_mises": found.von_mises,
+            "principal_stresses": found.principal,
+            "density": _density(solution),
+        }
+        for name, function in fields.items():
+            with io.VTXWriter(solution.comm, folder / f"{name}.bp", [function], engine="BP4") as file:
+                file.write(0.0)
+        return [f"{name}.bp" for name in fields]
+    mesh = solution.discretisation.tagged.mesh
+    nodal = fem.Function(
+        fem.functionspace(mesh, ("Lagrange", 1, (solution.discretisation.tagged.dimension,))), name="displacement"
+    )
+    nodal.interpolate(solution.displacement)
+    with io.XDMFFile(solution.comm, folder / "fields.xdmf", "w") as file:
+        file.write_mesh(mesh)
+        file.write_function(nodal)
+    return ["fields.xdmf", "fields.h5"]
+
+
+def _density(solution: Solution) -> fem.Function:
+    """The shear energy density, discontinuous, of the degree of the element."""
+    d = solution.discretisation
+    degree = max(solution.scene.element.degree, 1)
+    function = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", degree)), name="shear_energy_density")
+    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
+    points = compat.interpolation_points(function.function_space.element)
+    with compiling():
+        compiled = fem.Expression(density, points, dtype=default_scalar_type)
+    function.interpolate(compiled)
+    return function
