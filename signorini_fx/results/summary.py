@@ -167,6 +167,7 @@ def blas_in_use() -> str:
     return ", ".join(dict.fromkeys(names)) or "unknown"
 
 
+_FAINT_FORCE = 1e-10  # of the largest component
 _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
 
 
@@ -208,8 +209,8 @@ def render(summary: dict[str, Any]) -> str:
     if "contact_force" in summary:
         lines += [
             f"  contact nodes    {summary['contact_nodes']}, {_touching(summary['touching_nodes'])}",
-            f"  contact force    ({', '.join(f'{f:.6g}' for f in summary['contact_force'])})",
-            f"  friction force   ({', '.join(f'{f:.6g}' for f in summary['friction_force'])})",
+            f"  contact force    {_force(summary, 'contact_force')}",
+            f"  friction force   {_force(summary, 'friction_force')}",
             f"  largest pressure {summary['max_pressure']:.6g}",
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
@@ -235,6 +236,12 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
+
+
+def _force(summary: dict[str, Any], name: str) -> str:
+    """A resultant; components that are round-off of the forces at work count as nought."""
+    size = float(np.abs([summary["contact_force"], summary["friction_force"]]).max())
+    return "(" + ", ".join(f"{f if abs(f) > _FAINT_FORCE * size else 0.0:.6g}" for f in summary[name]) + ")"
 
 
 def _largest(extreme: dict[str, Any]) -> str:
