@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.display import clean
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, Status
 from signorini_fx.report.markup import Markup, is_number, joined, long_table, picture, shown, table, tag
 from signorini_fx.report.pyvista_pictures import FIELDS
@@ -90,11 +91,6 @@ def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
     found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
     items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in found]
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
-
-
-def clean(value: Any, scale: float) -> Any:
-    """Components of a vector that are round-off beside the scale are zero; a single number stays."""
-    return [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
 
 
 def certificate(summary: dict[str, Any]) -> Markup:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.display import clean
 from signorini_fx.report.markup import Markup, joined, long_table, picture, table, tag
-from signorini_fx.report.sections import clean, file_of
+from signorini_fx.report.sections import file_of
 
 # Vectors of contact.csv, and what becomes of the columns that it has besides their lengths.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}

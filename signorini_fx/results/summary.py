@@ -18,6 +18,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
+from signorini_fx.display import clean
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationRecord, OuterRecord
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
@@ -167,7 +168,6 @@ def blas_in_use() -> str:
     return ", ".join(dict.fromkeys(names)) or "unknown"
 
 
-_FAINT_FORCE = 1e-10  # of the largest component
 _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
 
 
@@ -241,7 +241,7 @@ def render(summary: dict[str, Any]) -> str:
 def _force(summary: dict[str, Any], name: str) -> str:
     """A resultant; components that are round-off of the forces at work count as nought."""
     size = float(np.abs([summary["contact_force"], summary["friction_force"]]).max())
-    return "(" + ", ".join(f"{f if abs(f) > _FAINT_FORCE * size else 0.0:.6g}" for f in summary[name]) + ")"
+    return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
 def _largest(extreme: dict[str, Any]) -> str:
