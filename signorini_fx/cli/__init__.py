@@ -18,6 +18,8 @@ _ON_ONE_PROCESS = {
     "new": commands.new,
     "schema": commands.schema,
     "report": commands.report,
+    "open": commands.show,
+    "compare": commands.compare,
     "convert": commands.mesh_file,
     "mesh-info": commands.mesh_file,
 }

@@ -182,6 +182,24 @@ def report(options: argparse.Namespace) -> str:
     return str(write_report(options.folder, options.out))
 
 
+def show(options: argparse.Namespace) -> str:
+    """Show the page of a result folder in the browser; it is made anew."""
+    import webbrowser
+
+    from signorini_fx.report.page import write_report
+
+    page = write_report(options.folder, None).resolve()
+    opened = webbrowser.open(page.as_uri())
+    return str(page) if opened else f"{page}: no browser was found, open it yourself"
+
+
+def compare(options: argparse.Namespace) -> str:
+    """Put two result folders side by side."""
+    from signorini_fx.report.comparison import compare
+
+    return compare(options.one, options.other)
+
+
 def mesh_file(options: argparse.Namespace) -> str:
     """Rewrite or describe a mesh file."""
     from signorini_fx.mesh.files.formats import read_file, write_file

@@ -75,6 +75,11 @@ def parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
     report.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: report.html in the folder)")
+    show = commands.add_parser("open", help="show the page of a result folder in the browser")
+    show.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
+    compare = commands.add_parser("compare", help="put two result folders side by side")
+    compare.add_argument("one", type=Path, metavar="FOLDER", help="result folder")
+    compare.add_argument("other", type=Path, metavar="OTHER", help="result folder to compare it with")
     study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
     study.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
     study.add_argument(

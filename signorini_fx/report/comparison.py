@@ -1,0 +1,176 @@
+"""Two result folders side by side: figures, resultants, zones, and the curves along the contact boundary."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.display import clean
+from signorini_fx.report.reading import ResultFiles, Table, read_summary
+
+Floats = npt.NDArray[np.float64]
+_WIDTH = 36  # of a column with a value
+# Name in the table -> where it stands in summary.json.
+_WORDS: dict[str, tuple[str, ...]] = {"outcome": ("status",), "algorithm": ("algorithm",)}
+_COUNTS: dict[str, tuple[str, ...]] = {
+    "unknowns": ("dofs",),
+    "contact nodes": ("contact_nodes",),
+    "linear solves": ("linear_solves",),
+}
+_FIGURES: dict[str, tuple[str, ...]] = {
+    "contact force": ("contact_force",),
+    "friction force": ("friction_force",),
+    "contact moment": ("contact_moment",),
+    "friction moment": ("friction_moment",),
+    "largest pressure": ("max_pressure",),
+    "largest shear": ("max_shear",),
+    "strain energy": ("strain_energy",),
+    "von Mises stress": ("stress", "von_mises", "value"),
+    "contact area": ("areas", "contact"),
+    "stick area": ("areas", "stick"),
+    "slip area": ("areas", "slip"),
+}
+
+
+def compare(one: Path, other: Path) -> str:
+    """A table of two result folders, with relative differences; then how far their contact boundaries agree.
+
+    Pressure and shear of the second are interpolated to the nodes of the first: along the boundary in the plane, from
+    the nearest node in space.
+
+    Raises:
+        ResultError: one of them is no result folder.
+        ValueError: a table of theirs cannot be read.
+    """
+    summaries = read_summary(one), read_summary(other)
+    lines = [_row("", str(one), str(other), "difference")]
+    for name, keys in (_WORDS | _COUNTS).items():
+        values = [_at(summary, keys) for summary in summaries]
+        if any(value is not None for value in values):
+            lines.append(_row(name, _shown(values[0]), _shown(values[1]), "" if values[0] == values[1] else "differs"))
+    for name, keys in _FIGURES.items():
+        values = [_at(summary, keys) for summary in summaries]
+        if any(value is not None for value in values):
+            a, b = _cleaned(name, values, summaries)
+            lines.append(_row(name, _shown(a), _shown(b), _difference(a, b)))
+    for name in ("contact", "stick", "slip"):
+        zones = [_at(summary, ("zones", name)) for summary in summaries]
+        lines += _zones(f"{name} zone", zones)
+    seconds = [sum(summary.get("timings", {}).values()) for summary in summaries]
+    ratio = f"{seconds[1] / seconds[0]:.2f} times" if seconds[0] > 0 else ""
+    lines.append(_row("seconds", f"{seconds[0]:.3g}", f"{seconds[1]:.3g}", ratio))
+    if all("contact_nodes" in summary for summary in summaries):
+        lines += ["", *_boundaries(*(ResultFiles(folder).columns("contact.csv") for folder in (one, other)))]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _row(name: str, one: str, other: str, difference: str = "") -> str:
+    return f"{name:18s}{one:{_WIDTH}s} {other:{_WIDTH}s} {difference}"
+
+
+def _at(summary: dict[str, Any], keys: tuple[str, ...]) -> Any:
+    """An entry of nested dictionaries, None where there is none."""
+    value: Any = summary
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, list):
+        return "(" + ", ".join(map(_shown, value)) + ")"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _cleaned(name: str, values: list[Any], summaries: tuple[dict[str, Any], dict[str, Any]]) -> list[Any]:
+    """Forces and moments without what is round-off of all that are at work."""
+    kind = name.rpartition(" ")[2]
+    if kind not in ("force", "moment"):
+        return values
+    every = [summary.get(f"{of}_{kind}") for summary in summaries for of in ("contact", "friction")]
+    size = max((float(np.abs(value).max()) for value in every if value), default=0.0)
+    return [clean(value, size) for value in values]
+
+
+def _difference(one: Any, other: Any) -> str:
+    """Relative to the larger of the two, as vectors."""
+    if one is None or other is None or np.shape(one) != np.shape(other):
+        return ""
+    a, b = np.atleast_1d(np.asarray(one, dtype=np.float64)), np.atleast_1d(np.asarray(other, dtype=np.float64))
+    size = max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
+    if not size > 0:
+        return ""
+    share = float(np.linalg.norm(a - b)) / size
+    return "equal" if share == 0 else f"{share:.1e}" if math.isfinite(share) else ""
+
+
+def _zones(name: str, zones: list[Any]) -> list[str]:
+    """One row for each run of the nodes that either has."""
+    runs = [zone or [] for zone in zones]
+
+    def shown(run: list[list[float]]) -> str:
+        return " to ".join(_shown([round(float(c), 9) + 0.0 for c in place]) for place in run)
+
+    rows = itertools.zip_longest(*(map(shown, run) for run in runs), fillvalue="-")
+    return [_row("" if k else name, one, other) for k, (one, other) in enumerate(rows)]
+
+
+def _boundaries(one: Table, other: Table) -> list[str]:
+    """How far pressure, shear and states agree, boundary by boundary."""
+    lines = []
+    for name in dict.fromkeys(one["boundary"].tolist()):
+        here, there = one["boundary"] == name, other["boundary"] == name
+        if not there.any():
+            lines.append(f"boundary {name}: only in the first")
+            continue
+        x, y = _positions(one)[here], _positions(other)[there]
+        if x.shape[1] != y.shape[1]:
+            lines.append(f"boundary {name}: one is in the plane, the other in space")
+            continue
+        take = _interpolation(one, here, other, there)
+        weight = one["weight"][here]
+        told = []
+        for quantity in ("pressure", "shear"):
+            a, b = one[quantity][here], take(other[quantity][there])
+            gap = np.abs(a - b)
+            norm = math.sqrt(float(weight @ a**2)) or math.sqrt(float(weight @ b**2))
+            share = math.sqrt(float(weight @ gap**2)) / norm if norm > 0 else 0.0
+            worst = int(gap.argmax())
+            at = f", at most {gap[worst]:.3g} at {_shown(x[worst].tolist())}" if gap[worst] > 0 else ""
+            told.append(f"{quantity} {share:.1e} of its norm{at}")
+        if len(x) == len(y) and np.allclose(x, y, rtol=0, atol=1e-9 * float(np.ptp(x, axis=0).max() or 1.0)):
+            count = int((one["state"][here] != other["state"][there]).sum())
+            told.append(f"{count} of {len(x)} nodes in another state")
+        lines.append(f"boundary {name}: {'; '.join(told)}")
+    lines += [
+        f"boundary {name}: only in the second"
+        for name in dict.fromkeys(other["boundary"].tolist())
+        if name not in set(one["boundary"].tolist())
+    ]
+    return lines
+
+
+def _positions(table: Table) -> Floats:
+    return np.column_stack([table[axis] for axis in ("x", "y", "z") if axis in table])
+
+
+def _interpolation(
+    one: Table, here: npt.NDArray[np.bool_], other: Table, there: npt.NDArray[np.bool_]
+) -> Callable[[Floats], Floats]:
+    """From values at the nodes of the second to those of the first, on one boundary."""
+    if "s" in one and "s" in other:
+        at, places = one["s"][here], other["s"][there]
+        order = np.argsort(places, kind="stable")
+        return lambda values: np.interp(at, places[order], values[order])
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(_positions(other)[there]).query(_positions(one)[here])[1]
+    return lambda values: np.asarray(values[nearest])
