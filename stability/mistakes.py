@@ -796,7 +796,7 @@ MUTANTS = (
         "largest * np.finfo(float).eps > tolerance * self.force_scale",
         "False",
         "residuals at round-off have no name",
-        tests=("outcomes", "fall_backs"),
+        tests=("outcomes::test_when_a_residual_is_lost_to_round_off",),
     ),
     # --- linear algebra ----------------------------------------------------------------------------------------------
     Mutant("condensed", "residual.aypx(-1.0, load)", "residual.aypx(1.0, load)", "condensed load, sign"),
@@ -834,7 +834,7 @@ MUTANTS = (
         "self.start.axpy(scale * case.factors[step], case.start)",
         "self.start.axpy(scale, case.start)",
         "prescribed displacements without their factor",
-        tests=("load_steps",),
+        tests=("linalg::test_prescribed_displacements_of_a_load_step",),
     ),
     Mutant(
         "full",

@@ -5,10 +5,15 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, table_of
 
+from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import full, schur
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
+
+COMM = MPI.COMM_SELF
 
 
 @pytest.mark.parametrize("size", [1, 7, 256, 257, 600])
@@ -46,6 +51,20 @@ def test_condensed_with_turned_nodes(algorithm):
     for name in ("pressure", "shear"):
         close = 1e-7 * theirs.columns["pressure"].max()
         np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)
+
+
+def test_prescribed_displacements_of_a_load_step():
+    """They have the factor of the step and that of the loads."""
+    scene = example1(bound=1.5, nx=6, ny=2)
+    left, right = scene.displacement
+    moved = left.model_copy(update={"x": 0.001, "factors": (1.0, -3.0)})
+    d = discretise(scene.model_copy(update={"displacement": (moved, right)}), load_mesh(scene, COMM), Timings())
+    system = full.FullSystem.of(d)
+    for step, factor in ((0, 1.0), (1, -3.0)):
+        for scale in (1.0, 0.5):
+            system.set_step(step, scale)
+            values = system.start.getArray()
+            assert values[np.abs(values).argmax()] == pytest.approx(0.001 * factor * scale)
 
 
 @pytest.mark.parametrize("kind", ["condensed", "full"])

@@ -1,11 +1,18 @@
 """Scenes without a solution, or that the method does not solve: each ends in an outcome with a name."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import PATCH, alone, example1
 
-from signorini_fx.records import Status
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.model import SurfaceTraction
+from signorini_fx.solving.one_mesh import contact_task
 
 SMALL = {"nx": 30, "ny": 10}
 
@@ -115,6 +122,23 @@ def test_too_few_outer_iterations():
 def test_gamma_beyond_double_precision():
     """A penalty that drowns the stiffness ends in a name, not in a wrong result."""
     assert outcome(example1(bound=1.5, gamma=1e16, patch=PATCH, **SMALL)).status is Status.ROUND_OFF
+
+
+def test_when_a_residual_is_lost_to_round_off():
+    """Where one unit in the last place of gamma times a length is more force than the tolerance allows."""
+    scene = example1(bound=1.5, gamma=1e6, patch=PATCH, **SMALL)
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, d.boundary, History())
+    newton = task.iterate.newton
+    assert newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
+    problem, data = newton.problem, task.start.data
+    force = problem.force_scale
+    # Near the ends, where the gap is more than the displacements.
+    share = (problem.boundary.weight * data.gap).max() * np.finfo(float).eps
+    for gamma, lost in ((1e6, False), (0.9e-8 * force / share, False), (1.1e-8 * force / share, True)):
+        problem.set_data(replace(data, gamma_n=gamma, gamma_t=1.0))
+        problem.force_scale = force
+        assert problem.lost_to_round_off(newton.x, 1e-8) is lost
 
 
 def test_every_outcome_has_advice():
