@@ -120,7 +120,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
     Raises:
         SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells; keys of a scene
-            in the plane where the mesh is one of space, and the other way round.
+            in the plane although the mesh is in space, or the other way round.
         MeshError: the file is no mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     match scene.mesh:

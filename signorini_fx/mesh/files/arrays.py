@@ -151,7 +151,7 @@ def from_raw(
             if isinstance(selection, int):
                 found, message = _numbered(raw, entities, selection, data, name)
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
-                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is one of the plane: there is no x[2]"
+                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
             else:
                 found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
                 extents = ", ".join(
