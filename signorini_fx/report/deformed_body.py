@@ -1,4 +1,4 @@
-"""The deformed body on its foundation, the elastic shear energy density in gray tones."""
+"""The deformed body on its foundation, with the elastic shear energy density in gray tones."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def deformed_mesh(
 ) -> None:
     """Draw the deformed mesh, the elastic shear energy density in gray tones, as in Figures 2 and 6 of the paper.
 
-    The edges of the cells are drawn if the mesh is coarse enough to see them; the body's outline always is.  Where a
-    singular corner would leave the rest of the body white, the gray scale ends at the density that 99 % of the area
-    stays below; an arrow at the colour bar says that black means more.
+    The edges of the cells are drawn if the mesh is coarse enough to see them; the body's outline always is.  If a
+    singular corner would leave the rest of the body white, the gray scale ends at the density that is not exceeded on
+    99 % of the area; an arrow at the colour bar indicates that black includes larger values.
 
     Args:
         path_stem: where to write, without suffix.
@@ -68,7 +68,7 @@ def deformed_mesh(
         gap: contact nodes and the vector d n from each to the rigid foundation, lengths, both of shape (k, 2), nodes in
             order along each boundary; like the displacement, d n is multiplied by the factor.
         factor: None: ``magnification(points, displacement)``; the title says it.
-        title: what to say above the picture.
+        title: title of the picture.
 
     Raises:
         ValueError: there are no cells.
@@ -79,11 +79,11 @@ def deformed_mesh(
         raise ValueError("the mesh has no cells")
     factor = magnification(points, displacement) if factor is None else factor
     moved = points + factor * displacement
-    moved = np.where(np.isfinite(moved), moved, points)  # a solve that failed may leave anything behind
+    moved = np.where(np.isfinite(moved), moved, points)  # a failed solve may give any values
     corners, foundations = moved[cells], _foundations(gap, factor)
 
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    # A foundation that runs far away is not followed further than this.
+    # A foundation is not drawn beyond this distance.
     around = 0.3 * float(max(high - low))
     seen = [np.clip(line, low - around, high + around) for _, line in foundations]
     everything = np.concatenate([np.stack((low, high)), *seen])
@@ -145,7 +145,7 @@ def _foundations(gap: tuple[Floats, Floats] | None, factor: float) -> list[tuple
     rows = np.column_stack([np.asarray(part, dtype=np.float64) for part in gap])
     rows = rows[np.isfinite(rows).all(axis=1)]
     nodes, offset = rows[:, :2], rows[:, 2:]
-    # From one boundary to the next the step is nought or much longer than those before and after.
+    # From one boundary to the next the step is zero or much longer than those before and after.
     steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
     usual = np.maximum(steps[:-2], steps[2:])
     inner = steps[1:-1]
@@ -172,7 +172,7 @@ def _areas(corners: Floats) -> Floats:
 
 
 def upper_tone(density: Floats, area: Floats) -> float:
-    """The density to draw black: the largest, or what 99 % of the area stays below if the largest is far above."""
+    """The density drawn black: the largest or, if that is far above, the value not exceeded on 99 % of the area."""
     finite = np.isfinite(density)
     density, area = density[finite], area[finite]
     largest = float(density.max(initial=0.0))
