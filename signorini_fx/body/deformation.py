@@ -1,9 +1,9 @@
 """How much a body is deformed, compared with the range of linear elasticity.
 
 Linear elasticity uses sym(grad u) for the strain, while Green's strain is sym(grad u) + grad u^T grad u / 2: the
-relative size of the neglected part is that of grad u, strain and rotation.  It also measures the gap along the normal of
-the undeformed body: if a point moves the distance d along a normal that rotates by an angle, it meets the foundation off
-by d times this angle, as much as a body of size d is deformed by it.
+relative size of the neglected part is that of grad u, strain and rotation.  It also measures the gap along the normal
+of the undeformed body: if a point moves the distance d along a normal that rotates by an angle, it meets the foundation
+off by d times this angle, as much as a body of size d is deformed by it.
 """
 
 from __future__ import annotations
