@@ -1,18 +1,18 @@
-# Everything runs through ./env: on this machine where it has dolfinx, else in the image of the Dockerfile.
-# DEBIAN=sid make TARGET takes that release's image.
+# Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
+# DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-long lint format paper bench stability oracle mutants docs clean
 DEMOS := example1_tresca example1_coulomb
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 
-help:       ## list these targets
+help:       ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## /\1\t/p' Makefile | expand -t 12
 
-demo:       ## solve the paper's first example, Tresca and Coulomb, on two ranks (results/)
+demo:       ## solve Example 1 of the paper with Tresca and with Coulomb friction on two ranks (results/)
 	for d in $(DEMOS); do ./env mpirun -n 2 python3 -m signorini_fx solve demos/scenes/$$d.toml --out results/$$d || exit; done
 
-test:       ## run the tests: all on one rank, those marked mpi on two and three
+test:       ## run all tests on one rank, and those marked mpi also on two and three
 	./env python3 -m pytest -q tests
 	for n in 2 3; do ./env mpirun -n $$n python3 -m pytest -q --color=no -m "mpi and not long" tests || exit; done
 
@@ -28,29 +28,29 @@ format: $(RUFF)  ## let ruff rewrite the files
 	$(RUFF) check --fix
 	$(RUFF) format
 
-paper:      ## recompute the paper's tables
+paper:      ## recompute the tables and figures of the paper (results/paper)
 	./env python3 demos/paper.py
 
-bench:      ## measure
+bench:      ## measure time and memory (results/bench)
 	./env python3 bench/run.py
 
-stability:  ## try to break the solver, and say how it fared (results/stability)
+stability:  ## try to make the solver fail, and report the results (results/stability)
 	./env python3 -m stability
 
-oracle:     ## judge 2,000 random scenes by a program that shares no code with the package (results/oracle, minutes)
+oracle:     ## check 2,000 random scenes with a program that shares no code with the package (results/oracle, minutes)
 	./env python3 -m stability.oracle
 
-mutants:    ## put small mistakes into copies of the package, and say which the tests do not notice (docs/mutants.md)
+mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)
 	./env python3 -m stability.mutants
 
-docs: $(SPHINX)  ## make HTML of README and docs/ (build/docs/docs/index.html)
+docs: $(SPHINX)  ## build README and docs/ as HTML (build/docs/docs/index.html)
 	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -n -W --keep-going -c docs . build/docs
 
-clean:      ## remove what these targets made, but for the image
+clean:      ## remove everything that these targets made, except the image
 	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-# Debian stable has no ruff; its version decides how files are formatted, so one is pinned.
+# Debian stable has no ruff; the formatting depends on its version, so the version is pinned.
 $(RUFF):
 	rm -rf $@.d
 	python3 -m pip install -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)

@@ -1,10 +1,10 @@
 """Mesh generators.
 
 Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
-With ``coarser(parameters, factor)`` it can take part in a nested iteration; with ``simplices(parameters)``, for bodies
-with straight sides, it makes triangles or tetrahedra that can be divided where the error is, as an accuracy asks for.
-The functions here are what several generators share; they get the initialised module gmsh, so that nothing heavy is
-imported.  Bodies in space have the axis x[2] upwards, the foundation below.
+With ``coarser(parameters, factor)`` it can be used in a nested iteration; with ``simplices(parameters)``, for bodies
+with straight sides, it makes triangles or tetrahedra for adaptive refinement, as needed for a given accuracy.
+The functions here are shared by several generators; they get the initialised module gmsh, so that nothing heavy is
+imported.  Bodies in space have the axis x[2] upwards and the foundation below.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ def _length(given: float) -> float:
 Length = Annotated[float, AfterValidator(_length)]
 # Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
 Part = Literal["whole", "half", "quarter"]
-# Truth values of points of shape (3, n): which of them are on a surface.
+# A function of points of shape (3, n) that says which of them are on a surface.
 Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
-# More facets than this along the zone of small cells, or along the body, are a slip of the pen.
+# More facets than this along the zone of small cells, or along the body, are a mistake in the input.
 _MOST_FACETS = 5000
 # Points of a drawing that are closer than this to a surface are on it; drawings measure some units.
 _NEAR = 1e-6
@@ -47,11 +47,11 @@ _BYTES_PER_CELL = 1000.0
 
 
 def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
-    """Refuse a mesh that the machines cannot hold, before it is begun; collective.
+    """Refuse a mesh that is too large for the machines, before it is made; collective.
 
     Args:
         comm: the ranks that will share the mesh.
-        cells: how many it will have, about.
+        cells: their approximate number.
 
     Raises:
         SceneError: mesh and stiffness alone would take more memory than there is.
@@ -65,7 +65,7 @@ def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
 
 
 def cells_of_grid(nx: int, ny: int, cell: str) -> int:
-    """How many cells a grid of nx by ny quadrilaterals has, cut into two triangles or not."""
+    """The number of cells of a grid of nx by ny quadrilaterals, each cut into two triangles or not."""
     return nx * ny * (2 if cell == "triangle" else 1)
 
 
@@ -86,7 +86,7 @@ def coarser_sizes(generate: Callable[..., Any], parameters: dict[str, Any], fact
 
 
 def refuse(parameter: str, message: str) -> NoReturn:
-    """Say that a parameter does not go with the others.
+    """Report that a parameter is not compatible with the others.
 
     Raises:
         SceneError: always.
@@ -115,12 +115,12 @@ class Corner:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A gmsh model in units of its own: the tolerances of gmsh are absolute, so it is to see the same in all units.
+    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same in all units.
 
     Attributes:
         gmsh: the initialised module.
         unit: length of the model's unit.
-        upright: the plane that points are drawn in is that of x[0] and x[2], as of the section of a body in space.
+        upright: points are drawn in the plane of x[0] and x[2], as for the section of a body in space.
     """
 
     gmsh: Any
@@ -128,7 +128,7 @@ class Drawing:
     upright: bool = False
 
     def length(self, length: float) -> float:
-        """A length in the model's unit, the same number in all units of the scene: tetrahedra follow each last bit."""
+        """A length in the model's unit, the same number in all units of the scene: a mesh depends on every last bit."""
         return float(f"{length / self.unit:.12g}")
 
     def point(self, x: float, y: float) -> int:
@@ -148,7 +148,7 @@ def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str
     geo = drawing.gmsh.model.geo
     named: dict[str, list[int]] = {}
     loop: list[int] = []
-    ends: list[tuple[int, int]] = []  # of each corner: where the side before it ends, where the side after it begins
+    ends: list[tuple[int, int]] = []  # for each corner: the end of the side before it, the start of the next
     arcs: list[int | None] = []
     for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
         if corner.radius == 0.0:
@@ -187,7 +187,7 @@ def _direction(here: Corner, there: Corner) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How long facets are: ``near`` up to the distance ``zone`` from the places, growing to ``far`` at ``reach``."""
+    """The length of facets: ``near`` up to the distance ``zone`` from the places, growing to ``far`` at ``reach``."""
 
     near: float
     far: float
@@ -263,7 +263,7 @@ def mesh_surface(
         gmsh.option.setNumber(f"Mesh.{option}", 0)
     if cell == "quadrilateral":
         gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
-        # Triangles stay until then where the quadrilateral would be flat, as in the round of a fillet.
+        # Triangles stay until then where the quadrilateral would be flat, as in the rounding of a fillet.
         gmsh.option.setNumber("Mesh.RecombineMinimumQuality", 0.3)
     gmsh.model.addPhysicalGroup(2, surfaces, name="body")
     for name, tags in boundaries.items():
@@ -279,7 +279,7 @@ def mesh_surface(
 def cells_of_solid(
     sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
 ) -> float:
-    """About how many cells of such sizes fill a body.
+    """The approximate number of cells of these sizes in a body.
 
     Args:
         sizes: lengths of their edges.
@@ -290,19 +290,19 @@ def cells_of_solid(
     far = max(sizes.reach, sizes.zone)
     r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
     h = sizes.at(r)
-    # As counted: a tetrahedron has less than the regular one's 0.12 h^3, four hexahedra have that of 2 h.
+    # From counts: a tetrahedron has less volume than the regular one, 0.12 h^3; four hexahedra have that for 2 h.
     own = 0.15 if cell == "hexahedron" else 0.075
     with np.errstate(over="ignore"):
         return float((np.diff(within(r)) / (own * (0.5 * (h[1:] + h[:-1])) ** 3)).sum())
 
 
 def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
-    """Leave of a solid of OpenCASCADE around the axis x[2] the part that is expected.
+    """Cut a solid of OpenCASCADE around the axis x[2] down to the given part.
 
     Args:
         drawing: the model, in its own units.
         body: the solid.
-        part: what is left of it.
+        part: the part that is kept.
         extent: no point of the solid is farther from the origin.
 
     Returns:
@@ -337,7 +337,7 @@ def mesh_solid(
         drawing: the model, not yet synchronised.
         boundaries: name -> which points are on it, in units of the drawing; of several the first counts.
         sizes: lengths of the edges, in units of the scene.
-        distance: of a position from the places where they are small, in units of the drawing.
+        distance: distance of a position from the places where they are small, in units of the drawing.
         cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
         order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
     """
@@ -379,13 +379,13 @@ def mesh_extruded(
     cell: str = "hexahedron",
     order: int = 1,
 ) -> None:
-    """Mesh what plane sections sweep, in layers, and name its surfaces.
+    """Mesh the extrusion of plane sections in layers, and name its surfaces.
 
     Args:
         drawing: the model, not yet synchronised, with transfinite sections.
         sections: plane surfaces.
         sides: name -> curves of the sections; the surfaces that they sweep have it.
-        along: where the sections are moved to, in units of the scene.
+        along: the vector of the extrusion, in units of the scene.
         layers: cells along it.
         ends: names of the surfaces where the sections begin and end.
         cell: ``hexahedron`` or ``tetrahedron``.
@@ -398,7 +398,7 @@ def mesh_extruded(
     vector = [value / drawing.unit for value in along]
     found = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
     geo.synchronize()
-    # Centres of arcs would become nodes of no cell, which dolfinx cannot distribute.
+    # Centres of arcs would become nodes without a cell, which dolfinx cannot distribute.
     points = gmsh.model.getEntities(0)
     gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
     named = {ends[0]: list(sections), ends[1]: []}
@@ -416,14 +416,14 @@ def mesh_extruded(
 
 
 def _curve(gmsh: Any, order: int) -> None:
-    """Give solids nodes between their corners, on the surfaces, and no cell that is turned inside out.
+    """Add nodes between the corners of solids, on the surfaces, and check that no cell is inverted.
 
     Raises:
         MeshError: the cells are too large for the arcs.
     """
     mesh = gmsh.model.mesh
     mesh.setOrder(order)
-    # gmsh could move the nodes, but ends the whole process where it finds no place for them.
+    # gmsh could move the nodes, but ends the whole process if it finds no place for them.
     cells = [mesh.getElementsByType(kind)[0] for kind in mesh.getElementTypes(3)]
     if not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells):
         raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")

@@ -51,8 +51,8 @@ def generate(
         ny: facets along x[1].
         cell: shape of the cells.
         layout: a regular grid; a grid that is finest at the middle of the bottom, with an even number of facets along
-            it (one is dropped otherwise, but for a single one); or what gmsh makes of the sides' divisions.
-        grading: graded: how many times longer the last facet from there is than the first, in both directions.
+            it (an odd number above one is reduced by one); or gmsh's unstructured mesh for the divisions of the sides.
+        grading: graded: ratio of the last facet to the first, counted from there, in both directions.
 
     Returns:
         The mesh with the boundaries left, right, bottom, top.
@@ -76,7 +76,7 @@ def generate(
             geo.mesh.setRecombine(2, body)
         geo.synchronize()
         if cell == "quadrilateral" and layout == "unstructured":
-            # Blossom leaves some triangles behind; a subdivision of all cells makes a pure quadrilateral mesh, so the
+            # Blossom leaves some triangles; a subdivision of all cells makes a pure quadrilateral mesh, so the
             # sides are first divided into half as many facets.
             for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
                 gmsh.model.mesh.setTransfiniteCurve(side, max(count // 2, 1) + 1)

@@ -1,4 +1,4 @@
-r"""A block that sits on a cylinder with a round seat in its bottom, as a saddle on a pipe, meshed by gmsh.
+r"""A block with a round seat in its bottom that sits on a cylinder, like a saddle on a pipe, meshed by gmsh.
 
 ::
 
@@ -67,7 +67,7 @@ def generate(
     if across >= length / 2:
         refuse("length", f"the seat is {2 * across:g} wide: length must be more, got {length:g}")
 
-    unit = radius / 4.0  # what gmsh is given has the size of the default
+    unit = radius / 4.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

@@ -92,7 +92,7 @@ def generate(
     if radius >= seat_radius:
         refuse("radius", f"radius must be less than seat_radius, got {radius:g} and {seat_radius:g}")
 
-    unit = length / 6.0  # what gmsh is given measures some units
+    unit = length / 6.0  # the gmsh model measures a few units
 
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ

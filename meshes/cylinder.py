@@ -59,7 +59,7 @@ def generate(
     Returns:
         The mesh with the boundaries bottom, side, top.
     """
-    unit = radius  # what gmsh is given has the size of the default
+    unit = radius  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

@@ -78,7 +78,7 @@ def generate(
     if rounding >= min(radius, height):
         refuse("rounding", f"rounding must be less than radius and height, got {rounding:g}")
 
-    unit = radius / 2.0  # what gmsh is given has the size of the default
+    unit = radius / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ

@@ -1,4 +1,4 @@
-r"""The dovetail foot of a blade, for its groove, meshed by gmsh, with small cells along the flanks.
+r"""The dovetail foot of a turbine blade, for its groove, meshed by gmsh, with small cells along the flanks.
 
 ::
 
@@ -72,7 +72,7 @@ def generate(
     slope = math.tan(math.radians(angle))
     shoulder = edge + (width - neck) / 2 * slope
     flank = math.hypot((width - neck) / 2, shoulder - edge)
-    # What the arcs take from the sides: the corners turn by the angle of the flank, or by what is left to a right one.
+    # The lengths that the arcs take from the sides: the corners turn by the angle of the flank, or by its complement.
     above, beside = math.radians(90 - angle) / 2, math.radians(90 - angle) / 2
     if neck >= width:
         refuse("neck", f"neck must be less than width, got {neck:g} and {width:g}")
@@ -81,7 +81,7 @@ def generate(
     if 2 * fillet >= width or fillet * math.tan(above) >= stem:
         refuse("fillet", f"fillet {fillet:g} does not fit on the bottom or the stem")
 
-    unit = width / 30.0  # what gmsh is given has the size of the default
+    unit = width / 30.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

@@ -53,7 +53,7 @@ def generate(
     Returns:
         The mesh with the boundaries arc, top and, if it is symmetric, symmetry.
     """
-    unit = radius / 8.0  # what gmsh is given has the size of the default
+    unit = radius / 8.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)
@@ -79,7 +79,7 @@ def generate(
 
 
 def _cells(radius: float, size: float, contact_size: float, contact_zone: float) -> float:
-    """About how many triangles: the area around the origin over their own, h^2 sqrt(3) / 4, ring by ring."""
+    """The approximate number of triangles: the area around the origin over theirs, h^2 sqrt(3) / 4, ring by ring."""
     near, zone = min(contact_size, size), min(contact_zone, 0.99 * radius)
     r = np.concatenate([[0.0, zone], zone + np.geomspace(1e-9, 1.0, 400) * (radius - zone)])
     h = np.interp(r, [zone, radius], [near, size])

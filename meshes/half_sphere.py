@@ -1,4 +1,4 @@
-r"""The lower half of a sphere that stands on the origin, meshed by gmsh, small cells where contact begins.
+r"""The lower half of a sphere that stands on the origin, meshed by gmsh, with small cells where contact begins.
 
 ::
 
@@ -67,7 +67,7 @@ def generate(
     Returns:
         The mesh with the boundaries sphere, top, and where it is cut symmetry_y (at x[1] = 0) and symmetry_x.
     """
-    unit = radius / 8.0  # what gmsh is given has the size of the default
+    unit = radius / 8.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
@@ -90,7 +90,7 @@ def generate(
     return gmsh_mesh(comm, draw, name="half_sphere", unit=unit)
 
 
-# Radius of what gmsh is given.
+# Radius of the gmsh model.
 _R = 8.0
 
 

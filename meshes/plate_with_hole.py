@@ -59,7 +59,7 @@ def generate(
     if 2 * radius >= min(length, height):
         refuse("radius", f"the hole does not fit: radius must be less than half of length and height, got {radius:g}")
 
-    unit = radius  # what gmsh is given has the size of the default
+    unit = radius  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

@@ -63,7 +63,7 @@ def generate(
     if rounding >= min(width / 2, height):
         refuse("rounding", f"rounding must be less than height and half of width, got {rounding:g}")
 
-    unit = width / 4.0  # what gmsh is given has the size of the default
+    unit = width / 4.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

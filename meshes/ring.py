@@ -23,7 +23,7 @@ from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Drawing, Length, coarser_grid, mesh_extruded, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=1_000)]
-# A curved cell that turns by a right angle may be inside out.
+# A curved cell that turns by a right angle may be inverted.
 Around = Annotated[int, Field(gt=1, le=1_000)]
 
 
@@ -60,7 +60,7 @@ def generate(
     if inner_radius >= radius:
         refuse("inner_radius", f"inner_radius must be less than radius, got {inner_radius:g} and {radius:g}")
 
-    unit = radius / 2.0  # what gmsh is given has the size of the default
+    unit = radius / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

@@ -1,4 +1,4 @@
-r"""A segment of a ring that stands on the origin, as a shoe or a tyre does, meshed by gmsh.
+r"""A segment of a ring that stands on the origin, like a brake shoe or a tyre, meshed by gmsh.
 
 ::
 
@@ -63,7 +63,7 @@ def generate(
     if thickness >= radius:
         refuse("thickness", f"thickness must be less than radius, got {thickness:g} and {radius:g}")
 
-    unit = radius / 8.0  # what gmsh is given has the size of the default
+    unit = radius / 8.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)

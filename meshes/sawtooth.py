@@ -1,4 +1,4 @@
-r"""A rectangle for a sawtooth foundation: nodes at all tips and valleys, and if wanted teeth of its own that fit.
+r"""A rectangle for a sawtooth foundation, with nodes at all tips and valleys, or with matching teeth itself.
 
 ::
 
@@ -11,7 +11,8 @@ r"""A rectangle for a sawtooth foundation: nodes at all tips and valleys, and if
         /\  /\  /\  the gap has the teeth     depth > 0: the body has them, they rise from x[1] = 0
 
 Tips are at pitch / 2, 3 pitch / 2 and so on, with pitch = length / teeth.  For a flat body over teeth of the foundation
-give the gap from them, for pitch 1 and depth 0.1: ``0.2 * min(abs(x[0] - 0.5), abs(x[0] - 1.5), abs(x[0] - 2.5))``.
+give the distance to them as the gap, for pitch 1 and depth 0.1:
+``0.2 * min(abs(x[0] - 0.5), abs(x[0] - 1.5), abs(x[0] - 2.5))``.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def generate(
     ny: Count = 20,
     cell: Literal["quadrilateral", "triangle"] = "quadrilateral",
 ) -> Any:
-    """A structured mesh whose columns fit the teeth.
+    """A structured mesh whose columns match the teeth.
 
     Args:
         comm: the ranks that share the mesh.

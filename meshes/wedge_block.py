@@ -57,7 +57,7 @@ def generate(
     Returns:
         The mesh with the boundaries tip, right, top, left, front, back.
     """
-    unit = height / 2.0  # what gmsh is given has the size of the default
+    unit = height / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit, upright=True)

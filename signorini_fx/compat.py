@@ -1,4 +1,4 @@
-"""The few differences between dolfinx 0.9, 0.10 and 0.11.  Nowhere else is a version looked at."""
+"""The few differences between dolfinx 0.9, 0.10 and 0.11.  No other module checks a version."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The ways in which a request can fail, each with a sentence that says what to do."""
+"""The errors that this package raises; each message says what to do."""
 
 from __future__ import annotations
 
-# What a terminal shows of a message: a file or a mistake may be of any length, and there may be any number of them.
+# Limits on messages on a terminal: a file name or an error may have any length, and there may be any number of them.
 _MOST_LINES, _LONGEST_LINE = 20, 1_000
 
 
@@ -14,7 +14,7 @@ class SignoriniError(Exception):
 
 
 def shortened(message: str) -> str:
-    """A message with its first lines only, and of a long line its two ends; it says how much was left out."""
+    """The first lines of a message, and both ends of a long line, with a note on how much was left out."""
     first, *others = message.split("\n", _MOST_LINES)
     lines = [first, *others[: _MOST_LINES - 1]]
     left = message.count("\n") + 1 - len(lines)
@@ -32,7 +32,7 @@ class SceneError(SignoriniError):
     """The scene is wrong.
 
     Attributes:
-        problems: every mistake found, as (path of the key in the scene, what is wrong and what is allowed).
+        problems: every error found, as (path of the key in the scene, what is wrong and what is allowed).
     """
 
     def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
@@ -41,7 +41,7 @@ class SceneError(SignoriniError):
         super().__init__("\n".join(f"{source}: {path}: {message}" for path, message in problems))
 
     def of(self, source: object) -> SceneError:
-        """The same mistakes as those of a scene that is called ``source``."""
+        """The same errors for a scene that is called ``source``."""
         return SceneError(self.problems, str(source))
 
     def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
@@ -54,7 +54,7 @@ class MeshError(SignoriniError):
 
 
 class OptionsError(SignoriniError):
-    """PETSc does not take an option that the user has set."""
+    """PETSc does not accept an option that the user has set."""
 
 
 class MachineError(SignoriniError):
@@ -66,12 +66,12 @@ class OutputError(SignoriniError):
 
 
 def cannot_be_written(path: object, error: Exception) -> OutputError:
-    """The error of a file or folder that takes no more, with the system's reason."""
+    """The error of a file or folder that cannot be written, with the system's reason."""
     return OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}")
 
 
 class ResultError(SignoriniError):
-    """A result folder cannot be read: it is none, or not whole."""
+    """A result folder cannot be read: it is not a result folder, or it is incomplete."""
 
 
 _CHANNELS = """FEniCSx with dolfinx >= 0.9 is needed; pip does not have it. Install it by one of

@@ -1,4 +1,4 @@
-"""Every MPI reduction of the package, and everything that only the first rank does."""
+"""All MPI reductions of the package, and everything that only the first rank does."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
 def sums_by(
     comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
 ) -> npt.NDArray[np.float64]:
-    """Sums over the ranks of values, shape (n, d), by the numbers 0 to count - 1 that they have, shape (n,).
+    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1; numbers: shape (n,).
 
     Returns:
         The sums, shape (count, d), the same on every rank.
@@ -80,7 +80,7 @@ def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:
 
 
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
-    """Run ``function`` on the first rank and give its result, or its error, to all ranks alike.
+    """Run ``function`` on the first rank and give its result, or its error, to all ranks.
 
     Raises:
         Exception: what ``function`` raised, the same on every rank, so that none waits for the others.
@@ -98,16 +98,16 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
 
 
 def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
-    """Raise on every rank if any rank brings an error: the one of the lowest such rank."""
+    """Raise on every rank if any rank has an error: that of the lowest such rank."""
     first = next((e for e in comm.allgather(error) if e is not None), None)
     if first is not None:
         raise first
 
 
 def machine_memory(comm: MPI.Comm) -> float:
-    """Memory of all machines that the ranks run on, or what limits leave of it, bytes; collective.
+    """Memory of all machines that the ranks run on, bytes, less if it is limited; collective.
 
-    Limits are those of a control group, and the address space that each rank may have (``ulimit -v``).
+    Limits are those of a control group, and of the address space of each rank (``ulimit -v``).
     """
     own = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
@@ -161,5 +161,5 @@ def _to_be_stacked(
 
 
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
-    """Phase by phase the largest time over the ranks; the phases are the same on all ranks."""
+    """The largest time of each phase over the ranks; the phases are the same on all ranks."""
     return {name: global_max(comm, value) for name, value in seconds.items()}

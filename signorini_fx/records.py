@@ -1,4 +1,4 @@
-"""What a solve leaves behind: outcomes and records.  Plain data, no solver types."""
+"""Outcomes and records of a solve.  Plain data, no solver types."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from signorini_fx.machine.compilation import compiling
 
 T = TypeVar("T")
 
-# A violation above this share of the solution's own scale refuses the certificate.
+# The certificate does not hold if a violation exceeds this share of the solution's own scale.
 CERTIFICATE_TOLERANCE = 1e-6
-# Strains, rotations and displacements (over the size of the body) from which on linear elasticity is off by notable
-# terms: the neglected part of the strain is half of this share.
+# Strains, rotations and displacements (relative to the size of the body) above which the terms that linear elasticity
+# neglects are notable: the neglected part of the strain is half of this share.
 SMALL_DEFORMATION = 0.1
-# With fewer nodes in contact neither the ends of the zone nor the largest pressure say much.
+# With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.
 FEW_NODES = 8
 
 
 class Status(Enum):
-    """How a solve ended.  Every member carries the sentence that tells the user what to do."""
+    """How a solve ended.  Every member has a sentence that tells the user what to do."""
 
     CONVERGED = "converged"
     MAX_ITERATIONS = "maximum iterations reached"
@@ -68,25 +68,25 @@ _ADVICE = {
         "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "
         "prescribe a displacement"
     ),
-    Status.SINGULAR: "check that the prescribed displacements and the contact hold the body, and the mesh for slivers",
+    Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
     Status.LINEAR_SOLVER: (
         "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
         "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
     Status.TOO_LARGE: (
-        "strains, rotations or displacements are beyond what linear elasticity can mean: check the units of E, of the "
+        "strains, rotations or displacements are too large for linear elasticity: check the units of E, of the "
         "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
     ),
     Status.NOT_CERTIFIED: (
-        "the conditions of the problem, checked anew after the iteration, are violated: see the certificate in the "
+        "the check after the solve found that conditions of the problem are violated: see the certificate in the "
         "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
     ),
     Status.BUDGET: (
-        "the result is a certified solution on the last mesh that the budget allowed, less accurate than asked for: "
-        "see the price list for what is missing; raise the budget, or ask for less"
+        "the result is a certified solution on the last mesh that the budget allowed, less accurate than required: "
+        "see the price list for what is missing; raise the budget, or require less"
     ),
     Status.OUT_OF_REACH: (
-        "the result is a certified solution, less accurate than asked for, and no finer mesh would have the accuracy: "
+        "the result is a certified solution, less accurate than required, and no finer mesh would reach the accuracy: "
         "the events of the history say why"
     ),
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
@@ -104,9 +104,9 @@ class IterationRecord:
         active_contact: number of nodes in A_c of this solve.
         slip_plus: number of nodes in A_f,+ of this solve.
         slip_minus: number of nodes in A_f,- of this solve.
-        changed: number of nodes whose state changes by this solve, i.e. between sets k and k + 1.
-        residual: Euclidean norm of the residual after this solve with the new sets, relative to the forces at work.
-        factorised: whether the matrix had to be factorised anew for it.
+        changed: number of nodes whose state changes in this solve, i.e. between sets k and k + 1.
+        residual: Euclidean norm of the residual after this solve with the new sets, relative to the acting forces.
+        factorised: whether the matrix had to be factorised again for it.
         seconds: wall time since the solve began, on this rank.
     """
 
@@ -124,13 +124,14 @@ class IterationRecord:
 
 @dataclass(frozen=True)
 class OuterRecord:
-    """One outer iteration, that is one regularised problem solved.
+    """One outer iteration, that is, the solution of one regularised problem.
 
     Attributes:
         outer: running number from 0.
         linear_solves: inner linear solves that it took.
         gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
-        change: what the outer algorithm stops on (FP: d_g of section 7), None where it is not defined yet.
+        change: the quantity in the stopping criterion of the outer algorithm (FP: d_g of section 7), None while
+            undefined.
         status: how the inner solve ended.
     """
 
@@ -143,7 +144,7 @@ class OuterRecord:
 
 @dataclass
 class Inventory:
-    """What a scene made the program compile and assemble: nothing that it does not name.
+    """What was compiled and assembled for a scene: nothing that the scene does not list.
 
     Attributes:
         forms: what was compiled, in order.
@@ -154,7 +155,7 @@ class Inventory:
     matrices: list[str] = field(default_factory=list)
 
     def compile(self, name: str, make: Callable[[], T]) -> T:
-        """Compile a form by ``make`` and note its name, once: the second time it comes from the cache.
+        """Compile a form by ``make`` and record its name once: the second time the form comes from the cache.
 
         Raises:
             MachineError: it cannot be compiled.
@@ -196,10 +197,10 @@ class History:
     Attributes:
         iterations: one record per linear solve.
         outer: one record per regularised problem.
-        events: decisions that a user should know of, such as a fall-back.
+        events: decisions that a user should know about, such as a fall-back.
         observers: called with each new record or event, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
-        shared: whether this limit is one for several meshes, so that none of them gets its own.
+        shared: whether several meshes share this limit, so that none of them gets its own.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
@@ -218,12 +219,12 @@ class History:
         return len(self.iterations)
 
     def allow(self, solves: int) -> None:
-        """Set the limit to so many more linear solves, unless it is to be kept."""
+        """Allow this many more linear solves, unless the limit is shared."""
         if not self.shared:
             self.limit = self.linear_solves + solves
 
     def add(self, record: IterationRecord | OuterRecord | str) -> None:
-        """Keep a record or an event and show it."""
+        """Store a record or an event and show it."""
         match record:
             case IterationRecord():
                 self.iterations.append(record)
@@ -237,12 +238,12 @@ class History:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know of a scene or of its result.
+    """Something to know about a scene or its result.
 
     Attributes:
-        level: a warning hurts, a note does not.
-        path: key of the scene that it is about.
-        message: what is the matter, and what to do.
+        level: a warning needs attention, a note does not.
+        path: key of the scene that it concerns.
+        message: what is wrong, and what to do.
     """
 
     level: Literal["warning", "note"]

@@ -1,12 +1,13 @@
 """Constants that were tuned: what each does, where it comes from, and what it was tuned on.
 
-Mathematical tolerances of round-off stand where their formula is, limits of memory and time of other processes and the
-thresholds of warnings where they are told.  Lengths, stresses and times are never in here: every constant is a share, a
-factor, a power or a count, but for the estimate of costs, which is about a machine.
+Tolerances for round-off are next to their formulae, limits of memory and time of other processes and the thresholds of
+warnings where they are used.  No constant here is a length, a stress or a time: each is a share, a factor, a power or a
+count, except in the estimate of costs, which describes a machine.
 
-*Choice* says that a value follows from reasoning alone; *no record*, that nothing is written down of what it was
-compared with, so that whoever changes it has to measure.  All was tuned in the plane, on Examples 1 and 2 of Kunisch &
-Stadler (2005) and Hertz' problem (``demos/scenes``), and on the random scenes of ``demos/studies/random_scenes.py``.
+*Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
+compared with, so that whoever changes it has to measure.  Everything was tuned in the plane, on Examples 1 and 2 of
+Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on the random scenes of
+``demos/studies/random_scenes.py``.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ AUTOMATIC_GAMMA = 1e5
 # gamma above this times E / size loses the last digits that double precision has for contact pressures.
 # Source: docs/stability.md, "Regularisation": from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
 LARGEST_GAMMA = 1e9
-# Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements; a
-# smaller gamma of a scene is called out by check.  Choice.
+# Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements; check
+# warns of a smaller gamma in a scene.  Choice.
 START_GAMMA = 100.0
 # Continuation begins at this share of the last gamma.  Source: Table 4 of the paper (1e4 before 1e8).
 CONTINUATION_SHARE = 1e-4
-# The model of the path has one pole: it is of no use where gamma_n and gamma_t are farther apart than this factor.
+# The model of the path has one pole: it is useless if gamma_n and gamma_t differ by more than this factor.
 # No record.
 LARGEST_GAMMA_RATIO = 10.0
 # Below this share of gamma the pole is left out of the model, which saves a back substitution: it changes the distance
 # to the limit by no more.  Choice, from the formula of the distance.
 NEGLIGIBLE_POLE = 0.05
-# Of the estimated discretisation error path-following may leave so much, by degree of the displacement.  With degree 2
-# the model of the path was seen to be wrong by a factor of two.  Tuned on the scenes of docs/accuracy.md.
+# The regularisation error of path-following, relative to the estimated discretisation error, by degree of the
+# displacement.  With degree 2 the model of the path was found to be wrong by a factor of two.  Tuned on the scenes of
+# docs/accuracy.md.
 PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs ------------------------------------------------------------------------------------------------------
@@ -39,154 +41,155 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 # The path through smaller gammas begins at this share of gamma, and gamma grows by this factor.  Source: Table 4 of the
 # paper for the share; factor: choice.
 FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH = 1e-4, 10.0
-# Fixed points for Coulomb friction that do not contract are damped, more and more.  Choice; the scenes of
+# Fixed-point iterations for Coulomb friction that do not contract are damped increasingly.  Choice; the scenes of
 # tests/test_coulomb_ways.py need them.
 DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
-# so many problems that run to their last iteration.  A fixed point with its most problems takes a tenth of them.
+# this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
 # Tuned on the random scenes of stability/scatter.py: scene 1534 is solved after 2,688 solves, for which 20 problems are
 # too few.  docs/stability.md has the outcomes of scenes that no method solves.
 PROBLEMS_PER_STEP = 40
 # As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
-# Choice: the limit is the same for every gamma, and a small one makes the easiest problems.
+# Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
 AUGMENTED_SHARE = 1e-3
-# Coarser meshes of a nested iteration that is tried where nothing else has helped.  Choice.
+# Number of coarser meshes of the nested iteration that is tried if nothing else has helped.  Choice.
 HELPING_MESHES = 2
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
-# A multiplier is slow where an update leaves more than this share of its last change; then its gamma is raised.
-# No record of this and the next three; tests/test_augmentation.py holds that the limit is met with gamma_n and gamma_t
-# from 1e-3 to 1e5 times the natural gamma.
+# A multiplier is slow if an update leaves more than this share of its last change; then its gamma is increased.
+# No record of this and the next three; tests/test_augmentation.py checks that the limit is reached with gamma_n and
+# gamma_t from 1e-3 to 1e5 times the natural gamma.
 SLOW_SHARE = 0.1
-# By this factor gamma is raised from one problem to the next: the sets of one are a start for those of the next.
+# Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
 GAMMA_GROWTH = 10.0
-# With gamma at this times the stiffness that the contact nodes meet no multiplier is slow.  An update then leaves less
+# With gamma at this times the stiffness at the contact nodes no multiplier is slow.  An update then leaves less
 # than 1 / (1 + this) of the error.
 ENOUGH_GAMMA = 10.0
 # A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
 LARGEST_AUGMENTED_GAMMA = 10.0
-# Displacements of the contact nodes below this share of what their tractions could move are round-off.  Choice.
+# Displacements of the contact nodes below this share of what their tractions could cause are round-off.  Choice.
 FAINT_DISPLACEMENT = 1e-3
 
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
-# Below so many unknowns a sparse factorisation costs no more than what condensing onto the contact nodes saves.
+# Below this number of unknowns a sparse factorisation costs no more than condensing onto the contact nodes saves.
 # No record; docs/performance.md measures both ways on larger meshes.
 FEWEST_CONDENSED_UNKNOWNS = 4_000
 # A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
 # cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
 # factors.
 SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
-# In three dimensions memory ends before that: three dense matrices of so many unknowns take 0.6 GB.
+# In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
-# Up to so many ranks minimum degree, which takes little time to find, beats the orderings with less fill.
+# Up to this number of ranks minimum degree, which is quick to compute, beats the orderings with less fill.
 # Source: docs/performance.md.  Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
 RANKS_WITH_MINIMUM_DEGREE = 4
 # An exact factor of a matrix that differs in the blocks of k contact nodes lets CG converge in about 2 k steps, each of
-# which costs a back substitution; a factorisation is worth ten or more.  The factor is kept for so many nodes at most,
-# and so many steps.  Choice.
+# which costs a back substitution; a factorisation is worth ten or more.  The factor is kept for at most this
+# many nodes and steps.  Choice.
 LAGGED_NODES, LAGGED_STEPS = 4, 20
-# Share of the forces that such a solve may leave: far enough below what ends Newton's method that no unit decides on
-# that.  Choice; a solve that ended at 1.4e-8 of them took one step more in other units (stability/units.py).
+# Residual of such a solve relative to the forces: far enough below the tolerance of Newton's method that the choice of
+# units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units (stability/units.py).
 LAGGED_SHARE = 1e-13
-# Relative residuals of a Krylov solve: once the sets stay, and while they change (inexact Newton).
+# Relative residuals of a Krylov solve: once the sets repeat, and while they change (inexact Newton).
 # Source: docs/performance.md.  Tuned on Example 1, 480 x 160: 538 iterations of CG instead of 1193.
 KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 1e-3
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
-# Condensed problems with more contact nodes begin on few of them; fewer take no time worth saving, and the iteration of
-# the paper's examples stays as published.  Source: docs/performance.md has what it saves.
+# Condensed problems with more contact nodes are first solved on few of them; with fewer nodes there is little time to
+# save, and the iteration of the paper's examples stays as published.  Source: docs/performance.md has what it saves.
 FEWEST_NODES_TO_COARSEN = 300
 # The coarsest boundary has between this and twice as many nodes.  Tuned on Example 1, 960 x 320, with 61 of them.
 COARSEST_NODES = 40
-# A node counts as in the middle between two coarse ones where the farther is at most this times farther away.  Choice:
+# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice:
 # between 1, the middle of a uniform mesh, and 3, a quarter.
 MIDDLE_RATIO = 1.5
 
 # --- error estimates -------------------------------------------------------------------------------------------------
 
-# The squared error of a linear interpolant is h^3 [p']^2 / 120 a node where p is smooth, and in sum nearly four times
-# that where it ends like a square root, as contact zones do.  Tuned on the scenes of docs/accuracy.md, within [0.5, 2].
+# The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and in total nearly four
+# times that where it ends like a square root, as at the ends of contact zones.  Tuned on the scenes of
+# docs/accuracy.md, within [0.5, 2].
 KINK_SHARE = 1 / 33
 # At a corner it is about this times h^3 [p']^2 in the last interval: 0.4 to 0.8 for quadratic elements and exponents of
 # the stress from 0.55 to 0.8.  Tuned on those.
 CORNER_SHARE = 0.5
 # The pressure is square integrable if it grows like r^-a with a < 1/2; a fitted exponent is cut off just below.
 LARGEST_EXPONENT = 0.49
-# A growth with more than this power is looked at over distances that differ by so much, where the mesh has them.
-# This and all that follows up to POLLUTION was settled on the random scenes, seed 1; seed 2 was drawn afterwards.
+# A growth with more than this power is evaluated over distances that differ by this factor, where the mesh has them.
+# This and all that follows up to POLLUTION was fixed on the random scenes, seed 1; seed 2 was drawn afterwards.
 STEEP_EXPONENT, FIT_STRETCH = 0.3, 64.0
-# A jump of the pressure is so many times larger than its changes beside it.
+# A jump of the pressure is this many times larger than its changes beside it.
 JUMP_RATIO = 3.0
-# A corner with this share of the squared error is refined for its own sake.
+# A corner with this share of the squared error is refined separately.
 CORNER_ERROR_SHARE = 0.2
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
 CORNER_ANGLE = 0.4
-# Of the squared residual on the boundary, times h over the stiffness, so much belongs to the error: the least that
-# makes up for what the recovered stress does not see in the corners of the first meshes.  Tuned on the first 22 random
-# scenes, seed 1, where 0.05 and 0.1 left 0.63 and 0.67 of the error on some.
+# Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error: the
+# least that compensates for what the recovered stress does not detect in the corners of the first meshes.  Tuned on the
+# first 22 random scenes, seed 1, where 0.05 and 0.1 left 0.63 and 0.67 of the error on some.
 BOUNDARY_RESIDUAL_SHARE = 0.2
 # An error in the body reaches the contact pressure with its square, as it does every functional, times about this: 6.5
 # to 8 on meshes that were divided for the pressure alone.
 POLLUTION = 6.0
-# What the nodes themselves say of a smooth function between them is no error of the data: its deviation from a line is
-# an eighth of the second difference, in the mean a twelfth; a little more is allowed.  Choice of how much more.
+# The deviation of a smooth function from its linear interpolant is not an error of the data: it is an eighth of the
+# second difference, on average a twelfth; a little more is allowed.  Choice of how much more.
 SMOOTH_LARGEST, SMOOTH_MEAN = 1 / 6, 1 / 9
 
 # --- price list: errors and costs from mesh to mesh ------------------------------------------------------------------
 
-# How errors fall with h.  The square-root ends of the contact zone limit all but the peak.  Rates seen on two or three
-# meshes scatter more than they tell: where an end falls on a node, one change is small and the next one large.
+# How errors decrease with h.  The square-root ends of the contact zone limit all but the peak.  Rates observed on two
+# or three meshes scatter too much: where an end is at a node, one change is small and the next one large.
 # Tuned on Example 1, against a reference solution of much higher accuracy.
 EXPECTED_RATES = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 2.0}
-# The rate of the displacement is the one that is seen, within these limits.  Choice.
+# The rate of the displacement is the observed one, within these limits.  Choice.
 ENERGY_RATES = (0.5, 3.0)
-# Changes between meshes that an estimate looks back at.  Choice.
+# Number of previous changes between meshes that an estimate uses.  Choice.
 CHANGES_USED = 3
-# What a polygon leaves of energy, pressure and force, times ``LevelResult.polygon`` to a power, and of the largest
-# pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to 0.29, 0.006
-# to 0.04 and 0.6 to 1.4, the largest of each where a single node is in contact.
+# The error that a polygon causes in energy, pressure and force, times ``LevelResult.polygon`` to a power, and of the
+# largest pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to
+# 0.29, 0.006 to 0.04 and 0.6 to 1.4, the largest of each where a single node is in contact.
 POLYGON_ERRORS = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
 POLYGON_PEAK = 0.5
-# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on so many meshes one after the other,
-# each finer there by this factor, and hardly less (this share) on the last.  Settled on the random scenes, seed 1.
+# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
+# finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
-# An error that falls by less than this from mesh to mesh is not believed to fall at all.  Choice.
+# An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
 # Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.  Tuned by
 # demos/studies/prediction.py.
 TIME_POWER, MEMORY_POWER = 1.2, 1.1
-# Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.  Tuned by
-# the same.
+# At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
+# Tuned by the same.
 LEAST_GROWING_TIME = 0.25
-# What changes from one uniform mesh to the next in a pressure that the mesh resolves comes from elsewhere in the body,
-# and falls with this rate.  Source: the square of the first-order error in the energy norm.
+# The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
+# and decreases with this rate.  Source: the square of the first-order error in the energy norm.
 SMOOTH_RATE = 2.0
 
-# --- accuracy on demand ----------------------------------------------------------------------------------------------
+# --- solution to a given accuracy ------------------------------------------------------------------------------------
 
-# Generated meshes begin with cells so many times as large as those of the scene; quadratic ones with as many unknowns.
-# Choice, by degree.
+# Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
+# unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
 FEWEST_MESHES = {"energy": 2, "pressure": 2, "force": 2}
-# No run was seen to need nearly as many.  Choice.
+# No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
 # Source: docs/accuracy.md.  Tuned on the effectivities there: displacement 0.74 to 1.06, pressure 0.54 to 1.73.
 SAFETY, SAFETY_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
-# What the regularisation may take of the error that is asked for.  Choice.
+# Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
-# A mesh is at most so many times finer than the one before: its contact state is a start, its rates are trusted.
-# Where meshes are compared it is at least so much finer: small changes tell little.  No record.
+# A mesh is at most this many times finer than the previous one, whose contact state is its start and whose rates are
+# used.  Where meshes are compared it is at least this much finer, because small changes mean little.  No record.
 LARGEST_JUMP, SMALLEST_JUMP = 4.0, 1.5
-# The slowest that the pressure's error at a corner is taken to fall with h, and the divisions between two solves.
-# Settled on the random scenes, seed 1, with contact up to a corner.
+# The smallest rate with which the pressure's error at a corner is taken to decrease with h, and the divisions between
+# two solves.  Fixed on the random scenes, seed 1, with contact up to a corner.
 CORNER_RATE, CORNER_DIVISIONS = 0.25, 4
 # Share of the squared error that is refined (Doerfler): at least half, or there would be many meshes; and not much more
-# than is worth it.  No record.
+# than needed.  No record.
 BULK = (0.5, 0.75)
 
 # --- check: what a solve will cost -----------------------------------------------------------------------------------
@@ -196,22 +199,22 @@ BULK = (0.5, 0.75)
 SOLVES_PER_DOUBLING = {"none": (0.6, 2.0), "tresca": (0.8, 3.0), "fp": (1.5, 6.0), "newton": (1.4, 4.5)}
 # Linear solves that the algorithm adds, from and to.  No record.
 MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
-# What a later load step, which starts from the sets of the one before, takes at least; and what a finer mesh, which
-# starts from those of the coarser one, takes from and to.  No record.
+# Linear solves of a later load step, which starts from the sets of the previous one, at least; and of a finer mesh,
+# which starts from those of the coarser one, from and to.  No record.
 SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
 # Entries of a sparse factor by dimension: n times the larger of the first and, in the plane, the second times (log2 n -
 # the third), in space the second times n^third.  Seconds of the factorisation: the first times n and the second times
 # n^1.5, in space n^2.  Nested dissection.
-# Tuned with CHOLMOD and MUMPS on one core; tests/test_cost_model.py holds those of the plane against what MUMPS counts.
+# Tuned with CHOLMOD and MUMPS on one core; tests/test_cost_model.py compares those of the plane with MUMPS's counts.
 FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
 # Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
 BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
-# Dense Cholesky, operations a second, and seconds of the least step; a solve by CG with algebraic multigrid, seconds an
-# unknown.  No record.
+# Dense Cholesky, operations per second, and seconds of the smallest step; a solve by CG with algebraic multigrid,
+# seconds per unknown.  No record.
 DENSE_SPEED, DENSE_STEP_SECONDS, KRYLOV_SECONDS = 2e10, 1e-4, 1e-5
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
 # the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
-# Share of the machine's memory from which on a scene is said to need too much.  Choice.
+# Share of the machine's memory above which check warns that a scene needs too much.  Choice.
 MEMORY_SHARE = 0.8

@@ -11,7 +11,7 @@ CONVERGED = "converged"
 # Outcomes that only the runner gives.
 TOO_LONG, CRASHED, RAISED = "time limit passed", "process died", "unexpected error"
 # Verdicts, best first.
-GOOD, NAMED, RED = "as it should be", "ends in a name", "RED"
+GOOD, REPORTED, RED = "as expected", "failure reported", "RED"
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Case:
         name: unique in its group.
         run: does it; called in a process of its own, on every rank where there are several.
         wanted: the outcomes that are right.
-        allowed: outcomes that are weaker than one would wish, but have a name; the note says why.
+        allowed: outcomes that report a failure although there is a solution; the note says why.
         target: largest error allowed where it converges.
         reference: what the error is measured against.
         seconds: time limit.
@@ -94,7 +94,7 @@ def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
         if wrong and found.outcome == CONVERGED:
             verdict = RED
     elif found.outcome in case.allowed:
-        verdict = NAMED
+        verdict = REPORTED
         notes.append(case.note)
     else:
         verdict = RED

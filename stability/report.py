@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from stability.case import CONVERGED, GOOD, NAMED, RED, Row
+from stability.case import CONVERGED, GOOD, RED, REPORTED, Row
 from stability.groups import GROUPS
 
 _INK, _MUTED, _ALARM = "#1a1a1a", "#6b6b6b", "#d55e00"
@@ -29,7 +29,7 @@ _STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "text.color": _INK,
 }
-_COLOURS = {GOOD: _INK, NAMED: "#e69f00", RED: _ALARM}
+_COLOURS = {GOOD: _INK, REPORTED: "#e69f00", RED: _ALARM}
 # Shares of what is allowed that are drawn; others at the edge.
 _LEFT, _RIGHT = 1e-10, 1e2
 # Cases of the sweep over gamma.
@@ -61,7 +61,7 @@ def _figure(value: float | None) -> str:
 
 def tally(rows: Sequence[Row]) -> str:
     """How many rows have which verdict."""
-    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in (GOOD, NAMED, RED)}
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in (GOOD, REPORTED, RED)}
     return f"{len(rows)} cases: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
 
 
@@ -93,7 +93,7 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
 
 def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
     """One line a group, one mark per case: its error over what is allowed."""
-    axes.set_title("Error over what is allowed (cross: no solution, named; bar: certificate only)")
+    axes.set_title("Error relative to its limit (cross: no solution, and reported as such; bar: certificate only)")
     for place, group in enumerate(groups):
         own = [row for row in rows if row.group == group]
         for k, row in enumerate(own):
@@ -107,9 +107,9 @@ def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
             face = colour if row.verdict == GOOD else "white"
             x = min(max(share, _LEFT), _RIGHT)
             axes.plot(x, high, "o", color=colour, markerfacecolor=face, markersize=2.6, markeredgewidth=0.7)
-        count = [sum(row.verdict == verdict for row in own) for verdict in (GOOD, NAMED, RED)]
+        count = [sum(row.verdict == verdict for row in own) for verdict in (GOOD, REPORTED, RED)]
         said = f"{count[0]} of {len(own)}"
-        said += f", {count[1]} with a name" if count[1] else ""
+        said += f", {count[1]} reported" if count[1] else ""
         said += f", {count[2]} RED" if count[2] else ""
         axes.text(_RIGHT * 1.6, place, said, va="center", fontsize=7, color=_ALARM if count[2] else _INK)
     axes.axvline(1.0, color=_MUTED, linewidth=0.8)

@@ -176,7 +176,7 @@ def test_interrupted(tmp_path, number):
     assert process.returncode == 130
     (line,) = errors.splitlines()
     assert line.startswith("signorini-fx: interrupted after ")
-    assert f"the mesh before is in {tmp_path / 'out' / files.LAST_LEVEL}/" in line
+    assert f"the previous mesh is in {tmp_path / 'out' / files.LAST_LEVEL}/" in line
     # The signal may come late: what counts is that the mesh before the one that is named is there.
     mesh = int(re.search(r"on mesh (\d)", line)[1])
     assert mesh >= 3

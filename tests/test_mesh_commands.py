@@ -45,7 +45,7 @@ def test_mesh_info(capsys, squares):
         "x[0] 0 to 2, x[1] 0 to 1; area 2",
         "min 1.000, mean 1.000",
         "2 parts of the body share no side",
-        "2 points are where another one is",
+        "2 points coincide with another one",
         "floor            2 facets, length 2, x[0] 0 to 2, x[1] 0 to 0",
         "west             1 facets, length 1, x[0] 0 to 0, x[1] 0 to 1",
         "body             2 cells, area 2",

@@ -423,7 +423,7 @@ def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
         (
             {"boundaries": {"foot": "x[2] < 1"}},
             "mesh.boundaries.foot",
-            "the mesh is one of the plane: there is no x[2]",
+            "the mesh is plane: there is no x[2]",
         ),
         (
             {"boundaries": {"foot": 7}},

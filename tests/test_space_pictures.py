@@ -336,7 +336,7 @@ def test_colours_of_the_body_are_its_stress():
     faces = body.get_facecolor()[drawn_faces]
     assert len(faces) == np.count_nonzero(front)
     bar = figure.axes[1]
-    assert bar.get_xlabel() == "stress of von Mises"
+    assert bar.get_xlabel() == "von Mises stress"
     # Each is the facet at its place; the light takes the same share of red, green and blue.
     moved = surface.points + factor * surface.displacement
     middles = seen.flat(moved[surface.facets[front]]).mean(axis=1)
@@ -470,7 +470,7 @@ def test_long_tables_are_folded(folders):
     many = {name: np.tile(column, 10) for name, column in contact.items()}
     facets = read_facets(folders["coulomb"] / "contact.vtu")
     markup = sections_in_space.surface(many, facets)
-    assert "The first and the last 200 of 650 rows; contact.csv has all." in markup
+    assert "The first and the last 200 of 650 rows; contact.csv has all of them." in markup
     assert markup.count("<tr") < 410
     table = sections_in_space.nodes(contact)
     k = int(np.argmax(contact["shear"]))

@@ -30,7 +30,7 @@ STRESSED = {"young": 1.0, "poisson": 0.3, "hypothesis": "plane stress"}
 FOOT = {"boundary": "bottom"}
 # What is changed, the key that the message names, and a word of the reason.
 IN_SPACE = [
-    ({"material": STRESSED}, "material[0].hypothesis", "third dimension"),
+    ({"material": STRESSED}, "material[0].hypothesis", "plane stress and plane strain"),
     ({"contact": {**FOOT, "direction": [0.0, -1.0]}}, "contact[0].direction", "3 numbers, not 2"),
     ({"accuracy": {"target": 0.1}}, "accuracy", "in the plane only"),
     ({"displacement": {**FOOT, "z": 0.0}}, "displacement[0]", "prescribes the normal displacement"),

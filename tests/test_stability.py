@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from stability.case import GOOD, NAMED, RED  # noqa: E402
+from stability.case import GOOD, RED, REPORTED  # noqa: E402
 from stability.groups import GROUPS, cases_of  # noqa: E402
 from stability.report import table, tally  # noqa: E402
 from stability.runner import run_group  # noqa: E402
@@ -31,7 +31,7 @@ def test_the_short_form(tmp_path):
     assert not red
     assert run.returncode == 0, run.stderr
     assert {row["group"] for row in rows} == set(GROUPS) - RUN_BY_TESTS
-    assert all(row["note"] for row in rows if row["verdict"] == NAMED)
+    assert all(row["note"] for row in rows if row["verdict"] == REPORTED)
     assert "RED" in run.stdout.splitlines()[-2]  # the tally names all verdicts
     assert (tmp_path / "stability.png").stat().st_size > 10_000
 
@@ -51,7 +51,7 @@ def test_what_is_wrong_is_red():
         "not a number": RED,
         "no certificate": RED,
         "another outcome": RED,
-        "allowed outcome": NAMED,
+        "allowed outcome": REPORTED,
         "good at the end": GOOD,
     }
     assert verdicts == expected
@@ -59,7 +59,7 @@ def test_what_is_wrong_is_red():
     assert (outcomes["hangs"], outcomes["crashes"]) == ("time limit passed", "process died")
     assert "on purpose" in next(row.note for row in rows if row.case == "raises")
     assert "why" in table(rows)
-    assert tally(rows) == "12 cases: 3 as it should be, 1 ends in a name, 8 RED"
+    assert tally(rows) == "12 cases: 3 as expected, 1 failure reported, 8 RED"
 
 
 @pytest.mark.parametrize("group", GROUPS)

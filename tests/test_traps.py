@@ -164,7 +164,7 @@ SAID = {
     "locking of quadrilaterals": block(material=LOCKING),
 }
 # What is only estimated before: the result knows, and says it at the same key.
-ESTIMATED = ("contact will hardly ever close", "(an estimate)")
+ESTIMATED = ("contact is unlikely to close", "(an estimate)")
 
 
 @pytest.mark.parametrize("name", SAID)

@@ -1,5 +1,5 @@
-"""How wrong a solution is and what the next digit costs: error estimators and the price list.
+"""The error of a solution and the cost of reducing it: error estimators and the price list.
 
-This package judges solutions on one mesh or on several.  It must not start a solve: which mesh comes next is decided in
-``solving``.
+This package evaluates solutions on one mesh or on several.  It must not start a solve: ``solving`` decides which mesh
+comes next.
 """

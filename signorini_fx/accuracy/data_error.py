@@ -1,7 +1,7 @@
-"""What a mesh does not see of the data: loads between quadrature points, gap and friction between nodes.
+"""Data that a mesh does not resolve: loads between quadrature points, gap and friction between nodes.
 
-Where a load, a gap or a friction bound jumps between nodes, a solution may be resolved well and belong to other data.
-The data are looked at in many more points; what is missed is an error of its own, and refined like the others.
+If a load, a gap or a friction bound jumps between nodes, a well resolved solution may belong to other data.  The data
+are evaluated at many more points; the difference is a separate error, which is refined like the others.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _POINTS = 32
 
 @dataclass(frozen=True)
 class DataError:
-    """What is missed of the data.
+    """The errors of the data.
 
     Attributes:
-        forces: loads and friction that each owned cell misses, force per thickness, shape (cells,).
-        squares: squared energy norm of what each owned cell misses of the gap, shape (cells,).
+        forces: error of loads and friction in each owned cell, force per thickness, shape (cells,).
+        squares: squared energy norm of the error of the gap in each owned cell, shape (cells,).
         total: size of all forces together, force per thickness.
     """
 
@@ -48,7 +48,7 @@ class DataError:
 
 
 def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
-    """Look at the data between nodes and quadrature points; collective.
+    """Evaluate the data between nodes and quadrature points; collective.
 
     Args:
         d: the discretisation.
@@ -75,7 +75,7 @@ def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
 
 
 def _missed_loads(d: Discretisation, step: int) -> Floats:
-    """The part of the loads that the quadrature of each owned cell misses, force per thickness, shape (cells,)."""
+    """The quadrature error of the loads in each owned cell, force per thickness, shape (cells,)."""
     mesh = d.tagged.mesh
     owned = mesh.topology.index_map(2).size_local
     loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and varies(load)]
@@ -103,7 +103,7 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
 
 
 def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
-    """Between neighbouring nodes: the friction that is missed, force, and by how much the gap differs, length."""
+    """Between neighbouring nodes: the error of the friction, force, and that of the gap, length."""
     c = table.columns
     effects = {effect.boundary: effect for effect in d.scene.contact}
     at = (np.arange(_POINTS) + 0.5) / _POINTS
@@ -116,7 +116,7 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         effect = effects[str(c["boundary"][chain.start])]
 
         def between(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats, Floats]:
-            """Values at the nodes, by how much those between differ from a line, and the second differences nearby."""
+            """Values at the nodes, the deviation of those in between from a line, and the second differences nearby."""
             if isinstance(value, float):
                 return np.full(x.shape[1], value), np.zeros(inside.shape[1:]), np.zeros(inside.shape[1])
             nodal = sample(value, x)
@@ -125,7 +125,7 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
             return nodal, points - nodal[:-1, None] - np.diff(nodal)[:, None] * at, np.maximum(bend[:-1], bend[1:])
 
         nodal, away, bend = between(effect.gap)
-        # In contact the body follows the gap; beside it a bump may have been entered that no node has met.
+        # In contact the body follows the gap; beside it the body may have entered a bump that lies between nodes.
         distance = np.maximum(nodal - c["u_n"][rows], 0.0)
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
         both = (pressure[:-1] != 0) & (pressure[1:] != 0)

@@ -1,4 +1,4 @@
-"""Everything that is estimated on one mesh, by quantity and by cell."""
+"""All error estimates on one mesh, by quantity and by cell."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Errors:
-    """What is estimated on one mesh; all errors are relative.
+    """The error estimates on one mesh; all errors are relative.
 
     Attributes:
         energy: of the displacement, energy norm, data included.
         pressure: of the contact pressure, L2(Gamma_c), data included, as the contact boundary shows it; None without
             contact.
-        inside: of the contact pressure but beside corners, data left out.
-        data: loads and friction that the mesh misses.
+        inside: of the contact pressure except beside corners, without data.
+        data: error of loads and friction on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
-        squares: what each owned cell has in the square of the error, by quantity, shape (cells,).
+        squares: contribution of each owned cell to the square of the error, by quantity, shape (cells,).
     """
 
     energy: float
@@ -46,7 +46,7 @@ class Errors:
 def estimate_errors(
     d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int, compliance: float
 ) -> Errors:
-    """Estimate what is wrong on a mesh; collective.
+    """Estimate the errors on a mesh; collective.
 
     Args:
         d: the discretisation.

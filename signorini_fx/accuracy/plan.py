@@ -1,4 +1,4 @@
-"""How the mesh of a scene is refined for an accuracy that is asked for: where, with which cells and which elements."""
+"""How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Plan:
     """How a scene is refined.
 
     Attributes:
-        scene: with the elements that are to be used; its mesh is a generator's, a file's whose cells are all divided,
-            or one whose triangles are.
-        adaptive: whether triangles are divided where the error is.
-        replaced: whether elements or cells are others than those of the scene.
-        polygonal: whether straight sides stay where the shape may be curved.
+        scene: with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells
+            are divided, or consists of triangles that are divided.
+        adaptive: whether triangles are divided where the error is large.
+        replaced: whether elements or cells differ from those of the scene.
+        polygonal: whether straight facets stay although the shape may be curved.
         geometry: degree of the geometry of a file's mesh; None: as the file has it.
     """
 
@@ -35,8 +35,8 @@ class Plan:
     geometry: int | None = None
 
 
-# What is estimated well on meshes that are fine in one place and coarse in another; the rest compares meshes point by
-# point, which they do not bear well.
+# Quantities that are estimated well on meshes that are fine in one place and coarse in another; the other estimates
+# compare meshes point by point, which is unreliable on such meshes.
 LOCAL = ("energy", "pressure", "force")
 
 
@@ -44,7 +44,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """How to refine the mesh of a scene.
 
     Raises:
-        SceneError: cells on arcs are to be divided, which would converge to the solution on a polygon.
+        SceneError: cells on arcs are to be divided, and would converge to the solution on a polygon.
         MeshError: the mesh cannot be refined.
     """
     if isinstance(scene.mesh, MeshGenerator):
@@ -52,7 +52,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if isinstance(scene.mesh, MeshFile):
         return _planned_file(scene, scene.mesh, goal, comm)
     tagged = load_mesh(scene, comm)
-    check_divisible(tagged)  # before hours have been spent on it as it is
+    check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
@@ -80,7 +80,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """Curved sides stay curved: all cells are divided then, since dolfinx bisects straight ones only."""
+    """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
     tagged = load_file(file, comm, degree=2 if drawn else None)
     curved = curvature(tagged) > STRAIGHT * tagged.size

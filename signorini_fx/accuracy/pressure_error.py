@@ -1,7 +1,7 @@
-"""How wrong the contact pressure is, in L2(Gamma_c), and where: from its kinks at the nodes.
+"""The error of the contact pressure in L2(Gamma_c), and its distribution, estimated from its kinks at the nodes.
 
-Between the nodes the pressure is linear.  How far it is from the true one there shows in the change of its slope at the
-nodes, in smooth parts and at the ends of the contact zones alike.  At a corner of the body the stress may be singular,
+Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
+well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
 the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.
 """
 
@@ -35,9 +35,9 @@ def interval_squares(table: ContactTable, *, corners: bool = True, blur: float =
 
     Args:
         table: the contact boundary.
-        corners: whether to take the intervals at corners for what they are; False: without them, for what does not
-            depend on so small a part of the boundary.
-        blur: length up to which the regularisation blurs the pressure at a corner; 0 without.
+        corners: whether to include the singular intervals at corners; False: without them, for quantities that do not
+            depend on such a small part of the boundary.
+        blur: length over which the regularisation smears the pressure at a corner; 0 without.
 
     Returns:
         One array for each chain of the table, shape (nodes - 1,).
@@ -77,7 +77,7 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
 def _jumps(s: Floats, pressure: Floats) -> Floats:
     """Where the pressure jumps, as it does between two materials: by how much at each inner node, shape (nodes - 2,).
 
-    From both sides it is continued to the node; what is left between is a jump if it is larger than all changes nearby.
+    It is extrapolated to the node from both sides; the difference is a jump if it is larger than all changes nearby.
     A line through a jump is wrong by half of it at one end of an interval: h jump^2 / 12.
     """
     jumps = np.zeros(s.size - 2)
@@ -95,14 +95,14 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
 
 
 def _singular(r: Floats, pressure: Floats, blur: float) -> float:
-    """Squared error beside a corner if the pressure is K r^-a there, as the nodes farther away say.
+    """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away.
 
     Args:
         r: distance of the nodes from the corner, which is the first.
         pressure: at these nodes.
-        blur: up to this distance the regularisation blurs the pressure; 0 without.
+        blur: up to this distance the regularisation smears the pressure; 0 without.
     """
-    # Neighbouring nodes of quadratic elements tell different things, every second one the same.
+    # Neighbouring nodes of quadratic elements behave differently, every second one alike.
     even = np.arange(2, r.size, 2)
     near = even[r[even] >= 2 * max(r[1], blur)]
     if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
@@ -116,7 +116,7 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
 
     a = growth(near[1])
     if a > STEEP_EXPONENT and stretch[-1] > first:
-        # Two neighbours say much of their element; a singularity shows over the whole stretch where it reigns.
+        # Two neighbours mostly reflect their element; a singularity shows over the whole range where it dominates.
         a = max(a, growth(stretch[-1]))
     a = min(a, LARGEST_EXPONENT)
     h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
@@ -143,7 +143,7 @@ def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:
 
 
 def corners_of_error(table: ContactTable) -> Floats:
-    """Positions of the corners beside which much of the error of the pressure is, shape (n, 2)."""
+    """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
     squares = interval_squares(table)
     much = CORNER_ERROR_SHARE * sum(float(own.sum()) for own in squares)
     rows = [
@@ -162,10 +162,10 @@ def _turning(x: Floats, y: Floats) -> Floats:
 
 
 def polygon_error(table: ContactTable, modulus: float) -> float:
-    """How much straight facets in place of a curved contact boundary matter, relative to the contact pressure.
+    """The effect of straight facets in place of a curved contact boundary, relative to the contact pressure.
 
-    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and a slope is
-    worth the modulus in pressure.
+    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and slope times
+    modulus is a pressure.
 
     Args:
         table: the contact boundary on a mesh whose facets were not divided.
@@ -183,7 +183,7 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
 
 
 def peak_of(table: ContactTable) -> tuple[float, float]:
-    """The largest pressure, and the spacing of the nodes where it is; (0, 0) without contact."""
+    """The largest pressure, and the spacing of the nodes there; (0, 0) without contact."""
     pressure, s = table.columns["pressure"], table.columns["s"]
     row = int(np.argmax(pressure)) if pressure.size else 0
     for chain in table.chains:
@@ -205,7 +205,7 @@ def pressure_square(table: ContactTable) -> float:
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
-    """Sums of what belongs to the intervals between nodes, for each facet of this rank, as in ``boundary.segments``.
+    """Sums over the intervals between nodes, for each facet of this rank, as in ``boundary.segments``.
 
     Args:
         boundary: the contact nodes of this rank.

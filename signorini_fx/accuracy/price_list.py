@@ -1,9 +1,9 @@
-"""What accuracy costs: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
+"""The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
-Nothing is solved for it that the nested iteration does not solve anyway.  The energy norm of the displacement's error
-is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact
-force, zone ends and peak pressure by the change from the mesh before, extrapolated with the expected rate; the error
-that the regularisation leaves by the path that gamma takes; that of the iteration by its last residual or change.
+It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
+on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force, zone
+ends and peak pressure by the change from the previous mesh, extrapolated with the expected rate; the regularisation
+error by the dependence on gamma; that of the iteration by its last residual or change.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class MeshCost:
-    """A mesh and what a solve on it took.
+    """A mesh and the cost of a solve on it.
 
     Attributes:
         level: its number, the coarsest is 0.
@@ -66,17 +66,17 @@ class MeshCost:
 
 @dataclass(frozen=True)
 class LevelResult(MeshCost):
-    """What is known of one mesh that was solved; its cost is that of ``MeshCost``.
+    """Results and errors on one mesh; its cost is that of ``MeshCost``.
 
     Attributes:
         status: how it ended.
         energy: estimated discretisation error, relative in the energy norm, data included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
-        inside: the same but beside corners, data left out.
-        data: the part of the loads and of friction that the mesh misses.
-        polygon: what straight facets of a curved contact boundary are worth, which no refinement makes smaller;
+        inside: the same except beside corners, without data.
+        data: the error of loads and friction on the mesh.
+        polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
             ``pressure_error.polygon_error``.
-        regularisation: error that the regularisation leaves, relative in the energy norm; 0 without regularisation.
+        regularisation: regularisation error, relative in the energy norm; 0 without regularisation.
         pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
         table: the contact boundary.
@@ -98,7 +98,7 @@ class LevelResult(MeshCost):
 
 @dataclass(frozen=True)
 class Price(MeshCost):
-    """One row of the price list: ``MeshCost`` and errors; each is relative, None where it cannot be told yet.
+    """One row of the price list: ``MeshCost`` and errors; each is relative, None where it cannot be estimated yet.
 
     Attributes:
         energy: error of the displacement, energy norm.
@@ -106,8 +106,8 @@ class Price(MeshCost):
         force: error of contact and friction force.
         zone: error of the ends of the contact zones, relative to their length.
         peak: error of the largest pressure.
-        regularisation: the part of ``energy`` that gamma adds.
-        iteration: the part that the iteration adds.
+        regularisation: the part of ``energy`` due to gamma.
+        iteration: the part due to the iteration.
         predicted: whether this is the next mesh, not solved yet.
     """
 
@@ -122,7 +122,7 @@ class Price(MeshCost):
 
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """A mesh with the errors that its straight facets add where they stand for a curved boundary."""
+    """A mesh with the errors that its straight facets add if they approximate a curved boundary."""
     more = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
     pressure = None if level.pressure is None else level.pressure + more["pressure"]
     return replace(
@@ -144,21 +144,21 @@ def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
 
 def peak_memory(comm: MPI.Comm) -> float:
     """Largest resident memory so far, summed over the ranks, MB; collective."""
-    # Linux hands ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
+    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         own = int(status.split("VmHWM:")[1].split()[0]) / 1024
-    except (OSError, IndexError):  # no Linux
+    except (OSError, IndexError):  # not Linux
         own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return float(parallel.global_sum(comm, np.array(own)))
 
 
 def expected_rates(degree: int) -> dict[str, float]:
-    """How errors are expected to fall with h, taken as the square root of 1 / unknowns.
+    """How errors are expected to decrease with h, taken as the square root of 1 / unknowns.
 
     Args:
-        degree: of the displacement on meshes that are refined where the error is, which restores the rates of smooth
-            solutions; 1 on meshes that are refined everywhere, where the ends of the contact zones limit them.
+        degree: of the displacement on adaptive meshes, which restore the rates of smooth solutions; 1 on uniform
+            meshes, where the ends of the contact zones limit the rates.
     """
     return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
 
@@ -169,10 +169,10 @@ def price_list(
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
     Args:
-        levels: what was solved; at least two.
+        levels: the solved meshes; at least two.
         base_memory: memory before the first mesh, MB.
-        rates: how the errors are expected to fall with h.
-        uniform: whether each mesh is finer everywhere, and by about as much, than the one before.
+        rates: how the errors are expected to decrease with h.
+        uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
@@ -199,10 +199,10 @@ def price_list(
 
 
 def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform: bool) -> float:
-    """The error of the pressure in the light of its change from the mesh before.
+    """The error of the pressure, corrected by its change from the previous mesh.
 
-    A change that is larger than the error that the coarse mesh was said to have shows by how much the estimate is too
-    small.  On uniform meshes what changes in a pressure that the mesh resolves comes from elsewhere in the body.
+    A change that is larger than the estimated error of the coarse mesh shows by how much the estimate is too small.  On
+    uniform meshes the change of a pressure that the mesh resolves is caused elsewhere in the body.
     """
     estimate = fine.pressure or 0.0
     if uniform:
@@ -212,10 +212,10 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
 
 
 def _force_error(levels: Sequence[LevelResult]) -> float | None:
-    """Error of contact and friction force on the last mesh, from how they changed on the way to it.
+    """Error of contact and friction force on the last mesh, from their changes on the previous meshes.
 
-    A force is an average: it is wrong by what falls like the square of the error of the displacement or, if that falls
-    less, of the pressure; a corner matters little to it.
+    A force is an average: its error decreases like the square of the error of the displacement or, if that decreases
+    less, of the pressure; corners have little influence.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.force))
@@ -249,7 +249,7 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
 
 
 def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
-    """A column of the coarse table at the nodes of the fine one, linearly along each piece of the boundary."""
+    """A column of the coarse table at the nodes of the fine one, interpolated along each piece of the boundary."""
     values = np.zeros(fine.columns["s"].size)
     for here, there in zip(fine.chains, coarse.chains, strict=False):
         rows, old = slice(here.start, here.stop), slice(there.start, there.stop)
@@ -286,10 +286,10 @@ def _end(
 
 
 def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
-    """Error of the last mesh: the geometric mean of what the last changes, extrapolated and brought to it, tell.
+    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it.
 
     Args:
-        rate: the error falls like 1 / fineness to this power.
+        rate: the error decreases like 1 / fineness to this power.
         changes: from each mesh to the next.
         fineness: 1 / h of the meshes, one more than changes.
     """
@@ -304,7 +304,7 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
 
 
 def _finer(rows: Sequence[Price]) -> float:
-    """How many times finer the last mesh is than the one before, on average over the body."""
+    """How many times finer the last mesh is than the previous one, on average over the body."""
     return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
 
 
@@ -314,9 +314,9 @@ def predict(
     """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
 
     Args:
-        rows: what was solved, coarsest first; at least two.
+        rows: the rows of the solved meshes, coarsest first; at least two.
         base_memory: memory before the first mesh, MB.
-        rates: how the errors are expected to fall with h.
+        rates: how the errors are expected to decrease with h.
         finer: how many times finer the next mesh is; None: as many times as the last one was.
     """
     last, before = rows[-1], rows[-2]
@@ -335,7 +335,7 @@ def predict(
     )
 
     def grown(name: str, power: float, offset: float, least: float) -> float:
-        """A part that stays, at least ``offset``, and one that grows like this power of the unknowns."""
+        """A constant part, at least ``offset``, and one that grows like this power of the unknowns."""
         value, earlier = getattr(last, name), getattr(before, name)
         growing = (value - earlier) / (1 - seen_growth**-power)
         own = max(value - offset, 0.0)

@@ -1,4 +1,4 @@
-"""How wrong a discrete solution is: error estimates in the energy norm."""
+"""Error estimates of a discrete solution in the energy norm, by stress recovery."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
-# Tractions that vary may jump within a facet: they are looked at in so many points more.
+# Tractions that vary may jump within a facet: they are evaluated at this many more points.
 _FINE_DEGREE = 20
 
 
@@ -29,13 +29,13 @@ _Effect = SurfaceTraction | PrescribedDisplacement
 
 
 class StressRecovery:
-    """An estimate of the discretisation error; compiled and assembled once, asked often.
+    """An estimate of the discretisation error; compiled and assembled once, evaluated often.
 
     Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of degree 1 that are
     continuous in each material, and its difference to the discontinuous stress is measured with the compliance.
-    Functions of degree 2 would be so close to the stress of quadratic elements that half of the error went unseen.  On
-    the boundary the projection is free to follow the stress, so that it is blind in a cell that is alone at a corner:
-    there the residual of the traction, which is known, is added.
+    Functions of degree 2 would be so close to the stress of quadratic elements that half of the error were not
+    detected. On the boundary the projection can follow the stress, so that it detects nothing in a cell that is alone
+    at a corner: there the residual of the known traction is added.
     """
 
     def __init__(self, discretisation: Discretisation) -> None:
@@ -49,7 +49,7 @@ class StressRecovery:
         sigma = stress(self._displacement, *d.lame)
         raw = _voigt(sigma)
         density = _compliance(self._recovered - raw, *d.lame) * cellwise
-        # The components share one matrix: dolfinx numbers the nodes of both spaces alike.
+        # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
         scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
         product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
@@ -65,7 +65,7 @@ class StressRecovery:
         self._residual = None if residual is None else compiled("boundary residual", lambda: fem.form(residual))
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
-        """Let the forms look at these cells only (local numbers, ghosts included)."""
+        """Restrict the forms to these cells (local numbers, ghosts included)."""
         self._weight.x.array[:] = 0.0
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
@@ -105,7 +105,7 @@ class StressRecovery:
         return np.maximum(total, 0.0)
 
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
-        """What the projection in one material says of each owned cell."""
+        """The estimate of the projection in one material for each owned cell."""
         self._choose(cells)
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
@@ -129,8 +129,8 @@ def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
 def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
     """The squared residual of the traction, times h over the stiffness, of each cell.
 
-    Only where the traction is known: not in contact, and of prescribed displacements the components that are free.  Of
-    the others it is the displacement that may differ, between the nodes: its square, times the stiffness over h.
+    Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
+        other components the displacement may differ between the nodes: its square, times the stiffness over h.
 
     Returns:
         Constants with their values for each load step, and the form; None where there is no such boundary.
@@ -139,7 +139,7 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     n = ufl.FacetNormal(mesh)
     every = dmesh.exterior_facet_indices(mesh.topology)
     known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
-    # A bit for each effect that says something of a facet: facets with the same bits share a term.
+    # A bit for each effect on a facet: facets with the same bits share a term.
     effects: list[_Effect] = [*scene.traction, *scene.displacement]
     bits = np.zeros(known.size, dtype=np.int64)
     for k, effect in enumerate(effects):
@@ -187,7 +187,7 @@ def _degree(d: Discretisation, kind: int) -> int:
 
 
 def _values(effect: _Effect) -> list[Any]:
-    """What an effect prescribes."""
+    """The components that an effect prescribes."""
     values = stresses(effect) if isinstance(effect, SurfaceTraction) else [*effect.components, effect.normal]
     return [value for value in values if value is not None]
 
@@ -201,7 +201,7 @@ def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
 
 
 def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fem.FunctionSpace) -> list[Any]:
-    """How far the displacement is from what an expression prescribes, component by component."""
+    """The deviation of the displacement from a prescribed expression, component by component."""
     pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, n))]
     return [
         factor * ufl_value(value, space) - component

@@ -24,15 +24,15 @@ def augmented_lagrangian(
 ) -> Status:
     """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, see ``augmentation``.
 
-    Each problem starts from the variables of the one before (section 7.1).
+    Each problem starts from the variables of the previous one (section 7.1).
 
     Args:
         newton: the inner method.
         data: the first problem; its gamma stays, or grows.
         first_sets: sets of the very first linear solve.
-        natural: a gamma with which few problems suffice; a smaller one is raised towards it where it is slow.
+        natural: a gamma with which few problems suffice; a smaller one is increased towards it if convergence is slow.
         first_iteration: number of the very first linear solve.
-        tolerance: for what is left of lambda and of mu in the norm of L2(Gamma_c), relative to their own, and for
+        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
             penetration and elastic slip, relative to the displacements.
         max_outer: regularised problems allowed.
         inner_iterations: linear solves allowed for one problem (inexact ALM); None: until its sets repeat.
@@ -52,16 +52,16 @@ def augmented_lagrangian(
             return status
         if step > 0 and augmentation.settled and not inexact:
             return Status.CONVERGED
-        # A problem that was cut off goes on with the sets that it has come to, a solved one with those of the new data.
+        # A problem that was cut off continues with its last sets, a solved one with those of the new data.
         cut_off = newton.continued_sets(data) if inexact else None
         data = augmentation.next(data, gamma_factor)
-        # At the old iterate the new shift counts every pressure twice, and a bound that follows it.
+        # At the old iterate the new shift counts every pressure twice, and a bound that depends on it.
         following = newton.problem.sets if data.coupling is not None else newton.continued_sets(data)
         first_sets, first_iteration = cut_off or following, 1
     return Status.OUTER_MAX_ITERATIONS
 
 
 def _change(augmentation: Augmentation, data: RegularisedData, *, first: bool) -> float | None:
-    """How much lambda and mu differ from those before, relative to their own norms."""
+    """How much lambda and mu differ from the previous ones, relative to their own norms."""
     change = augmentation.measure(data)
     return None if first else change

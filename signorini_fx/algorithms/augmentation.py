@@ -1,12 +1,11 @@
 """The update of augmented Lagrangian methods: the next shifts, whether they have settled, and the next gamma.
 
-For fixed sets an update takes an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness that
-the contact nodes meet.  The limit is the same for every gamma, but with a small one an iterate changes by little
-although it is far from the limit, and the two multipliers have a gamma each.  So a change alone does not say that the
-iteration is done: what is left is the change times r / (1 - r), with r as seen or as the largest k would have it,
-whichever is smaller; and the displacement has to meet the conditions of the limit itself.  Where a multiplier is slow
-its gamma is raised, to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is
-lowered.
+For fixed sets an update reduces an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness at
+the contact nodes.  The limit is the same for every gamma, but with a small one an iterate changes little although it is
+far from the limit, and the two multipliers have a gamma each.  So a small change alone does not mean convergence: the
+remaining error is the change times r / (1 - r), with the observed r or that of the largest k, whichever is smaller; and
+the displacement has to satisfy the conditions of the limit itself.  If a multiplier converges slowly its gamma is
+increased, up to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is reduced.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, L
 
 
 def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
-    """The problem with no gamma so large that its round-off would hide the limit."""
+    """The problem with gammas reduced so that their round-off does not hide the limit."""
     largest = LARGEST_AUGMENTED_GAMMA * natural
     return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
@@ -35,11 +34,11 @@ class Augmentation:
     Attributes:
         newton: the inner method.
         natural: a gamma with which few updates suffice, stress per length.
-        tolerance: relative change that may be left.
+        tolerance: relative error allowed.
         changes: the last changes of pressure and shear in the norm of L2(Gamma_c), stresses; nan: not known.
         slow: which of the two were slow at the last update.
-        left: relative error of the multipliers that is left.
-        violation: largest penetration and elastic slip left, relative to the displacements of the contact nodes.
+        left: remaining relative error of the multipliers.
+        violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes.
     """
 
     newton: SemismoothNewton
@@ -65,7 +64,7 @@ class Augmentation:
         return max(self.left, self.violation) <= self.tolerance
 
     def measure(self, data: RegularisedData) -> float:
-        """Look at the problem just solved, and at the shifts that it began with; collective.
+        """Evaluate the problem just solved, and the shifts that it began with; collective.
 
         Returns:
             Relative change of the multipliers.
@@ -78,10 +77,10 @@ class Augmentation:
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
-        # Where nothing moves but for round-off it is what the tractions could move.
+        # If all motion is round-off, the scale is the displacement that the tractions could cause.
         stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(after[0]), length_of(after[1]))))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
-        # At its bound the shear says nothing of slip.
+        # At its bound the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
         lefts, violations, slow = [], [], []
@@ -98,7 +97,7 @@ class Augmentation:
         return sum(changes) / (size or 1.0)
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
-        """The next problem: the multipliers as shifts; gamma times ``factor`` or, where it is slow, raised."""
+        """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
         pressure, shear = self.newton.shifts(data)
         enough, largest = min(self.natural, ENOUGH_GAMMA * self._stiffness), LARGEST_AUGMENTED_GAMMA * self.natural
 

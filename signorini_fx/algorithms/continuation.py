@@ -1,4 +1,4 @@
-"""Continuation in gamma (section 7.1, Table 4): one regularised problem after the other, each from the one before."""
+"""Continuation in gamma (section 7.1, Table 4): regularised problems in turn, each started from the previous one."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ def coulomb_newton(
 ) -> Status:
     """Solve the Coulomb problem in one semi-smooth Newton iteration.
 
-    Newton's method is local: from a poor start its sets may cycle.  Then the fixed point, whose inner problems have one
-    solution each, has to take over.
+    Newton's method converges locally: from a poor start its sets may cycle.  Then the fixed-point iteration, whose
+    inner problems have unique solutions, has to be used.
 
     Args:
         newton: the inner method with an unsymmetric solver; its iterate is the start (the pure contact problem).

@@ -1,13 +1,13 @@
-"""Semi-smooth Newton with exact line search on the energy: slower than full steps, and it cannot cycle.
+"""Semi-smooth Newton with exact line search on the energy: slower than full steps, but it cannot cycle.
 
-With given friction the regularised problem is the minimisation of the convex function J_gamma of section 3, piecewise
-quadratic and once differentiable.  A linear solve with the sets of the iterate gives a direction in which J_gamma
-falls; along it the derivative is piecewise linear and grows, so that the step is found as its zero.  The energy falls
-with every step, no sets come back, and once the sets are right the full step is the solution.
+With a given friction bound the regularised problem is the minimisation of the convex function J_gamma of section 3,
+piecewise quadratic and once differentiable.  A linear solve with the sets of the iterate gives a direction in which
+J_gamma decreases; along it the derivative is piecewise linear and increasing, so that the step is found as its zero.
+The energy decreases with every step, no sets come back, and with the right sets the full step is the solution.
 
 These sets are those of the derivative itself (a node may jump from one slip set to the other), not those of Algorithm
-(SSN).  Where they do not hold the body, a few other nodes are tied to where they are, for this step only; the step is
-as long as the energy falls, so that the body moves on until some node holds it.
+(SSN).  If they do not hold the body, a few other nodes are fixed in their position, for this step only; the step is
+continued as long as the energy decreases, so that the body moves on until some node holds it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from signorini_fx.records import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
 _FLAT = 1e-10
-# The line search ends after so many evaluations: a step 2^60 times the direction has no end.
+# The line search ends after this many evaluations: a step of 2^60 times the direction would never end.
 _EVALUATIONS = 60
 
 
@@ -81,7 +81,7 @@ def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Cal
 def _constrained(
     newton: SemismoothNewton, sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 ) -> tuple[ActiveSets, RegularisedData]:
-    """A few more nodes in contact or stick, whose springs are without force where the nodes are; collective."""
+    """A few more nodes in contact or stick, whose springs have no force in the current position; collective."""
     bound = np.zeros_like(u_n) if data.bound is None else data.bound
     excess = length(trial_shear(u_t, data)) - bound
     along, across = newton.problem.constraints(sets, -trial_pressure(u_n, data), np.where(bound > 0, excess, np.inf))
@@ -99,7 +99,7 @@ def _constrained(
 
 @dataclass(frozen=True)
 class _Line:
-    """J_gamma along x + t p: its derivative is force + t stiffness plus what the contact nodes add.
+    """J_gamma along x + t p: its derivative is force + t stiffness plus the contribution of the contact nodes.
 
     Attributes:
         data: the problem.
@@ -146,7 +146,7 @@ class _Line:
         return self.force + t * self.stiffness + float(parallel.global_sum(self.comm, work))
 
     def lowest(self) -> float | None:
-        """The t > 0 with the lowest energy; None where it does not fall, or without end; the same on all ranks."""
+        """The t > 0 with the lowest energy; None if it does not decrease, or has no end; the same on all ranks."""
         at_zero = self.slope(0.0)
         if not at_zero < 0:
             return None
@@ -162,7 +162,7 @@ class _Line:
         else:
             return None
         for count in range(_EVALUATIONS):
-            # The secant is exact once no kink is between; halving, now and then, that it cannot creep.
+            # The secant is exact once there is no kink in between; halving now and then avoids slow convergence.
             secant = low - slope_low * (high - low) / (slope_high - slope_low)
             middle = secant if count % 3 < 2 else (low + high) / 2
             slope = self.slope(middle)

@@ -1,19 +1,20 @@
-"""What to try, in which order, where a regularised problem is not solved by full steps.
+"""What to try, in which order, if a regularised problem is not solved by full steps.
 
-One fall-back after the other, each noted in the history, until one of them ends with a solution of the very problem
-that was asked for:
+One fall-back after the other is tried, each recorded in the history, until one of them ends with a solution of the
+original problem:
 
 1. *through stick*: with a finite sigma, the same iteration with an infinite one, which lets no node jump from one slip
    set to the other;
 2. *contact where the body rests*: for a body that only contact holds, the same from the nodes that touch when the load
-   has put the rigid body down (``resting``);
-3. *smaller gamma*: a path of problems from a gamma at which hardly anything is constrained up to the given one, each
-   from the one before;
-4. *descent*: Newton steps whose length is that of the lowest energy; they cannot cycle;
-5. both: the path of 3., with the steps of 4. where a stage of it cycles.
+   has moved the rigid body to its resting place (``resting``);
+3. *smaller gamma*: continuation from a gamma at which there are hardly any constraints up to the given one, each
+problem
+   started from the previous one;
+4. *descent*: Newton steps whose length minimises the energy; they cannot cycle;
+5. both: the continuation of 3., with the steps of 4. for every stage that cycles.
 
-The problem must be that of given friction.  What comes after (augmentation, other outer iterations, coarser meshes) is
-not about one regularised problem and stands in ``strategy`` and ``solver``.
+The friction bound of the problem must be given.  Further fall-backs (augmentation, other outer iterations, coarser
+meshes) do not concern a single regularised problem and are in ``strategy`` and ``solver``.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
 from signorini_fx.tuned import FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
 
-# A gap below this share of the largest one is none.
+# A gap below this share of the largest one is closed.
 _CLOSED = 1e-6
 
 FallBack = tuple[str, Callable[[], Status]]
@@ -43,7 +44,7 @@ def try_fall_backs(
     failed: Status,
     measure: Callable[[], float | None],
 ) -> Status:
-    """Try the fall-backs in order; the status of the first that solves the problem, else the one it failed with."""
+    """Try the fall-backs in order; the status of the first that solves the problem, else the original one."""
     start = newton.checkpoint()
     reason = failed
     for name, fall_back in _in_order(newton, data, first_sets, measure):
@@ -63,7 +64,7 @@ def _in_order(
     first_sets: ActiveSets | None,
     measure: Callable[[], float | None],
 ) -> Iterator[FallBack]:
-    if np.isinf(data.gamma_n):  # elimination has no penalty to soften, and no energy to descend on
+    if np.isinf(data.gamma_n):  # elimination has no penalty to reduce, and no energy for a descent
         return
     through = replace(data, sigma=np.inf)
     if np.isfinite(data.sigma):

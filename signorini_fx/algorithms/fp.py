@@ -1,4 +1,4 @@
-"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction as a fixed point of Tresca problems."""
+"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction by a fixed-point iteration of Tresca problems."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fixed_point(
 
     Args:
         newton: the inner method.
-        data: gamma and the shifts; the bound is what this algorithm updates.
+        data: gamma and the shifts; this algorithm updates the bound.
         law: gives the bound from the contact pressure.
         start: (lambda, mu) that the iteration starts from; section 7: of the pure contact problem, g = 0.
         first_sets: sets of the first linear solve; None: from the iterate that ``newton`` holds.
@@ -35,7 +35,7 @@ def fixed_point(
         max_outer: Tresca problems allowed.
         augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
             unregularised solution.
-        damping: share of the way to the new bound that is gone, for bounds that go to and fro or away.
+        damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
     """
     g = start[0]
     if augmentation is not None:
@@ -58,10 +58,10 @@ def fixed_point(
 
 
 def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
-    """d_g of section 7: the new g is the pressure that the old one led to; with shifts the larger change of the two."""
+    """d_g of section 7: the new g is the pressure for the old one; with shifts the larger change of the two."""
     following, _ = newton.multipliers()
     boundary = newton.problem.boundary
-    # A pressure that is gone has changed by all that it was.
+    # The relative change of a pressure that vanishes is 1.
     size = boundary.scale(following) or boundary.scale(g)
     change = boundary.norm(following - g) / size if size > 0 else 0.0
     return change if augmentation is None else max(change, augmentation.measure(data))

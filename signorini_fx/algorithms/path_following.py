@@ -1,13 +1,14 @@
-"""Automatic path-following in gamma (the wish of section 8): the smallest gamma that the asked accuracy needs.
+"""Automatic path-following in gamma (suggested in section 8): the smallest gamma for the required accuracy.
 
 For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives along gamma cost a back
 substitution each, with the factor of the last linear solve:
 
     J y' = -C (y - d),   J y'' = -2 C y',   J = A + gamma C,
 
-with C the contact blocks of the sets at gamma = 1.  One pole, y(gamma) = y_inf - c / (E + gamma), is fitted to them; it
-says both how far y is from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and at which gamma that distance
-will be what is expected.  Nothing is left to tune: the start comes from the body, the goal from the scene.
+with C the contact blocks of the sets at gamma = 1.  A function with one pole, y(gamma) = y_inf - c / (E + gamma), is
+fitted to them; it gives both the distance of y from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and the
+gamma at which that distance will have the required value.  There are no parameters to tune: the start is determined by
+the body, the goal by the scene.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangen
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE_POLE
 
-# What the derivatives along the path need of a solve on an old factor.
+# Tolerance of a solve with an old factor for the derivatives along the path.
 _SLOPE_TOLERANCE = 1e-10
 
 
@@ -54,7 +55,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
-    # B^T D B per gamma_1: D is proportional to it, apart from how directions of slip turn, which gamma does not change.
+    # B^T D B per gamma_1: D is proportional to it, except for the change of slip directions, which gamma does not
+    # affect.
     blocks = tangent(replace(sets, turning=np.zeros_like(sets.turning)), data) / data.gamma_n
     origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
@@ -76,7 +78,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     reach = data.gamma_n
-    # The pole is a mean stiffness that the contact nodes meet, below the largest one; it may be too small to matter.
+    # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to matter.
     unknowns, _ = system.contact.entries()
     stiffness = system.matrix.getDiagonal().getArray(readonly=True)[unknowns].max(axis=1, initial=0.0)
     largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
@@ -104,19 +106,19 @@ def path_following(
     largest: float,
     max_outer: int,
 ) -> tuple[Status, RegularisedData, float]:
-    """Raise gamma until the regularisation error is below the goal.
+    """Increase gamma until the regularisation error is below the goal.
 
     Args:
         newton: the inner method.
         data: the first problem, with a small gamma; gamma_2 / gamma_1 is kept.
         first_sets: sets of the very first linear solve.
         first_iteration: number of the very first linear solve.
-        goal: the regularisation error that is allowed, in the energy norm, judged anew at each solution.
-        largest: gamma_1 above which round-off takes over; the path ends there.
+        goal: the regularisation error allowed, in the energy norm, evaluated at each solution.
+        largest: gamma_1 above which round-off dominates; the path ends there.
         max_outer: regularised problems allowed.
 
     Returns:
-        How it ended, the last problem, and the regularisation error that is left, in the energy norm.
+        How it ended, the last problem, and the remaining regularisation error, in the energy norm.
     """
     left = np.inf
     for _ in range(max_outer):
@@ -127,7 +129,7 @@ def path_following(
         allowed, left = goal(), model.distance
         if left <= allowed or data.gamma_n >= largest:
             return Status.CONVERGED, data, left
-        # Half of what is allowed, or the path would creep up to the goal from above.
+        # Half of the allowed error; otherwise the path would approach the goal slowly from above.
         gamma = min(model.gamma_for(allowed / 2), largest) if allowed > 0 else largest
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
         first_sets, first_iteration = newton.continued_sets(data), 1

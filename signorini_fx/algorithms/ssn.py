@@ -26,7 +26,7 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 # The residual of a solved step is round-off; above this share of the forces it is not.
 RESIDUAL_TOLERANCE = 1e-8
 _RENEW, _KEEP = -2, -1
-# Where the sets stay while directions of slip turn, the law must come nearer by half in so many steps.
+# While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
@@ -42,19 +42,19 @@ class SemismoothNewton:
     """Solves contact problems on one elastic system; the solver objects are set up once and kept.
 
     A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
-    is small.  Because an iterate depends on its sets alone, sets that were seen before mean a cycle.
-    Where the problem is not affine for given sets, in space, directions of slip still turn while the sets stay: there
-    the friction law must hold as well, and sets that were seen before mean a cycle if the law is no nearer than then.
-    PETSc options with the prefix ``sfx_`` reach the SNES, KSP and PC; where the user sets none, the defaults hold.
+    is small.  Because an iterate depends on its sets alone, sets that occurred before mean a cycle.
+    In space, where the problem is not affine for given sets, directions of slip still change while the sets stay: there
+    the friction law must hold as well, and sets that occurred before mean a cycle if its residual has not been halved.
+    PETSc options with the prefix ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
 
     Args:
         problem: residual and Jacobian.
         x: the iterate, which two methods may share.
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
-        symmetric: whether the Jacobian is; it is not where the friction bound follows the pressure.
-        try_fall_backs: what solves problems that this iteration does not, see ``algorithms.fall_backs``; None: nothing.
-        limited: whether the user has set the number of linear solves, so that it is an end and no failure.
+        symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
+        try_fall_backs: called if this iteration does not solve a problem, see ``algorithms.fall_backs``; None: nothing.
+        limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
 
     Attributes:
         max_iterations: linear solves allowed for one problem.
@@ -108,7 +108,7 @@ class SemismoothNewton:
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
-        # SNES decides on the factor after this callback: -2 renews it once, -1 keeps it.
+        # SNES decides about the factor after this callback: -2 renews it once, -1 keeps it.
         call("SNESSetLagPreconditioner", snes, _RENEW if self._factorised else _KEEP)
 
     def solve(
@@ -125,14 +125,14 @@ class SemismoothNewton:
         Args:
             data: the problem.
             first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
-            first_iteration: number of the first linear solve: 0 where it only makes the start (section 7).
-            max_iterations: linear solves allowed for this problem, where fewer than usual.
-            measure: gives the figure that the outer algorithm stops on, once this problem is solved.
+            first_iteration: number of the first linear solve: 0 if it only computes the start (section 7).
+            max_iterations: linear solves allowed for this problem, if fewer than usual.
+            measure: gives the figure of the stopping criterion of the outer algorithm, once this problem is solved.
         """
         status = self.solve_once(
             data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
         )
-        # A friction bound that follows the pressure has no energy, and a fall-back of its own.
+        # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
         given = max_iterations is None and data.coupling is None
         if self._fall_backs is not None and given and (status is Status.CYCLING or self._ran_on(status)):
             status = self._fall_backs(self, data, first_sets, status, measure)
@@ -186,18 +186,18 @@ class SemismoothNewton:
             with options.defaults(self.problem.system.solver_defaults):
                 status = self._run(data, limit)
         except PETSc.Error:
-            # Some factorisation packages raise where others set a reason; on one rank only they do.
+            # Some factorisation packages raise an error where others set a reason, and on one rank only.
             if self.problem.system.comm.size > 1:
                 raise
             status = Status.SINGULAR
         return status
 
     def _ran_on(self, status: Status) -> bool:
-        """Whether the iteration found no end although it was not told when to end."""
+        """Whether the iteration failed for another reason than a limit that the user has set."""
         return status is Status.MAX_ITERATIONS and not self._limited
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; once more with exact linear solves where old factors or loose ones did not serve."""
+        """Let SNES iterate; once more with exact linear solves if old factors or loose tolerances did not suffice."""
         self.snes.solve(None, self.x)
         status = self._status or self._reason()
         while self._may_keep and self._unreliable(status):
@@ -220,7 +220,7 @@ class SemismoothNewton:
         return status is Status.CYCLING and self._loosened
 
     def checkpoint(self) -> tuple[PETSc.Vec, ActiveSets]:
-        """The iterate and its sets, to come back to."""
+        """The iterate and its sets, for ``restore``."""
         return self.x.copy(), self.problem.sets
 
     def restore(self, checkpoint: tuple[PETSc.Vec, ActiveSets]) -> None:
@@ -229,11 +229,11 @@ class SemismoothNewton:
         x.copy(self.x)
 
     def begin_at(self, x: PETSc.Vec) -> None:
-        """Take an iterate over; the sets stay."""
+        """Copy an iterate; the sets stay."""
         self.x.getArray()[:] = x.getArray(readonly=True)
 
     def pose(self, data: RegularisedData, sets: ActiveSets) -> None:
-        """Take a problem and its sets over without solving it."""
+        """Set a problem and its sets without solving it."""
         self.problem.set_data(data, sets)
         self.problem.sets = self.problem.next.sets
 
@@ -244,8 +244,8 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where the supports leave no motion along the normal the pressure would grow without end, and without effect:
-        there it stays.  The shear has a bound.
+        Where the supports allow no motion along the normal, the pressure would grow without end and without effect, so
+        it is kept.  The shear has a bound.
         """
         boundary = self.problem.boundary
         pressure, shear = project(*self.multipliers(), data)
@@ -285,20 +285,20 @@ class SemismoothNewton:
         if not np.isfinite(norms[2]):
             return self._stop(Status.SINGULAR)
         if k > 0 and changed == 0:
-            if problem.next.repaired:  # others would not hold the body; yet they may leave it in balance
+            if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            # The sets are right.  The linear solve was not exact, which the next step with the same sets mends, or
-            # directions of slip still turn.
+            # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
+            # corrects, or directions of slip still change.
             self._stalls.append(max(residual, law))
             turning = law > snes.getTolerances()[0]
             patience = _TURNS if turning else 2
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
                 return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
         elif fingerprint in self._seen:
-            # Sets that come back although they leave no residual differ by nodes on the edge: both are solutions.
+            # Sets that come back although they leave no residual differ by nodes on the border: both are solutions.
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
             if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
@@ -310,10 +310,10 @@ class SemismoothNewton:
         return int(_SNES.CONVERGED_ITERATING)
 
     def _settled(self, residual: float, law: float) -> bool:
-        """Whether sets that stay are those of a solution.
+        """Whether sets that repeat are those of a solution.
 
-        The residual is that of the next sets.  Where directions turn these differ from those that the iterate was
-        computed with, by as much as the law is missed: then the residual of the latter counts.
+        The residual is that of the next sets.  If directions change, these differ from the sets that the iterate was
+        computed with by the residual of the law: then the residual with the latter counts.
         """
         tolerance = self.snes.getTolerances()[0]
         if self.problem.affine or law > tolerance or residual <= tolerance:
@@ -321,7 +321,7 @@ class SemismoothNewton:
         return self.problem.accept(self.x, self.problem.sets, tolerance)
 
     def _reason(self) -> Status:
-        """Why SNES ended, where it was not the test that ended it."""
+        """Why SNES ended, if it was not ended by the convergence test."""
         reason = self.snes.getConvergedReason()
         if reason > 0:
             return Status.CONVERGED

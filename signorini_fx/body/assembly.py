@@ -1,4 +1,4 @@
-"""What every form needs: facets as integration entities, measures, assembled vectors."""
+"""Tools for all forms: facets as integration entities, measures, assembled vectors."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def assemble(form: fem.Form) -> PETSc.Vec:
 
 
 def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
-    """a(function, .) where only the nodes ``blocks`` count: the lifting of a displacement prescribed there.
+    """a(function, .) with the values at the nodes ``blocks`` only: the lifting of a displacement prescribed there.
 
     dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
     """

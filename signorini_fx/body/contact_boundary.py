@@ -2,7 +2,7 @@
 
 With the nodal rule of ``forms.py`` the products on Gamma_c are sums over nodes,
 (lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
-rank may own none of the facets around it.  A node of two contact boundaries is two entries here, one for each normal.
+rank may own none of the facets around it.  A node of two contact boundaries has two entries here, one for each normal.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ContactBoundary:
         comm: the ranks that share the boundary.
         nodes: local number of the node (block of the function space), shape (n,).
         x: position, length, shape (n, d).
-        weight: w_i, the area (in the plane: length) that the node stands for, shape (n,).
+        weight: w_i, the area (in the plane: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
         free: which displacement components are not prescribed, shape (n, d).
@@ -64,8 +64,8 @@ class ContactBoundary:
 
     @cached_property
     def tangents(self) -> Nodal:
-        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1), see ``tangents_of``; where a component across
-        the normal is prescribed, one of them is along it.
+        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1), see ``tangents_of``; where a component
+        perpendicular to the normal is prescribed, one of them is along it.
         """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
@@ -83,9 +83,9 @@ class ContactBoundary:
 
     @property
     def immovable(self) -> npt.NDArray[np.bool_]:
-        """Nodes that cannot move along their normal: what is free at them is across it, shape (n,).
+        """Nodes that cannot move along their normal because they are free only perpendicular to it, shape (n,).
 
-        What the contact does to them there, the support takes.
+        The support takes the normal contact force at these nodes.
         """
         return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
@@ -94,7 +94,7 @@ class ContactBoundary:
         return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
 
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus of which loads the body."""
+        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body."""
         traction = pressure[:, None] * self.normal + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
 
@@ -107,7 +107,7 @@ class ContactBoundary:
         """The norm without the nodes where a support takes a part of the normal force; collective.
 
         A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
-        and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
+        and not a scale for the stress in the body.  If it is zero at all other nodes, all nodes count.
         """
         supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
         free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
@@ -117,9 +117,9 @@ class ContactBoundary:
 def tangents_of(normal: Nodal) -> Nodal:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
-    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space any two unit vectors
-    that make a right-handed frame (n, t_1, t_2) do (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8); nothing may
-    compare them from node to node.
+    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space they are any two unit
+    vectors of a right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be
+    compared from node to node.
     """
     if normal.shape[1] == 2:
         return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
@@ -182,7 +182,7 @@ def contact_part(
 def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
     """The part and the global node numbers of each facet, see ``ContactBoundary.segments``."""
     layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
-    # Vertices come first, then what is inside the facet: along a facet of the plane the second vertex is the last node.
+    # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
     closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
     if side == 1:
         closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
@@ -203,9 +203,9 @@ def chains(
     """Connected pieces of the boundary and the order of the nodes along them.
 
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
-    not depend on the numbers of nodes and ranks.
+    not depend on the numbering of nodes and the number of ranks.
     """
-    # Rounded, or round-off would choose among points that are meant to be in line.
+    # Rounded, because otherwise round-off would order points that are meant to be in line.
     x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}

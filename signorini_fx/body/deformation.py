@@ -1,9 +1,9 @@
-"""How much a body is deformed, against what linear elasticity can mean.
+"""How much a body is deformed, compared with the range of linear elasticity.
 
-Linear elasticity takes sym(grad u) for the strain, of which the true (Green's) strain is sym(grad u) + grad u^T grad u
-/ 2: what is neglected is of the size of grad u, strain and rotation, relative to what is not.  And it takes the gap
-along the normal of the undeformed body: where a point travels the distance d along a normal that turns by an angle,
-it meets the foundation off by d times this angle, as much as a body of size d is deformed by it.
+Linear elasticity uses sym(grad u) for the strain, while Green's strain is sym(grad u) + grad u^T grad u / 2: the
+relative size of the neglected part is that of grad u, strain and rotation.  It also measures the gap along the normal
+of the undeformed body: if a point moves the distance d along a normal that rotates by an angle, it meets the foundation
+off by d times this angle, as much as a body of size d is deformed by it.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from signorini_fx.body.discretisation import Body
 
 @dataclass(frozen=True)
 class Deformation:
-    """The deformation of a body, of its most deformed piece.
+    """The deformation of the most deformed piece of a body.
 
     Attributes:
         gradient: mean over the piece of the size of grad u (strain and rotation): the root of the mean square of its
             Frobenius norm; finite where single points are singular.
-        displacement: largest displacement of a node, over the size of the pieces that are joined to its own.
+        displacement: largest displacement of a node, relative to the size of the pieces that are joined to its own.
     """
 
     gradient: float
@@ -43,7 +43,7 @@ class Deformation:
 def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
     """How much a displacement deforms a body; collective.
 
-    grad u is taken at the middle of each cell.
+    grad u is evaluated at the midpoint of each cell.
     """
     pieces = body.motions.pieces
     squares, areas = _squares(body, displacement)

@@ -34,10 +34,10 @@ LOCKING_POISSON = 0.45
 
 @dataclass(frozen=True)
 class Body:
-    """What a scene makes of a mesh before any stiffness is assembled: all that its data say of the body.
+    """A scene on its mesh before any stiffness is assembled: all data of the body.
 
     Attributes:
-        scene: where it comes from.
+        scene: the scene.
         tagged: the mesh.
         space: vector Lagrange space Y_h of the displacement.
         lame: Lame parameters as coefficients of the forms.
@@ -45,7 +45,7 @@ class Body:
         supports: the prescribed displacements, one component each.
         fixed: which dofs of this rank are prescribed, shape (owned dofs,).
         applied: the loads, by their load factors.
-        boundary: the contact nodes, None for a scene without contact.
+        boundary: the contact nodes; None for a scene without contact.
         motions: motions without strain that the supports leave free.
         inventory: what was compiled and assembled; the elastic forms are named and compiled later.
     """
@@ -98,7 +98,7 @@ class Discretisation(Body):
 
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
-    """Compile and assemble what the scene lists.
+    """Compile and assemble the effects that the scene lists.
 
     Raises:
         SceneError: see ``prepare``.
@@ -108,12 +108,12 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
 
 
 def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
-    """Compile and assemble loads and contact boundaries, and find every mistake; collective.
+    """Compile and assemble loads and contact boundaries, and find all errors; collective.
 
     Raises:
-        SceneError: with every mistake that only the mesh reveals: boundaries and regions that are not there or empty,
+        SceneError: with all errors that only the mesh reveals: boundaries and regions that do not exist or are empty,
             contact and prescribed displacement in conflict, expressions that are not finite.
-        MeshError: the cells of the mesh do not hang together.
+        MeshError: the cells of the mesh are not connected.
     """
     facets = boundary_facets(scene, tagged)
     pieces = find_pieces(tagged.mesh)
@@ -251,7 +251,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
 
 
 def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
-    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points an axis."""
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
     degree, kind = scene.element.degree, mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
     requested = scene.element.volumetric

@@ -1,8 +1,8 @@
-"""The weak forms, one function per effect, each returning its UFL terms.  Symbols as in the paper, equation by number.
+"""The weak forms, one function per effect, each returning its UFL terms.  Symbols and equation numbers as in the paper.
 
 The contact terms are integrated with a rule whose points are the contact nodes (``nodal_rule``).  With it a nodal field
 is multiplied point by point, so that the terms of (3.3a) need to be assembled once, for unit multipliers, and
-everything after that is arithmetic on nodal values: ``regularised_contact_form`` below is what that arithmetic equals.
+everything after that is arithmetic on nodal values, which is equivalent to ``regularised_contact_form`` below.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def elastic_degree(cell: str, degree: int, geometry: int) -> int:
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
     hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
-    in the plane; it stands here because the certificate integrates without UFL.
+    in the plane; it is stated here because the certificate integrates without UFL.
     """
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
@@ -39,8 +39,8 @@ def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int 
             rest.
 
     Returns:
-        One term, or two where the volumetric one is reduced: FFCx 0.9 gets a form wrong that holds a one-point rule
-        beside another rule on quadrilaterals.
+        One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
+        rule and another rule on quadrilaterals.
     """
     dx = ufl.dx(metadata={"quadrature_degree": degree})
     if reduced is None:
@@ -95,7 +95,7 @@ def friction_form(shear: Any, z: Any, n: Any, ds: Any) -> Any:
 def regularised_contact_form(
     y: Any, z: Any, n: Any, ds: Any, *, gap: Any, gamma_n: Any, gamma_t: Any, bound: Any, lambda_hat: Any, mu_hat: Any
 ) -> Any:
-    """Contact and friction terms of (3.3a) with (3.3b) and (3.4) put in: the max/min form of the textbook.
+    """Contact and friction terms of (3.3a) with (3.3b) and (3.4) inserted: the max/min form of textbooks.
 
     Its UFL derivative is the generalised derivative (1.5).  The solver does not assemble it: it keeps the active sets
     as nodal indicators, which sigma of (3.3c) needs and which this form cannot express.  It is the reference that the

@@ -31,7 +31,7 @@ class AppliedLoad:
     Attributes:
         factors: one number per load step.
         name: of the form, empty without.
-        form: the compiled terms of L, None if there are prescribed displacements only.
+        form: the compiled terms of L; None if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
         prescribed: zero, with its prescribed displacements put in.
     """
@@ -49,19 +49,19 @@ class AppliedLoad:
         return values
 
 
-# Ten points on a facet: what they miss of a jump within it is in the error estimate (``data_error``).
+# Ten points on a facet: the error for a jump within it is part of the error estimate (``data_error``).
 _VARYING_DEGREE = 20
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """The right-hand side that an ``AppliedLoad`` becomes.
+    """The right-hand side of an ``AppliedLoad``.
 
     Attributes:
         factors: one number per load step.
-        load: L minus what its prescribed displacements contribute; E times their value in their rows.
-        start: zero, with its prescribed displacements put in.
-        resultant: what ``load`` does on the rigid motions of each piece of the body, forces, shape (m pieces,).
+        load: L minus the contribution of its prescribed displacements; E times their value in their rows.
+        start: zero, with its prescribed displacements inserted.
+        resultant: ``load`` on the rigid motions of each piece of the body, forces, shape (m pieces,).
     """
 
     factors: tuple[float, ...]
@@ -71,7 +71,7 @@ class LoadCase:
 
 
 def load_resultant(cases: tuple[LoadCase, ...], step: int, size: int) -> npt.NDArray[np.float64]:
-    """What the loads of a load step do on the rigid motions of the pieces, shape (size,)."""
+    """The loads of a load step on the rigid motions of the pieces, shape (size,)."""
     return sum((case.factors[step] * case.resultant for case in cases), np.zeros(size))
 
 
@@ -103,7 +103,7 @@ Load = BodyForce | SurfaceTraction | PrescribedDisplacement
 
 
 def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
-    """The loads of the scene by their load factors; zero loads are no loads."""
+    """The loads of the scene by their load factors; zero loads are left out."""
     groups: dict[tuple[float, ...], list[Load]] = {}
     for load in scene.loads:
         if isinstance(load, PrescribedDisplacement) or not is_zero(*stresses(load)):
@@ -117,7 +117,7 @@ def load_degree(degree: int) -> int:
 
 
 def traction_degree(load: SurfaceTraction, degree: int) -> int:
-    """Quadrature degree of a traction: one that varies may jump within a facet, where many points see it better."""
+    """Quadrature degree of a traction: one that varies may jump within a facet, and is integrated with many points."""
     return _VARYING_DEGREE if varies(load) else load_degree(degree)
 
 
@@ -143,7 +143,7 @@ def applied_load(
     """Compile and assemble the loads that share their factors; collective."""
     name, form = compile_loads(loads, space, z, facets, inventory)
     prescribed = fem.Function(space)
-    for effect, support in supports:  # a later one wins where two meet
+    for effect, support in supports:  # the later one applies where two meet
         dofs, _ = support.dof_indices()
         prescribed.x.array[dofs] = 0.0
         if any(effect is one for one in loads):
@@ -199,8 +199,8 @@ def load_case(
     Args:
         applied: the loads.
         elastic: the compiled terms of a(., .).
-        stiffness: whose rows the right-hand side belongs to.
-        supports: all of them.
+        stiffness: the matrix of the right-hand side.
+        supports: all prescribed displacements.
         fixed: which owned dofs are prescribed.
         young: the entries of the stiffness on the diagonal of the prescribed rows.
         motions: of the body.
@@ -216,7 +216,7 @@ def load_case(
 
 
 def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """What a load does on the rigid motions; only needed, and only taken, where one of them is free."""
+    """A load on the rigid motions; only needed, and only computed, if one of them is free."""
     if motions.free.shape[1] == 0:
         return np.zeros(motions.free.shape[0])
     forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, motions.x.shape[1])

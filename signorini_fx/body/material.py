@@ -12,7 +12,7 @@ from signorini_fx.scene.model import LinearElastic
 def lame_parameters(material: LinearElastic) -> tuple[float, float]:
     """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress.
 
-    Plane strain has those of space.
+    Plane strain has those of three dimensions.
     """
     young, poisson = material.young, material.poisson
     mu = young / (2 * (1 + poisson))
@@ -22,7 +22,7 @@ def lame_parameters(material: LinearElastic) -> tuple[float, float]:
 
 
 def plane_modulus(material: LinearElastic) -> float:
-    """Stress per strain along a line, nothing acting across it: E / (1 - nu^2) in plane strain, E in plane stress."""
+    """Stress per strain along a line without lateral stress: E / (1 - nu^2) in plane strain, E in plane stress."""
     return material.young / (1 - material.poisson**2) if material.hypothesis == "plane strain" else material.young
 
 
@@ -38,7 +38,7 @@ def stress(y: Any, lame: Any, mu: Any) -> Any:
 
 
 def out_of_plane_stress(y: Any, lame: Any, hypothesis: str) -> Any:
-    """The stress component sigma_33 that the strain has not: lambda tr(epsilon) in plane strain, zero in plane stress;
+    """The out-of-plane stress component sigma_33: lambda tr(epsilon) in plane strain, zero in plane stress;
     zero in space, where there is none.
     """
     if len(y) == 3:

@@ -1,8 +1,8 @@
-"""The connected pieces of a body: cells that hang together by their sides, and the points at which pieces are pinned.
+"""The connected pieces of a body: cells that are connected by their sides, and the points at which pieces are pinned.
 
-Forces pass from cell to cell through the sides that they share.  A body whose mesh falls into several pieces is
-therefore several bodies; where two pieces share a single vertex only, they are joined by a hinge.  In space the sides
-are faces, and vertices that two pieces share hold them together like ball joints.
+Cells transmit forces to each other through the sides that they share.  A body whose mesh consists of several pieces is
+therefore several bodies; if two pieces share a single vertex only, they are joined by a hinge.  In space the sides are
+faces, and vertices that two pieces share act like ball joints.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError
 
 _Labels = npt.NDArray[np.int64]
-# A body of more pieces is a mesh whose cells do not share their nodes; rigid motions are dense objects of their number.
+# With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects of this size.
 MOST_PIECES = 200
 
 
@@ -33,8 +33,8 @@ class Pieces:
         of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
         cells: number of cells of each piece, shape (pieces,).
         bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
-        pins: the pairs of pieces that share a vertex but no side through which they hang together, shape (pins, 2); a
-            pin may be listed more than once.
+        pins: the pairs of pieces that share a vertex but are not connected by sides, shape (pins, 2); a pin may be
+            listed more than once.
         pin_points: where they are, shape (pins, d).
         assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
     """
@@ -74,15 +74,15 @@ class Pieces:
 
 
 def extent(bounds: npt.ArrayLike) -> str:
-    """In words from where to where something reaches, from its smallest and largest coordinates, shape (2, d)."""
+    """The extent of something as text, from its smallest and largest coordinates, shape (2, d)."""
     return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
 
 
 def find_pieces(mesh: dmesh.Mesh) -> Pieces:
     """The connected pieces of a body, in the order of their smallest coordinates; collective.
 
-    Each rank labels the components of its own cells.  The labels of the sides between two ranks then say which of
-    these components are one piece, so that no rank ever holds the whole mesh.
+    Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
+    of these components are one piece, so that no rank ever holds the whole mesh.
 
     Raises:
         MeshError: there are more than ``MOST_PIECES``.
@@ -117,7 +117,7 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
     if count == 1:
         none = np.empty((0, dim))
         return Pieces(of_cell, numbers, bounds, none[:, :2].astype(np.int64), none, np.zeros(1, dtype=np.int64))
-    # Rounded, or round-off would choose among pieces that are meant to begin at the same place.
+    # Rounded, because otherwise round-off would order pieces that are meant to begin at the same place.
     size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
     order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
     place = np.argsort(order)
@@ -127,7 +127,7 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
 
 
 def _local_components(topology: Any) -> tuple[Any, _Labels]:
-    """The sides of the cells of this rank, and a label for each of its cells: those that share a side have one."""
+    """The sides of the cells of this rank, and a label for each of its cells: those that share a side have the same."""
     sides = topology.connectivity(topology.dim, topology.dim - 1)
     side_map = topology.index_map(topology.dim - 1)
     cells, count = sides.num_nodes, side_map.size_local + side_map.num_ghosts
@@ -136,18 +136,18 @@ def _local_components(topology: Any) -> tuple[Any, _Labels]:
         (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts), shape=(cells + count, cells + count)
     )
     _, found = connected_components(graph, directed=True, connection="weak")
-    return sides, found[:cells].astype(np.int64)  # every side has a cell, hence no label is without one
+    return sides, found[:cells].astype(np.int64)  # every side has a cell, so every label has one
 
 
 def _components(count: int, links: _Labels) -> tuple[int, _Labels]:
-    """Number of connected components of a graph of so many nodes, and the component of each."""
+    """Number of connected components of a graph with this number of nodes, and the component of each."""
     graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
     found, names = connected_components(graph, directed=False)
     return int(found), names.astype(np.int64)
 
 
 def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
-    """The label of a cell at each vertex or side (any of them, where there are several), -1 where there is no cell."""
+    """The label of a cell at each vertex or side (any of them, if there are several), -1 where there is no cell."""
     found = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
     found[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
     return found

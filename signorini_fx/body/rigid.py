@@ -1,8 +1,8 @@
 """Motions of the body without strain, and whether supports and contact resist them.
 
 A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
-rotations.  A body of several pieces has as many for each of them, less what the pins between pieces take away, where
-both must move alike.
+rotations.  A body of several pieces has as many for each of them, less those that the pins between pieces exclude,
+where both must move together.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.pieces import Pieces
 
-# Share of a motion, against the best held one, below which it counts as not held at all.
+# Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
 # Share of a motion that is only round-off.
 _ROUND_OFF = 1e-10
 
 _Floats = npt.NDArray[np.float64]
-# The axes between which each rotation turns, from the first to the second; in space the rotation about x[0] is first.
+# The two axes of each rotation, which turns the first towards the second; in space the rotation about x[0] is first.
 ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
 
 
@@ -37,9 +37,9 @@ class RigidMotions:
     Attributes:
         pieces: the connected pieces of the body, p of them.
         x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
-        piece: number of the piece that each of these nodes is in, shape (nodes,); where pieces are pinned any of them.
+        piece: number of the piece that each of these nodes is in, shape (nodes,); at pins any of them.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
-        length: size of each piece, by which its rotations are made comparable with translations, shape (p,).
+        length: size of each piece, which makes its rotations comparable with translations, shape (p,).
         free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
             moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
@@ -66,13 +66,13 @@ class RigidMotions:
         return moved
 
     def displacement(self, motion: _Floats) -> _Floats:
-        """What a motion, coefficients of shape (m p,), is at all nodes of this rank, shape (nodes, d)."""
+        """A motion with coefficients of shape (m p,) at all nodes of this rank, shape (nodes, d)."""
         own = motion.reshape(-1, self.each)[self.piece]
         moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
         return moved
 
     def resultant(self, forces: _Floats, comm: MPI.Comm) -> _Floats:
-        """What forces at the owned nodes, shape (owned nodes, d), do on the motions of each piece, shape (m p,);
+        """The work of forces at the owned nodes, shape (owned nodes, d), on the motions of each piece, shape (m p,);
         collective.
         """
         owned = slice(forces.shape[0])
@@ -102,7 +102,8 @@ class RigidMotions:
             boundary: the contact nodes.
             normal: the nodes in contact, shape (n,).
             stick: the nodes that stick, shape (n,).
-            turned: directions of slip across which nodes resist, too, shape (n, d - 1), zero where they do not.
+            turned: directions of slip; nodes also resist perpendicular to them, shape (n, d - 1); zero where they do
+                not.
         """
         unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
         if self.free.shape[1] == 0:
@@ -120,7 +121,7 @@ class RigidMotions:
         gram = parallel.global_sum(boundary.comm, np.vstack((rows.T @ rows, moved)))
         for number, columns, _ in self.assemblies():
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
-            # What the nodes resist of how far they move: below that it is the round-off of their positions.
+            # The resistance relative to the motion of the nodes: below this it is the round-off of their positions.
             real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
         return unresisted
@@ -132,7 +133,7 @@ class RigidMotions:
         stick: npt.NDArray[np.bool_],
         turned: _Floats | None = None,
     ) -> bool:
-        """Whether nodes in contact, sticking, and slipping across their direction resist every free motion, see
+        """Whether nodes in contact, sticking, and slipping in another direction resist every free motion, see
         ``unheld``; collective.
         """
         return not self.unheld(boundary, normal, stick, turned).any()
@@ -148,7 +149,7 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
 
     Args:
         x: the points.
-        centre: the point about which each of them turns, shape (n, d) or (d,).
+        centre: the point about which each of them rotates, shape (n, d) or (d,).
         length: the length at which a rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
@@ -194,7 +195,7 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
 
 
 def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
-    """Combinations of the motions of the pieces that the supports and the pins let happen, and their assemblies."""
+    """Combinations of the motions of the pieces that the supports and the pins allow, and their assemblies."""
     pieces, m = motions.pieces, motions.each
     columns: list[_Floats] = []
     numbers: list[int] = []
@@ -204,7 +205,7 @@ def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt
         gram = np.zeros((m * members.size, m * members.size))
         for piece, k in place.items():
             here = slice(m * k, m * k + m)
-            # However many nodes of a piece are prescribed, they weigh as much as one pin.
+            # All prescribed nodes of a piece together have the weight of one pin.
             gram[here, here] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
         for pin in range(len(pieces.pins)):
             one, other = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])

@@ -21,7 +21,7 @@ from signorini_fx.scene.model import PrescribedDisplacement, Scene
 def dirichlet_conditions(
     scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> list[tuple[PrescribedDisplacement, fem.DirichletBC]]:
-    """Dirichlet conditions, one a component; a later one wins where two meet."""
+    """Dirichlet conditions, one per component; where two meet the later one applies."""
     dim = space.mesh.topology.dim - 1
     supports = []
     for index, effect in enumerate(scene.displacement):
@@ -41,7 +41,7 @@ def dirichlet_conditions(
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
-    """(component, value) of what a displacement effect prescribes."""
+    """(component, value) of each prescribed component of a displacement effect."""
     if effect.normal is None:
         return [(k, value) for k, value in enumerate(effect.components) if value is not None]
     axis, sign = _axis(effect, index, tagged)
@@ -50,7 +50,7 @@ def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -
 
 
 def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tuple[int, float]:
-    """Axis and sign of the outward normal of a boundary that is flat across an axis."""
+    """Axis and sign of the outward normal of a flat boundary perpendicular to an axis."""
     mesh = tagged.mesh
     facets = tagged.facets(effect.boundary)
     dim = mesh.topology.dim
@@ -76,7 +76,7 @@ def fixed_dofs(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt
 def check_overlap(
     scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> None:
-    """A prescribed normal displacement on contact facets leaves nothing for contact to decide."""
+    """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
     problems = []
     for index, support in enumerate(scene.displacement):
         prescribed = np.zeros(tagged.dimension, dtype=bool)
@@ -90,7 +90,7 @@ def check_overlap(
                     (
                         f"displacement[{index}]",
                         f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
-                        f"contact boundary {effect.boundary!r}: take them out of one of the two",
+                        f"contact boundary {effect.boundary!r}: remove them from one of the two",
                     )
                 )
     if problems:

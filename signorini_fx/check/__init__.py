@@ -1,4 +1,4 @@
-"""What a scene will do, what it will cost and what may go wrong, said before it is solved.
+"""Checks of a scene before it is solved: what will be computed, what it will cost and what may go wrong.
 
 This package assembles no stiffness and solves nothing.
 """

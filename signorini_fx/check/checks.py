@@ -1,9 +1,9 @@
-"""What a scene is before it is solved: its effects, and what each of them adds.
+"""The effects of a scene, and what each of them adds, before the scene is solved.
 
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
-assembled as the solver does, so that every mistake that the solver would find in the scene or its mesh is found here.
+assembled as the solver does, so that every error that the solver would find in the scene or its mesh is found here.
 
-What may go wrong is said by ``findings``, what it will cost by ``cost``.
+``findings`` determines what may go wrong, ``cost`` estimates the cost.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class Effect:
 
     Attributes:
         name: what it is and where.
-        on: whether it takes part.
-        why: the reason, in the scene's words.
-        forms: the compiled forms that it has a term in.
-        unknowns: what it adds to the unknowns; a support takes away.
-        solves: linear solves that it adds: an estimate, from and to.
+        on: whether it is active.
+        why: the reason, in the terms of the scene.
+        forms: the compiled forms in which it has a term.
+        unknowns: the number of unknowns that it adds; negative for a support.
+        solves: estimate of the linear solves that it adds, from and to.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Check:
-    """What ``check_scene`` found out.
+    """The result of ``check_scene``.
 
     Attributes:
         title: of the scene.
@@ -83,7 +83,7 @@ class Check:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings whose level is warning."""
+        """The findings that are warnings."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
     def as_dict(self) -> dict[str, Any]:
@@ -92,12 +92,12 @@ class Check:
 
 
 def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
-    """Validate a scene together with its mesh, and say what it will do; collective, the same on every rank.
+    """Validate a scene together with its mesh, and report its effects; collective, the same on every rank.
 
     Raises:
         SceneError: the scene does not fit its mesh.
-        MeshError: the mesh cannot be had.
-        OptionsError: PETSc does not take an option that the user has set.
+        MeshError: the mesh cannot be read or generated.
+        OptionsError: PETSc does not accept an option that the user has set.
     """
     refuse_mistyped(comm)
     for coarse in coarser_scenes(scene, scene.solver.levels):
@@ -109,7 +109,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, RegularisedData | None]:
-    """The body, the friction law and the contact data of a scene, after everything that the solver looks at."""
+    """The body, the friction law and the contact data of a scene, after all checks of the solver."""
     d = prepare(scene, load_mesh(scene, comm), Timings())
     if scene.accuracy is not None:
         planned(scene, scene.accuracy, comm)
@@ -132,14 +132,14 @@ def _compares_meshes(scene: Scene) -> bool:
 
 
 def _estimated(scene: Scene) -> tuple[str, ...]:
-    """What the error estimate compiles."""
+    """The forms that the error estimate compiles."""
     forces = [load for load in scene.loads if isinstance(load, BodyForce | SurfaceTraction)]
     missed = _compares_meshes(scene) and any(loads.varies(load) for load in forces)
     return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
 def _forms(d: Body) -> tuple[str, ...]:
-    """What the solver will compile, in order."""
+    """The forms that the solver will compile, in order."""
     recovery = _estimated(d.scene) if d.boundary is not None and _estimates_error(d.scene) else ()
     return (*d.inventory.forms, *recovery)
 
@@ -224,7 +224,7 @@ def _contacts(d: Body) -> list[Effect]:
     if d.boundary is None:
         return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]
     found, nodes = [], contact_nodes(d)
-    # One effect after the other: the first contact costs the iteration, the first friction of a kind the rest of it.
+    # One effect after the other: the first contact counts for the iteration, the first friction of a kind for the rest.
     previous = (1, 1)
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
@@ -256,7 +256,7 @@ def _prescribed(effect: PrescribedDisplacement) -> str:
 
 
 def _traction(effect: SurfaceTraction) -> str:
-    """What acts, empty if nothing does."""
+    """The loads that act; empty if none does."""
     parts = (*zip("xyz", effect.components, strict=True), ("pressure", effect.pressure))
     return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not loads.is_zero(value))
 

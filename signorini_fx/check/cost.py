@@ -1,4 +1,4 @@
-"""An estimate of what a solve will cost: linear solves, seconds and memory.  It is a rule of thumb, and says so."""
+"""A rough estimate of the cost of a solve: linear solves, seconds and memory."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
     more = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
     size = math.log2(max(nodes / 2 ** (levels - 1), 4))
     low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], more, strict=True))
-    # A later load step starts from the sets of the one before, a finer mesh from those of the coarser one.
+    # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
     low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
     least, most = SOLVES_OF_FINER_MESH
     return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
@@ -108,7 +108,7 @@ def estimated_cost(d: Body) -> Cost:
             step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
             reason, once, each = "condensed", CONDENSING * factorisation, step
         else:
-            reason, once, each = f"full: {against or 'as asked for'}", 0.0, factorisation
+            reason, once, each = f"full: {against or 'set by the scene'}", 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     matrix = 12.0 * ROW_ENTRIES[dim] * n
     return Cost(
@@ -124,7 +124,7 @@ def estimated_cost(d: Body) -> Cost:
 
 
 def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
-    """A warning where the machine has too little memory; collective."""
+    """A warning if the machine has too little memory; collective."""
     there = parallel.machine_memory(comm)
     if cost.memory_bytes < MEMORY_SHARE * there:
         return []

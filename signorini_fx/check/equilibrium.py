@@ -1,7 +1,7 @@
 """Whether a scene is in equilibrium: which rigid motions supports and contact resist, which loads they balance.
 
-What is said here is proved: a linear body that is in equilibrium with its foundation is in equilibrium against every
-motion without strain that its supports leave free.
+The statements are proved: the forces on a linear body in equilibrium do no work on any motion without strain that its
+supports leave free.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from signorini_fx.contact.statics import (
 from signorini_fx.records import Finding
 
 _Rows = npt.NDArray[np.float64]
-# Pieces that a message lists one by one.
+# Number of pieces that a message lists.
 MOST_LISTED = 4
 
 
 def equilibrium(body: Body, law: FrictionLaw | None) -> list[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
-    Each assembly of pieces is judged by itself.
+    Each assembly of pieces is checked separately.
     """
     motions, boundary = body.motions, body.boundary
     if motions.free.shape[1] == 0:
@@ -68,8 +68,8 @@ def _equilibrium_of(
         motions: all motions.
         number: of the assembly.
         columns: its free motions, k of them.
-        contact: reactions of its contact nodes, None for a scene without contact.
-        loads: of each load step what it does on these motions, forces, shape (k,), and the sum of its nodal forces.
+        contact: reactions of its contact nodes; None for a scene without contact.
+        loads: for each load step its forces on these motions, shape (k,), and the sum of its nodal forces.
         has_friction: whether a friction law acts anywhere.
     """
     free = motions.free[:, columns]
@@ -103,7 +103,8 @@ def _equilibrium_of(
             "warning",
             "traction, body_force",
             f"{when}there is no static equilibrium{of_it}: the loads drive {away_in[0][1]}, which neither the supports "
-            "nor the contact can stop: turn the loads, prescribe a displacement, or raise the friction",
+            "nor the contact can stop: change the direction of the loads, prescribe a displacement, or raise the "
+            "friction",
         )
     assert contact is not None
     alone = "friction" if has_friction and null_space(contact.normal).shape[1] else "the contact alone"
@@ -123,7 +124,7 @@ def _equilibrium_of(
 
 
 def _runs(steps: list[int]) -> str:
-    """Numbers in order, runs of them shortened."""
+    """Numbers in order, with runs of them abbreviated."""
     runs: list[list[int]] = []
     for step in steps:
         if runs and step == runs[-1][-1] + 1:

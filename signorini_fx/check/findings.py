@@ -1,7 +1,7 @@
-"""What to know of a scene and its result: what may go wrong, and what to do about it.
+"""Findings about a scene and its result: what may go wrong, and what to do about it.
 
-``checks`` says it before a scene is solved, ``solver`` with the solution; both by the functions of this module, from
-data that they have anyway.  What is said of gaps and of uniqueness is a rule of thumb, and says so.
+``checks`` reports them before a scene is solved, ``solver`` with the solution; both call the functions of this module
+with data that they have anyway.  Findings about gaps and uniqueness are rules of thumb, and their messages say so.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
 from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
 
 _Rows = npt.NDArray[np.float64]
-# A gap this many times larger than the estimated displacements is called out.
+# There is a warning if the gap is this many times larger than the estimated displacements.
 _FAR = 10.0
 
 
 def scene_findings(
     body: Body, law: FrictionLaw | None, data: RegularisedData | None, *, estimates: bool = True
 ) -> list[Finding]:
-    """What the scene and its mesh say; collective, the same on every rank.
+    """Findings about the scene and its mesh; collective, the same on every rank.
 
     Args:
         body: the scene and its mesh.
-        law: its friction law, None without.
-        data: its contact data, None without contact.
-        estimates: whether to say what is only estimated of displacements: a solution knows better.
+        law: its friction law; None without friction.
+        data: its contact data; None without contact.
+        estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     scene = body.scene
     found = [*_pieces(body), *_locking(body), *equilibrium(body, law)]
-    # Without an estimate all that counts is whether anything acts at all.
+    # Without an estimate it only matters whether anything acts at all.
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
         found += _large_displacements(body, moved)
@@ -79,25 +79,25 @@ def _locking(body: Body) -> list[Finding]:
 
 
 def result_findings(deformations: Sequence[Deformation], *, touching: bool | None) -> list[Finding]:
-    """What a result says, whatever its scene looked like.
+    """Findings about a result.
 
     Args:
-        deformations: of each load step.
-        touching: whether there is contact anywhere; None for a scene without.
+        deformations: that of each load step.
+        touching: whether there is contact anywhere; None for a scene without contact.
     """
     found = []
     worst = max(deformations, key=lambda deformation: deformation.largest)
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
     if worst.gradient > SMALL_DEFORMATION:
         message = (
-            f"strains and rotations of {worst.gradient:.2g} on average, {far}: this is no small deformation, of which "
-            "alone linear elasticity speaks; check the units of E, of the loads and of the lengths"
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
+            "linear elasticity assumes; check the units of E, of the loads and of the lengths"
         )
         found.append(Finding("warning", "material, traction, body_force, displacement", message))
     elif worst.displacement > SMALL_DEFORMATION:
         message = (
-            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body travels, while gap and "
-            "normals are those of where it was; check the gap and the unit of lengths"
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
+            "normals are those of its initial position; check the gap and the unit of lengths"
         )
         found.append(Finding("warning", "contact.gap, displacement", message))
     if touching is False:
@@ -118,8 +118,8 @@ def _pieces(body: Body) -> list[Finding]:
     ]
     hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
     message = (
-        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each must be held by itself: "
-        f"{listed}{more}{hinges}; where one body is meant let the cells share their nodes (in gmsh: fragment)"
+        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
+        f"{listed}{more}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
     )
     return [Finding("note", "mesh", message)]
 
@@ -155,14 +155,14 @@ def _gaps(body: Body, data: RegularisedData, moved: float, *, estimates: bool) -
                 "warning",
                 "contact.gap",
                 f"the smallest gap is {smallest:g}, while prescribed displacements and loads move the body by about "
-                f"{moved:.1g} (an estimate): contact will hardly ever close; check the gap and the units",
+                f"{moved:.1g} (an estimate): contact is unlikely to close; check the gap and the units",
             )
         )
     return found
 
 
 def _heights(body: Body) -> list[Finding]:
-    """Gaps that look like the height above the foundation, where they are measured along normals that turn."""
+    """Gaps that look like the height above the foundation although they are measured along varying normals."""
     boundary = body.boundary
     assert boundary is not None
     found = []
@@ -173,7 +173,7 @@ def _heights(body: Body) -> list[Finding]:
         step = _STEP * body.tagged.size
         slope = _slope(effect.gap, boundary.x[here], step)
         for direction in _fall_lines(slope, boundary.comm):
-            # A height falls by one per unit of length along its direction, wherever the foundation is.
+            # A height decreases by one per unit of length along its direction, wherever the foundation is.
             heights = np.abs(slope @ direction + 1.0) <= _SAME_SLOPE
             along = boundary.normal[here] @ direction
             count, number, total = parallel.global_sum(
@@ -185,7 +185,7 @@ def _heights(body: Body) -> list[Finding]:
                 told = ", ".join(rounded(c) for c in direction)
                 message = (
                     f"it looks like the distance to the foundation along ({told}), but it is measured along the "
-                    f"normals, which turn by up to {turned:.0f} degrees from there: write direction = [{told}], or "
+                    f"normals, which deviate from it by up to {turned:.0f} degrees: write direction = [{told}], or "
                     "give the distance along the normals"
                 )
                 found.append(Finding("warning", f"contact[{index}].gap", message))
@@ -193,14 +193,14 @@ def _heights(body: Body) -> list[Finding]:
     return found
 
 
-# A gap is a height if it falls by one along a direction, up to this; normals turn if by more than so many degrees.
+# A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.
 _SAME_SLOPE, _TURNED = 1e-5, 5.0
-# Step of the differences, over the size of the body.
+# Step of the differences, relative to the size of the body.
 _STEP = 1e-4
 
 
 def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
-    """Gradient of a gap by differences, shape (n, d); infinite where it cannot be had."""
+    """Gradient of a gap by differences, shape (n, d); infinite where it is not defined."""
     slope = np.full(x.shape, np.inf)
     for axis in range(x.shape[1]):
         values = []
@@ -226,13 +226,13 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
 
 
 def _large_displacements(body: Body, moved: float) -> list[Finding]:
-    """Loads under which linear elasticity is not what is expected; as a rule two units do not agree."""
+    """Loads that are too large for linear elasticity; usually two units are inconsistent."""
     size = body.tagged.size
     if moved < size:
         return []
     message = (
         f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
-        "no small deformation; check the units of E and of the loads"
+        "the deformation is not small; check the units of E and of the loads"
     )
     return [Finding("warning", "material, traction, body_force, displacement", message)]
 
@@ -244,7 +244,7 @@ def _acts(body: Body) -> bool:
 
 
 def _displacement_scale(body: Body, step: int) -> float:
-    """Largest prescribed displacement, and what a beam of the body's outline would bend under the loads, a length."""
+    """Largest prescribed displacement, and the deflection of a beam of the body's outline under the loads, lengths."""
     owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
     force = float(load_on(body, step)[1].sum())
@@ -260,13 +260,13 @@ def _displacement_scale(body: Body, step: int) -> float:
 def friction_indication(material: LinearElastic) -> float:
     """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
 
-    An indication, no theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential displacement,
-    and this the pressure; for every k, the fixed point that Coulomb friction is contracts below this coefficient
+    This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
+    displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
     (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound for
     uniqueness that is both proved and independent of the mesh is not known: a solution exists for every coefficient in
-    two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound that falls to zero
-    with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples with several solutions
-    are known.
+    two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound that decreases to
+    zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples with several
+    solutions are known.
     """
     nu = material.poisson
     if material.hypothesis == "plane stress":
@@ -286,25 +286,25 @@ def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None
                     "warning",
                     f"contact[{index}].friction.coefficient",
                     f"F = {largest:g} is above {limit:.3g} (an indication from the half-plane, no proven bound): the "
-                    "problem may have several solutions and the fixed point may not contract; compare solutions from "
-                    "different solver.initial_contact, and try solver.coulomb = 'newton'",
+                    "problem may have several solutions and the fixed-point iteration may not contract; compare "
+                    "solutions from different solver.initial_contact, and try solver.coulomb = 'newton'",
                 )
             )
     return found
 
 
 def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list[Finding]:
-    """Gamma and sigma against E over the size of the body."""
+    """Gamma and sigma compared with E over the size of the body."""
     settings, found = scene.solver, []
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
     if not scene.has_friction:
         del gammas["gamma_t"]
-    # Path-following looks for gamma itself; exact ends without.
+    # Path-following determines gamma itself; the result of exact does not depend on it.
     for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
         if gamma > LARGEST_GAMMA * natural:
             message = (
                 f"{gamma:g} is above {LARGEST_GAMMA * natural:.1g}, {LARGEST_GAMMA:g} times E over the size of the "
-                "body: round-off takes the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
+                "body: round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
             )
             found.append(Finding("warning", f"solver.{name}", message))
         if gamma < START_GAMMA * natural and settings.algorithm != "alm":
@@ -322,7 +322,7 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
 
 
 def _monolithic(scene: Scene) -> list[Finding]:
-    """Where coulomb = newton is not what will be done."""
+    """A note if coulomb = newton cannot be used."""
     if scene.solver.coulomb != "newton" or not scene.has_coulomb:
         return []
     capped = any(isinstance(c.friction, CoulombFriction) and c.friction.cap is not None for c in scene.contact)
@@ -334,5 +334,7 @@ def _monolithic(scene: Scene) -> list[Finding]:
     if not given:
         return []
     return [
-        Finding("note", "solver.coulomb", f"newton does not go with {' and '.join(given)}: the fixed point is used")
+        Finding(
+            "note", "solver.coulomb", f"newton cannot be combined with {' and '.join(given)}: the fixed point is used"
+        )
     ]

@@ -1,4 +1,4 @@
-"""What ``check`` found out, for a terminal."""
+"""The result of ``check`` as text for a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from signorini_fx.check.cost import Cost
 
 
 def render(check: Check) -> str:
-    """A check for a terminal."""
+    """The result of a check as text."""
     rows = [("effect", "", "why", "form", "unknowns", "linear solves")]
     for effect in check.effects:
         unknowns = f"{effect.unknowns:+d}" if effect.unknowns else ""

@@ -1,6 +1,6 @@
-"""The command line: words in, exit code out.
+"""The command line: from arguments to an exit code.
 
-Help and mistakes in a scene come without importing dolfinx; text is printed by one rank.  Nothing imports this package.
+Help and errors in a scene need no import of dolfinx; text is printed by one rank.  Nothing imports this package.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code is the same on every rank."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
-        del sys.argv[1:]  # dolfinx reads them when it is imported, and does not survive what is not UTF-8
+        del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
     terminal.prepare()
     petsc_options: list[str] = []
     if "--" in arguments:

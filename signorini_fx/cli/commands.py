@@ -1,4 +1,4 @@
-"""What each command does with its options; those on one process return what to print, the others the exit code."""
+"""The commands; those that run on one process return the text to print, the others the exit code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def _read_scene(options: argparse.Namespace, changes: dict[str, dict[str, Any]] | None = None) -> Scene:
-    """The scene on every rank, with changes table by table; PETSc is started with the options of the user."""
+    """The scene on every rank, with overrides table by table; PETSc is started with the options of the user."""
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -73,7 +73,7 @@ def solve(options: argparse.Namespace) -> int:
 
 
 class _Progress:
-    """How far a solve has come: an observer of its history, and what an interruption says."""
+    """The progress of a solve: an observer of its history, and the text of an interruption."""
 
     def __init__(self) -> None:
         self.solves = self.meshes = 0
@@ -90,12 +90,12 @@ class _Progress:
         if self.solved:
             return " while the results were written: they are not kept"
         mesh = f" on mesh {self.meshes}" if self.meshes else ""
-        kept = f": the mesh before is in {self.last_level}/" if self.last_level else ": nothing is complete yet"
+        kept = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
         return f" after {self.solves} linear solves,{mesh}{kept}".replace(",:", ":")
 
 
 def work_precision(options: argparse.Namespace) -> int:
-    """Compare all methods on a scene, and say which is cheapest."""
+    """Compare all methods on a scene, and report which one is cheapest."""
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -110,7 +110,7 @@ def work_precision(options: argparse.Namespace) -> int:
     from signorini_fx.studies.files import write_study
     from signorini_fx.studies.work_precision import run_study
 
-    with ResultFolder(comm, path) as folder:  # find out early that it cannot be written
+    with ResultFolder(comm, path) as folder:  # fail early if it cannot be written
         study = run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
         try:
             write_study(study, folder.part)
@@ -122,7 +122,7 @@ def work_precision(options: argparse.Namespace) -> int:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print what a scene will do, without solving it."""
+    """Print the effects, cost and findings of a scene, without solving it."""
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -169,14 +169,14 @@ def new(options: argparse.Namespace) -> str:
         with file.open("x", encoding="utf-8") as out:
             out.write(starting_scene())
     except FileExistsError:
-        raise OutputError(f"{file}: is there already: give another name, or remove it") from None
+        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
     except (OSError, ValueError) as error:
         raise cannot_be_written(file, error) from None
-    return f"{file} is a scene that solves as it is; change it, then: signorini-fx check {file}"
+    return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
 
 
 def report(options: argparse.Namespace) -> str:
-    """Write the page of a result folder."""
+    """Write the report of a result folder."""
     from signorini_fx.report.page import write_report
 
     return str(write_report(options.folder, options.out))

@@ -14,7 +14,7 @@ from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
-_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; limits are in ulimit -a"
+_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
 _PATIENCE = 1.0  # seconds
 
 
@@ -24,7 +24,7 @@ def _complain(text: object) -> int:
 
 
 def on_one_process(run: Callable[[], str]) -> int:
-    """Run a command that one of several processes does, and print what it gives."""
+    """Run a command on one of several processes, and print its result."""
     if not started_as_root():
         return EXIT_OK
     try:
@@ -44,7 +44,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
 
     Args:
         run: the command; returns the exit code.
-        source: what to call the scene in messages; None: the command has none.
+        source: name of the scene in messages; None: the command has none.
     """
     from signorini_fx.machine.requirements import check_fenicsx, check_machine
 
@@ -58,17 +58,17 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
     comm = MPI.COMM_WORLD
 
     def end(code: int) -> int:
-        """An error that only one rank meets would leave the others waiting for ever."""
+        """An error on a single rank would leave the others waiting for ever."""
         if comm.size > 1:
             comm.Abort(code)
         return code
 
-    # mpirun and batch systems ask with SIGTERM, and kill soon after.
+    # mpirun and batch systems send SIGTERM, and kill soon after.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = run()
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
-    except SignoriniError as error:  # these come on all ranks alike
+    except SignoriniError as error:  # these are raised on all ranks
         _forget_petsc_options()
         if isinstance(error, SceneError) and source is not None:
             error = error.of(source)
@@ -80,7 +80,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
     except Exception as error:
         told = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
         if told is not None:
-            if comm.rank > 0:  # if the first rank has met it too, it has ended this one by then
+            if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
                 time.sleep(_PATIENCE)
             return end(_complain(told))
         traceback.print_exc()
@@ -90,7 +90,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
 
 
 def _forget_petsc_options() -> None:
-    """At its end PETSc lists options that nobody has used, and obeys others: not after an error that comes before."""
+    """At its end PETSc lists unused options and obeys others; this is switched off after an earlier error."""
     if "petsc4py.PETSc" in sys.modules:
         from petsc4py import PETSc
 
@@ -100,7 +100,7 @@ def _forget_petsc_options() -> None:
 
 
 def _refused_by_petsc(error: Exception) -> SignoriniError | None:
-    """What to say of an error of PETSc that options of the user may have caused."""
+    """The message for an error of PETSc that options of the user may have caused."""
     if "petsc4py" not in sys.modules:
         return None
     from petsc4py import PETSc

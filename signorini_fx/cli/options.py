@@ -1,4 +1,4 @@
-"""The words of the command line: commands, their options, and what they say in place of the scene."""
+"""The grammar of the command line: commands, their options, and the keys of the scene that they override."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
 
 
 class _Parser(argparse.ArgumentParser):
-    """Prints on one rank, and ends with the exit code of bad input."""
+    """A parser that prints on one rank, and ends with the exit code of bad input."""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if message and started_as_root():
@@ -32,7 +32,7 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     after = (
-        "What follows -- goes to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
+        "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
         "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted."
     )
     main = _Parser(
@@ -56,23 +56,23 @@ def parser() -> argparse.ArgumentParser:
     )
     quantities = ("energy", "pressure", "force", "zone", "peak")
     solve.add_argument(
-        "--of", choices=quantities, help="what the accuracy is asked of (overrides accuracy.of; default: energy)"
+        "--of", choices=quantities, help="quantity that must be accurate (overrides accuracy.of; default: energy)"
     )
-    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles where the error is")
+    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles adaptively")
     solve.add_argument(
         "--budget",
         action="append",
         type=parsed_budget,
         metavar="60s|4GB",
-        help="what the accuracy may cost, in s, min or h, or in MB or GB; may be repeated",
+        help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    check = commands.add_parser("check", help="say what a scene will do and what may go wrong, without solving it")
+    check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    report = commands.add_parser("report", help="make one HTML page of a result folder, to read, print and send")
+    report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: report.html in the folder)")
     show = commands.add_parser("open", help="show the page of a result folder in the browser")
@@ -80,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("compare", help="put two result folders side by side")
     compare.add_argument("one", type=Path, metavar="FOLDER", help="result folder")
     compare.add_argument("other", type=Path, metavar="OTHER", help="result folder to compare it with")
-    study = commands.add_parser("work-precision", help="say which method is cheapest for which accuracy, by trying all")
+    study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
     study.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
     study.add_argument(
         "--out", type=Path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
@@ -88,12 +88,12 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument(
-        "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="where to (default: %(default)s)"
+        "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="the file (default: %(default)s)"
     )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
     convert.add_argument("source", type=Path, metavar="IN", help=f"mesh: {_READ}")
     convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
-    info = commands.add_parser("mesh-info", help="say what a mesh file holds: names, counts, quality, what is unnamed")
+    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
     info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
     for one in (convert, info):
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 _NUMBER = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*"
-# Ending -> key of the scene, and what one of it is there: seconds, GB.
+# Unit -> key of the scene, and the size of the unit there: seconds, GB.
 _BUDGETS = {
     **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
     **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
@@ -131,7 +131,7 @@ def parsed_budget(text: str) -> tuple[str, float]:
 
 
 def overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """What the command line says in place of the scene, table by table."""
+    """The entries of the scene that the command line overrides, table by table."""
     accuracy = {
         "target": options.accuracy,
         "of": options.of,

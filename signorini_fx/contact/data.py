@@ -39,7 +39,7 @@ def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
 
 
 def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: FrictionLaw | None) -> RegularisedData:
-    """The regularised problem that the scene asks for, with no shifts and the given part of the friction bound."""
+    """The regularised problem of the scene, without shifts and with the given part of the friction bound."""
     gap = np.zeros(boundary.size)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
@@ -60,7 +60,7 @@ def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: F
 
 
 def bilateral_nodes(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
-    """The nodes whose contact cannot open, None if the scene has none."""
+    """The nodes whose contact cannot open; None if the scene has none."""
     parts = [index for index, effect in enumerate(scene.contact) if isinstance(effect, BilateralContact)]
     return np.isin(boundary.part, parts) if parts else None
 
@@ -80,7 +80,7 @@ def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], p
 
 
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
-    """The sets of the first linear solve and its number (section 7: a solve that only makes the start has number 0)."""
+    """The sets of the first linear solve and its number (section 7: 0 if a solve only computes the start)."""
     region = scene.solver.initial_contact
     every = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
     if isinstance(region, str):

@@ -1,9 +1,9 @@
 """Active sets that hold the body: what to do with sets that would leave a rigid motion free.
 
 A linear step with such sets has no solution although the problem may have one: the sets of an iterate are only a guess.
-Statics decides first: if no admissible contact tractions could balance the load, nothing holds the body, and that is
-said by name.  Otherwise some of the nodes that are about to be released are kept, half of them if that is enough, those
-that ask for it least.
+Statics decides first: if no admissible contact tractions could balance the load, nothing holds the body, and a status
+says so.  Otherwise some of the nodes that are about to be released are kept, half of them if that is enough, those that
+are closest to staying.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ def hold(
     resultant: npt.NDArray[np.float64],
     escaping: Callable[[], npt.NDArray[np.bool_]],
 ) -> tuple[ActiveSets, Status | None, bool]:
-    """Sets near ``following`` that hold the body, or how the body gets away; collective.
+    """Sets near ``following`` that hold the body, or the status if it moves away; collective.
 
     Args:
-        following: the sets that the iterate asks for.
+        following: the sets that follow from the iterate.
         sets: those that it was computed with.
         pressure: lambda of the iterate with ``sets``.
         shear: mu of the iterate with ``sets``.
         data: the problem.
         boundary: the contact nodes.
         motions: rigid motions of the body.
-        resultant: what the load does on the rigid motions of the pieces, shape (m pieces,).
+        resultant: the load on the rigid motions of the pieces, shape (m pieces,).
         escaping: gives the assemblies that no admissible tractions can keep, see ``statics.unbalanced``.
 
     Returns:
-        The sets, the name of the outcome where there is no equilibrium, and whether the sets differ from ``following``.
+        The sets, the status if there is no equilibrium, and whether the sets differ from ``following``.
     """
     unresisted = motions.unheld(boundary, following.contact, _stick(following, data))
     if not unresisted.any():
@@ -64,11 +64,11 @@ def hold(
         # Without a load a pressure is round-off.
         pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
         return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
-    # In space a slipping node, too, resists what would turn its slip.
+    # In space a slipping node, too, resists a change of its direction of slip.
     unresisted = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
     if not unresisted.any():
         return following, None, False
-    here = unresisted[assembly]  # what the sets hold is left to them
+    here = unresisted[assembly]  # only motions that the sets do not resist
     slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
@@ -79,7 +79,8 @@ def hold(
             held = replace(following, contact=following.contact | kept_contact).sticking(stick)
             if motions.held_by(boundary, held.contact, _stick(held, data), held.turned):
                 return held, None, True
-    # The iterate is still far from a solution: hold the body with all that could, and let the next iterates release.
+    # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
+    # release.
     contact = following.contact | (here & sets.contact)
     everything = replace(following, contact=contact).sticking(here & contact & able)
     if motions.held_by(boundary, contact, _stick(everything, data), everything.turned):
@@ -94,17 +95,17 @@ def fewest_constraints(
     boundary: ContactBoundary,
     motions: RigidMotions,
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """A few nodes that, tied to where they are, hold a body that the sets do not hold; collective.
+    """A few nodes that, fixed in their position, hold a body that the sets do not hold; collective.
 
     Args:
         sets: the sets.
-        opening: by how much open nodes violate contact, stress; infinite where a node cannot be tied along its normal.
-        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be tied sideways.
+        opening: by how much open nodes violate contact, stress; infinite where a node cannot be fixed along its normal.
+        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be fixed tangentially.
         boundary: the contact nodes.
         motions: rigid motions of the body.
 
     Returns:
-        Nodes to tie along their normal, and sideways: those with the least violation, as many as it takes.
+        Nodes to fix along their normal, and tangentially: those with the least violation, as many as needed.
     """
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
     stick = ~sets.slip & np.isfinite(slipping)
@@ -144,7 +145,7 @@ def _count(boundary: ContactBoundary, places: npt.NDArray[np.int64]) -> int:
 
 
 def _shares(count: int) -> list[float]:
-    """Half, three quarters, ... of the candidates, at last all but one; nothing where there is only one."""
+    """Half, three quarters, ... of the candidates, finally all but one; nothing if there is only one."""
     shares = [1 - 0.5**power for power in range(1, 64) if 0.5**power * count > 1]
     return [*shares, 1 - 1 / count] if count > 1 else []
 

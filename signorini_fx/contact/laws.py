@@ -10,7 +10,7 @@ shear, and its shear for fixed sets is
 
     mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
 
-with e and k of the iterate before: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
+with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
 form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
 572-596, for the disc).  In R^1 the second term vanishes.
 """
@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 Nodal = npt.NDArray[np.float64]
 
-# A shear within this share of its bound is at the bound: then the slip decides, not round-off.
+# A shear within this share of its bound is at the bound, so that the slip decides and not round-off.
 _AT_BOUND = 1e-12
 
 
@@ -56,8 +56,8 @@ class ActiveSets:
         slip: True on A_f, False on I_f (stick), shape (n,).
         direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on
             A_f,-.
-        turning: k, stress per length: how the shear follows a slip across its direction, shape (n,); without effect in
-            the plane.
+        turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
+            without effect in the plane.
     """
 
     contact: npt.NDArray[np.bool_]
@@ -80,14 +80,14 @@ class ActiveSets:
     def side(self) -> npt.NDArray[np.int8]:
         """+1 and -1 on A_f,+ and A_f,- of the plane, in space +1 on all of A_f; 0 on I_f, shape (n,).
 
-        In space no more can be said without the tangents that somebody chose.
+        In space a sign would depend on the choice of tangents.
         """
         signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
         return signs.astype(np.int8)
 
     @property
     def turned(self) -> Nodal:
-        """The directions of the points whose shear resists a slip across them, shape (n, d - 1), zero at the others."""
+        """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1); zero at the others."""
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
     def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
@@ -107,7 +107,7 @@ class ActiveSets:
 
 @dataclass(frozen=True)
 class RegularisedData:
-    """The data of the regularised problem (P_gamma) on the contact points: all that outer algorithms ever change.
+    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
 
     Attributes:
         gap: d, length, shape (n,).
@@ -121,7 +121,8 @@ class RegularisedData:
             ``bound``, shape (n,); None where the bound is given.
         bilateral: points whose contact cannot open, shape (n,); None: there are none.
         slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
-            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the step before.
+            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
+            step.
     """
 
     gap: Nodal
@@ -148,12 +149,12 @@ class RegularisedData:
 
 
 def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
-    """The tangential displacement that friction acts against, length, shape (n, d - 1)."""
+    """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
     return u_t if data.slip_origin is None else u_t - data.slip_origin
 
 
 def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
-    """The contact set with the bilateral points, which belong to it always."""
+    """The contact set with the bilateral points, which always belong to it."""
     return contact if data.bilateral is None else contact | data.bilateral
 
 
@@ -189,7 +190,7 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
         return pressure, np.zeros_like(u_t)
-    # A point about to leave has a negative pressure for one step, and its bound follows: the map stays affine.
+    # A point that is about to open has a negative pressure for one step, and a negative bound: the map stays affine.
     bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
     trial = trial_shear(u_t, data)
     turned = (sets.turning / data.gamma_t)[:, None] * sets.across(trial)
@@ -210,7 +211,7 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
     A point slips where |mu + xi / sigma| > F g, in the direction of that sum.  In the plane this is (3.3c); with sigma
-    infinite mu decides, and xi where mu is at its bound.  A point whose bound is zero transmits nothing and belongs to
+    infinite mu decides, and xi where mu is at its bound.  A point whose bound is zero transmits no shear and belongs to
     the side to which it moves; ``transmitting`` leaves it out.
     """
     trial = trial_pressure(u_n, data)
@@ -254,10 +255,10 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """The sets without stick where nothing can be transmitted: the bound is zero, or follows a pressure that is.
+    """The sets without stick where no shear can be transmitted: the bound, or the pressure that it depends on, is zero.
 
-    In the plane these points slip along the tangent, in space without a direction: none is distinguished.  Where the
-    bound is infinite all stick.
+    In the plane these points slip along the tangent, in space without a direction, because none is distinguished.
+    Where the bound is infinite all stick.
     """
     if data.bound is None:
         return sets
@@ -278,7 +279,7 @@ def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
 def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length, shape (n, d, d).
 
-    Symmetric unless the bound follows the pressure.
+    Symmetric unless the bound depends on the pressure.
     """
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
@@ -296,7 +297,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
 
 
 def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
-    """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, given friction only."""
+    """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, for a given bound only."""
     contact = keep_closed(trial_pressure(u_n, data) > 0, data)
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
@@ -304,7 +305,7 @@ def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
     slip = length(trial) > data.bound
     transmits = data.bound > 0
     direction = np.where((slip & transmits)[:, None], unit(trial), 0.0)
-    # Nothing is transmitted where the bound is zero; the direction is a matter of form.
+    # No shear is transmitted where the bound is zero; the direction has no effect.
     direction = np.where(transmits[:, None], direction, unit(motion))
     return ActiveSets.of(contact, direction, _turning(direction, motion, data.bound, data))
 
@@ -312,7 +313,7 @@ def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
 def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
     """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
 
-    Zero in the plane once the sets repeat.  In space a direction may still turn while the sets stay.
+    Zero in the plane once the sets repeat.  In space a direction may still change while the sets stay the same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
     if data.bound is None:

@@ -1,9 +1,10 @@
 """The contact map B: from the unknowns of an elastic system to the relative displacement at the contact points.
 
 Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows per point with the
-normal one first; its columns are the unknowns of the system that it belongs to.  Everything that contact does to a
-system is said with it: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape
-(d, d) per point.  With the nodal rule of a rigid foundation B selects and rotates; a condensed, a turned or a coarsened
+normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
+a
+system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape
+(d, d) per point.  With the nodal rule of a rigid foundation B selects and rotates; a condensed, rotated or coarsened
 system has the product of B with its own change of unknowns.
 """
 
@@ -29,7 +30,7 @@ class ContactMap:
     Attributes:
         operator: B, d rows for each of the n contact points of this rank.
         dimension: d.
-        weight: w, the area (per unit thickness: length) that a point stands for, shape (n,).
+        weight: w, the area (per unit thickness: length) of a point, shape (n,).
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
     """
 

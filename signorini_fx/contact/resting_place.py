@@ -1,6 +1,6 @@
-"""Where a body that is not held comes to rest on its foundation: the origin from which displacements are counted.
+"""Where a body that supports do not hold comes to rest on its foundation: the origin of its displacements.
 
-A body that first drops by a millimetre and then is deformed by a nanometre would have its contact forces computed as
+If a body first drops by a millimetre and is then deformed by a nanometre, its contact forces would be computed as
 differences of numbers that agree in six digits.  Measured from the place where the rigid body touches its foundation,
 displacements and gaps are as small as the deformation, and so is their round-off.
 """
@@ -24,7 +24,7 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Rest:
-    """A rigid motion, and what it is at the contact nodes.
+    """A rigid motion, and its components at the contact nodes.
 
     Attributes:
         motion: coefficients of the rigid motions of each piece of the body, lengths, shape (m pieces,).
@@ -37,7 +37,7 @@ class Rest:
     u_t: Nodal
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
-        """The problem for displacements that are counted from here."""
+        """The problem for displacements that are counted from this place."""
         slip_origin = data.slip_origin
         if self.u_t.any():
             slip_origin = (0.0 if slip_origin is None else slip_origin) - self.u_t
@@ -50,11 +50,11 @@ def resting_place(
     motions: RigidMotions,
     resultant: npt.NDArray[np.float64],
 ) -> Rest | None:
-    """Where the load takes the rigid body; None where nothing stops it without friction, or supports hold it;
+    """Where the load moves the rigid body; None if nothing stops it without friction, or if supports hold it;
     collective.
 
     The work of the load is largest over the rigid motions that do not enter the foundation: a linear programme with
-    as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest each by itself.
+    as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest separately.
     """
     if motions.free.shape[1] == 0:
         return None
@@ -75,7 +75,7 @@ def resting_place(
     at_nodes = boundary.free * (motions.at(boundary.nodes) @ (motions.free.T @ motion))
     u_n = np.einsum("ij,ij->i", boundary.normal, at_nodes)
     u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_nodes)
-    # A motion along the normals has no tangential part but for round-off.
+    # A motion along the normals has no tangential part except for round-off.
     still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
@@ -86,9 +86,9 @@ def _rest_of(
     """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests.
 
     Args:
-        normal_modes: what each motion is along the normals of its contact nodes, shape (n, k).
+        normal_modes: the normal component of each motion at its contact nodes, shape (n, k).
         gap: at these nodes, shape (n,).
-        load: what the load does on the motions, shape (k,).
+        load: the work of the load on the motions, shape (k,).
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted: npt.NDArray[np.float64] = vectors[:, values > _SMALL * values[-1]]
@@ -106,7 +106,7 @@ def _furthest(
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        stops = along > _SMALL * along.max(initial=0.0)  # beside a wall that it slides along nothing but round-off
+        stops = along > _SMALL * along.max(initial=0.0)  # along a wall that it slides on there is only round-off
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
     result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
     if result.status != 0:

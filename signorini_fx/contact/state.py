@@ -1,4 +1,4 @@
-"""What is measured after a solve, the same way for every algorithm: contact state, forces, functionals."""
+"""Results at the contact nodes, the same for every algorithm: contact state, forces, functionals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class ContactState:
             -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: nodes whose contact cannot open.
-        slip_length: what friction acts against, length: tau_T y, or its increment in a later load step, shape
+        slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later load step, shape
             (n, d - 1).
         xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
     """
@@ -63,7 +63,7 @@ class ContactState:
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments about the origin of what ``forces`` has, in space only, shape (3,); collective."""
+        """Moments of ``forces`` about the origin, in space only, shape (3,); collective."""
         boundary = self.boundary
         none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
         found = [
@@ -74,7 +74,7 @@ class ContactState:
 
     @cached_property
     def friction_work(self) -> float:
-        """Work that slip takes out of the body in this load step, (mu, xi) with xi of (3.3c), never negative;
+        """Energy dissipated by slip in this load step, (mu, xi) with xi of (3.3c), never negative;
         collective.
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
@@ -93,23 +93,23 @@ class ContactState:
         return float(mean[0]) if mean.size == 1 else mean
 
     def tangential(self, vectors: Nodal) -> Nodal:
-        """Tangential vectors, shape (n, d - 1), as tables have them: in the plane along the tangent, shape (n, 1), in
-        space as vectors of space, shape (n, 3), which depend on no choice of tangents.
+        """Tangential vectors, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
+        vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:
             return vectors
         return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
-        """``ActiveSets.side``; a node that transmits nothing moves freely."""
+        """``ActiveSets.side``; a node that transmits no shear moves freely."""
         side = ActiveSets.of(self.in_contact, self.direction).side
         moving = np.where(self.slip_length[:, 0] < 0, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
         return np.where(self.bound > 0, side, moving).astype(np.int8)
 
     @cached_property
     def areas(self) -> dict[str, float]:
-        """What is in contact, and what of the nodes with a friction bound sticks and slips, areas (in the plane
-        lengths); collective.
+        """Areas (in the plane lengths) in contact, and of the nodes with a friction bound those that stick and slip;
+        collective.
         """
         weight, slip = self.boundary.weight, self.sliding_side() != 0
         acting = self.bound > 0
@@ -120,7 +120,7 @@ class ContactState:
 
 @dataclass(frozen=True)
 class Functionals:
-    """Primal and dual functional of the regularised problem with given friction, energies per thickness.
+    """Primal and dual functional of the regularised problem with a given friction bound, energies per thickness.
 
     Their difference is never negative for feasible lambda and mu, and zero where (3.3b) and (3.3c) hold; together with
     equilibrium (3.3a) it is a certificate of optimality.
@@ -148,7 +148,7 @@ def functionals(elastic: float, contact: ContactState, data: RegularisedData) ->
         data: the regularised problem.
 
     The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
-    displacement at hand, which is its minimiser as far as (3.3a) holds.
+    current displacement, which is its minimiser as far as (3.3a) holds.
     """
     c, w = contact, contact.boundary.weight
     pressure, shear = project(c.pressure, c.shear, data)

@@ -3,10 +3,10 @@
 lambda >= 0, of any sign where the contact is bilateral, and |mu| <= g or <= F lambda, against the rigid motions that
 the supports leave free.  Whether there is a balance does not depend on the stiffness of the body.
 
-In space |mu| <= g is a disc, and the balance a second-order cone programme.  Here the disc is bracketed by two regular
-polygons, which leave linear programmes: what not even the outer one allows for is no equilibrium, and what the inner
-one allows for is one.  Between them, half a per cent of the friction, the iteration decides.  In the plane both are the
-interval.
+In space |mu| <= g is a disc, and the balance a second-order cone programme.  Here the disc is enclosed between two
+regular polygons, which lead to linear programmes: if the outer one has no solution, there is no equilibrium; if the
+inner one has a solution, there is one.  Between them, half a per cent of the friction, the iteration decides.  In the
+plane both are the interval.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from signorini_fx.contact.laws import Nodal, RegularisedData
 ZERO = 1e-8
 # Sides of the polygons: the outer radius is 1 / cos(pi / 32) of the inner one, 1.005.
 _SIDES = 32
-# Friction above this is taken for unlimited.
+# Friction above this is treated as unlimited.
 _ROUGH = 1e6
 
 
@@ -56,7 +56,7 @@ def unbalanced(
     the free rigid motions: a linear programme for each assembly, with as many equations as it has free motions.
     Where it has no solution there is no static equilibrium, whatever the body's shape and stiffness.  Its unknowns are
     nodal forces over the size of the resultant, because the tolerances of the programme are absolute.
-    In space the outer polygon stands for the disc of |mu|.
+    In space the outer polygon replaces the disc of |mu|.
     """
     zero = np.zeros(boundary.size)
     bound, coupling = (zero if values is None else values for values in (data.bound, data.coupling))
@@ -64,7 +64,7 @@ def unbalanced(
     leaving = np.zeros(int(motions.pieces.assembly.max()) + 1, dtype=bool)
     for number, columns, rows in motions.assemblies():
         here, load = every.of(number, columns), resultant[rows]
-        # Where nothing presses every position off the foundation is as good as another.
+        # If nothing presses the body on, all positions off the foundation are equivalent.
         pressed = load.any() and here.given.size > 0
         leaving[number] = not (pressed and _balances(here, motions.free[:, columns].T @ resultant, load))
     return leaving
@@ -72,13 +72,13 @@ def unbalanced(
 
 @dataclass(frozen=True)
 class Reactions:
-    """What the contact nodes of all ranks, n of them, can do against k motions; the same on every rank.
+    """The reactions of the n contact nodes of all ranks to k motions; the same on every rank.
 
     Attributes:
         normal: each motion along the normal of each node, shape (n, k).
         tangential: along its tangents, shape (n, d - 1, k).
         given: given part of the friction bound, a force, shape (n,).
-        coefficient: F where the bound follows the pressure, shape (n,).
+        coefficient: F where the bound depends on the pressure, shape (n,).
         bilateral: whether the contact cannot open, shape (n,).
         assembly: number of the assembly that the node is in, shape (n,).
     """
@@ -110,7 +110,7 @@ def reactions(
     coefficient: Nodal,
     bilateral: npt.NDArray[np.bool_] | None,
 ) -> Reactions:
-    """The reactions that friction bounds (stresses, and shares of the pressure) allow for; collective."""
+    """The reactions that friction bounds (stresses, and shares of the pressure) allow; collective."""
     modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
     tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
@@ -125,7 +125,7 @@ def reactions(
 
 
 def corners(tangents: int, *, outer: bool) -> Nodal:
-    """Corners of the polygon that stands for the unit disc of R^(d - 1), shape (m, d - 1); in R^1 the interval's ends.
+    """Corners of the polygon that replaces the unit disc of R^(d - 1), shape (m, d - 1); in R^1 the interval's ends.
 
     Args:
         tangents: d - 1.
@@ -141,13 +141,13 @@ def corners(tangents: int, *, outer: bool) -> Nodal:
 def _balances(
     here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64], *, outer: bool = True
 ) -> bool:
-    """The linear programme of one assembly: mu is a combination of the corners of the polygon, with shares that are
-    not negative and sum up to no more than the bound.
+    """The linear programme of one assembly: mu is a combination of the corners of the polygon, with non-negative shares
+    that sum up to no more than the bound.
 
     Args:
         here: its contact nodes.
-        work: what the load does on its free motions, shape (k,).
-        load: what it does on the motions of its pieces, free or not: its size is the unit of force.
+        work: the work of the load on its free motions, shape (k,).
+        load: the same on all motions of its pieces, free or not: its size is the unit of force.
         outer: which polygon.
     """
     n, given, coupling = here.given.size, here.given, here.coefficient
@@ -175,12 +175,12 @@ def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt
 
 
 def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
-    """Contact reactions against so many motions, one per row.
+    """Contact reactions against this number of motions, one per row.
 
     Returns:
-        Generators, of length 1, of a cone that holds all that pressure and Coulomb friction can balance (a cap is not
-        counted); what given friction balances at most, in any direction of the tangents, shape (n, d - 1, count); the
-        directions in which there is any reaction.
+        Generators, of length 1, of a cone that contains all loads that pressure and Coulomb friction can balance (a cap
+        is not counted); the most that Tresca friction balances in each direction of the tangents, shape
+        (n, d - 1, count); the directions in which there is any reaction.
     """
     if contact is None:
         none = np.empty((0, count))
@@ -198,16 +198,16 @@ def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
 
 
 def null_space(rows: Nodal) -> Nodal:
-    """Directions, one per column, across all the rows."""
+    """Directions, one per column, perpendicular to all rows."""
     values, vectors = np.linalg.eigh(rows.T @ rows)
     null: Nodal = vectors[:, values <= ZERO**2 * max(float(values[-1]), 1e-300)]
     return null
 
 
 def left_over(generators: Nodal, load: Nodal) -> Nodal:
-    """What is left of a load when the cone has taken all that it can: load minus its projection onto the cone.
+    """The remainder of a load that the cone cannot balance: load minus its projection onto the cone.
 
-    The rest r satisfies generators r <= 0: a motion that every reaction lets happen.  (``scipy.optimize.nnls`` of SciPy
+    The remainder r satisfies generators r <= 0: a motion that no reaction opposes.  (``scipy.optimize.nnls`` of SciPy
     1.15 is wrong for one random cone in forty.)
     """
     scale = float(np.linalg.norm(load))

@@ -1,4 +1,4 @@
-"""The contact boundary as a table: nodes of all ranks in an order of its own, and in the plane the zones on it."""
+"""The contact boundary as a table: nodes of all ranks in a fixed order, and in the plane the zones on it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ContactTable:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the first rows."""
+        """A table for notebooks: the first rows."""
         rows = list(zip(*(column[:_SHOWN_ROWS].tolist() for column in self.columns.values()), strict=True))
         return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
 

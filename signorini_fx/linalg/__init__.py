@@ -1,4 +1,4 @@
-"""Linear algebra: the elastic system in its interchangeable kinds, behind one protocol.
+"""Linear algebra: interchangeable kinds of elastic systems behind one protocol.
 
 This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
 """
@@ -36,36 +36,36 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """What the load of the current load step does on the rigid motions of each piece of the body, the same on all
-        ranks, shape (m pieces,).
+        """The load of the current load step on the rigid motions of each piece of the body, the same on all ranks,
+        shape (m pieces,).
         """
 
     @property
     def solver_defaults(self) -> dict[str, str]:
-        """PETSc options (without prefix) to hold during the solve, where the user has set none."""
+        """PETSc options (without prefix) that apply during the solve unless the user has set them."""
 
     @property
     def unsymmetric(self) -> bool:
-        """Whether its linear solver can take an unsymmetric tangent."""
+        """Whether its linear solver accepts an unsymmetric tangent."""
 
     @property
     def inexact(self) -> bool:
         """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks, whose operators it has already.
+        """Set the default linear solver for A plus contact blocks; its operators are set already.
 
-        The user's options are applied later and win.
+        The user's options are applied later and take precedence.
         """
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
-        """Decide whether the last factorisation serves the new matrix too, and set the solver accordingly.
+        """Decide whether the last factorisation can be used for the new matrix too, and set the solver accordingly.
 
         Args:
             ksp: the linear solver.
             moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
                 there is none, or too many to tell.
-            forces: size of the forces at work, of which a solve may leave a small share.
+            forces: size of the acting forces, which the tolerance of a solve is relative to.
         """
 
     def set_step(self, step: int, scale: float = 1.0) -> None:

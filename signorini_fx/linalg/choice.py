@@ -35,7 +35,7 @@ def choose_system(discretisation: Discretisation, requested: str) -> tuple[Elast
     if not can_factorise(d.boundary.comm):
         return FullSystem.of(d, krylov=True), "full, Krylov: PETSc has no factorisation for more than one rank"
     if requested == "full" or reason is not None:
-        return FullSystem.of(d), f"full: {reason or 'as asked for'}"
+        return FullSystem.of(d), f"full: {reason or 'set by the scene'}"
     memory = 3 * 8 * retained**2 / 2**20
     return CondensedSystem.of(
         d
@@ -43,7 +43,7 @@ def choose_system(discretisation: Discretisation, requested: str) -> tuple[Elast
 
 
 def against_condensing(d: Body, retained: int) -> str | None:
-    """Why ``retained`` unknowns of the contact boundary are not condensed onto; None where they are."""
+    """Why the system is not condensed onto ``retained`` unknowns of the contact boundary; None if it is."""
     if d.tagged.mesh.comm.size > 1:
         return "more than one rank"
     if not has_package("mumps"):

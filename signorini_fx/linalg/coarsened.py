@@ -1,4 +1,4 @@
-"""A condensed elastic system with fewer contact nodes, by Galerkin's method: the other nodes are interpolated."""
+"""A condensed elastic system with fewer contact nodes, by Galerkin projection: the other nodes are interpolated."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class CoarsenedSystem(TransformedSystem):
             boundary: the contact nodes of the coarse system.
             position: number of each of them among the nodes of the coarse system, shape (n,).
         """
-        # A is symmetric, so that both products are of a sparse and a dense matrix.
+        # A is symmetric, so that both are products of a sparse and a dense matrix.
         half = prolongation.T @ system.matrix.getDenseArray(readonly=True)
         dense = np.asfortranarray(prolongation.T @ half.T)
         matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)

@@ -1,7 +1,7 @@
 """The elastic system condensed onto the contact nodes: a small dense Schur complement, one rank.
 
-The elastic operator never changes and the nonlinearity lives on the contact boundary.  So the interior is eliminated
-once; all Newton steps of all outer iterations, load steps and values of gamma work on the dense matrix, and the
+The elastic operator never changes, and the nonlinearity is confined to the contact boundary.  So the interior is
+eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
 interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
 """
 
@@ -22,7 +22,7 @@ from signorini_fx.linalg.schur import SchurComplement
 
 @dataclass
 class CondensedSystem:
-    """See ``ElasticSystem``: x holds the displacement of the contact nodes, d components a node."""
+    """See ``ElasticSystem``: x holds the displacement of the contact nodes, d components per node."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat

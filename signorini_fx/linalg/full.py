@@ -53,11 +53,11 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
 
 
 def can_factorise(comm: MPI.Comm) -> bool:
-    """Whether this PETSc has a sparse direct solver for so many ranks; its own is for one."""
+    """Whether this PETSc has a sparse direct solver for this number of ranks; its own is for one."""
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
-# MUMPS takes more memory (per cent) than it foresees where large contact blocks disturb the pivot order; CHOLMOD's own
+# MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
 
@@ -68,7 +68,7 @@ class FullSystem:
 
     Attributes:
         krylov: solve by a Krylov method with algebraic multigrid instead of a factorisation.
-        inexact: whether the last solve was a loose one.
+        inexact: whether the last solve was inexact.
     """
 
     comm: MPI.Comm
@@ -84,7 +84,7 @@ class FullSystem:
 
     @property
     def unsymmetric(self) -> bool:
-        """Multigrid makes nothing of the large unsymmetric blocks of the monolithic tangent."""
+        """Multigrid does not converge with the large unsymmetric blocks of the monolithic tangent."""
         return not self.krylov
 
     @classmethod
@@ -111,7 +111,7 @@ class FullSystem:
             self.start.axpy(scale * case.factors[step], case.start)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """A direct factorisation, Cholesky where the matrix is symmetric; or CG or GMRES with algebraic multigrid."""
+        """A direct factorisation, Cholesky if the matrix is symmetric; or CG or GMRES with algebraic multigrid."""
         pc = ksp.getPC()
         self._symmetric = symmetric
         if self.krylov:
@@ -132,7 +132,7 @@ class FullSystem:
         return {**_FACTOR_DEFAULTS, **ordering}
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
-        """For the same matrix, and as a preconditioner where only a few contact nodes have moved."""
+        """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""
         if options.user_sets("ksp_") or options.user_sets("pc_"):
             return moved == 0
         if self.krylov:
@@ -142,7 +142,7 @@ class FullSystem:
         retained = moved is not None and moved <= LAGGED_NODES
         if retained and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
-            # The residual itself, against the forces: the preconditioned norm does not tell whether Newton ends.
+            # The residual itself, relative to the forces: the preconditioned norm does not decide whether Newton ends.
             if not self._symmetric:
                 ksp.setPCSide(PETSc.PC.Side.RIGHT)
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
@@ -158,7 +158,7 @@ class FullSystem:
 
 
 def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
+    """Translations and rotations, orthonormal: the near-null space, which multigrid must represent on coarse levels.
 
     Multigrid coarsens locally, where the motions of a piece are those of the whole body.
     """

@@ -1,4 +1,4 @@
-"""PETSc options: one prefix, and the user's always win; what PETSc would not take is refused by its name."""
+"""PETSc options: one prefix, and the user's take precedence; options that PETSc does not accept are reported."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from signorini_fx.errors import OptionsError
 PREFIX = "sfx_"
 
 
-# These only watch.
+# These only show something.
 _WATCHING = ("monitor", "view", "converged_reason")
 
 
 def user_sets(start: str) -> bool:
-    """Whether the user has set any option whose name begins with ``start`` (without the prefix), but to watch."""
+    """Whether the user has set any option whose name begins with ``start`` (without the prefix), monitors excepted."""
     names = (name for name in PETSc.Options().getAll() if name.startswith(PREFIX + start))
     return any(not _watches(name) for name in names)
 
@@ -33,7 +33,7 @@ def _watches(name: str) -> bool:
 
 @contextmanager
 def defaults(values: Mapping[str, str]) -> Iterator[None]:
-    """Set options for as long as PETSc reads them, unless the user has set them."""
+    """Set options while PETSc reads them, unless the user has set them."""
     options = PETSc.Options(PREFIX)
     ours = [name for name in values if not options.hasName(name)]
     for name in ours:
@@ -45,14 +45,14 @@ def defaults(values: Mapping[str, str]) -> Iterator[None]:
             options.delValue(name)
 
 
-# --- what the user has mistyped --------------------------------------------------------------------------------------
+# --- mistyped options ------------------------------------------------------------------------------------------------
 
 
 def refuse_mistyped(comm: MPI.Comm) -> None:
-    """Try the user's options on a few equations, before anything else is computed; collective.
+    """Try the user's options on a small system, before anything else is computed; collective.
 
     Raises:
-        OptionsError: PETSc does not take one of them; the message names it.
+        OptionsError: PETSc does not accept one of them; the message names it.
     """
     options = PETSc.Options()
     values = {name: options.getString(name, "") for name in options.getAll()}
@@ -79,7 +79,7 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
 
 
 def refused(error: PETSc.Error) -> OptionsError | None:
-    """What to say of an error of PETSc that options of the user may have caused; None if there are none."""
+    """The message for an error of PETSc that options of the user may have caused; None if there are none."""
     options = PETSc.Options()
     given = {name: options.getString(name, "") for name in options.getAll() if name.startswith(PREFIX)}
     return OptionsError(f"PETSc fails with the options {_spelt(given)}: {_last_line(error)}") if given else None
@@ -90,12 +90,12 @@ def _spelt(options: Mapping[str, str]) -> str:
 
 
 def _last_line(error: PETSc.Error) -> str:
-    """The reason in the trace of calls that PETSc gives, without the number of the rank."""
+    """The reason in PETSc's stack trace, without the number of the rank."""
     return re.sub(r"^\[\d+\] *", "", str(error).splitlines()[-1])
 
 
 def _check_files(watching: Mapping[str, str]) -> None:
-    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not hear.
+    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not notice.
 
     Args:
         watching: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
@@ -114,7 +114,7 @@ def _check_files(watching: Mapping[str, str]) -> None:
 
 
 def _complaint(comm: MPI.Comm, trial: Mapping[str, str], *, solve: bool = True) -> str | None:
-    """What PETSc says against options when it solves a few equations with them, None: nothing; collective."""
+    """PETSc's objection to options when it solves a small system with them; None: there is none; collective."""
     options = PETSc.Options()
     for name, value in trial.items():
         options[name] = value or None
@@ -135,8 +135,8 @@ def _complaint(comm: MPI.Comm, trial: Mapping[str, str], *, solve: bool = True) 
 def _few_equations(comm: MPI.Comm) -> tuple[PETSc.SNES, PETSc.Vec]:
     """A small symmetric system, set up like that of a body.
 
-    The Krylov method is one that reads all options, since PETSc overlooks mistakes in those that a direct solver does
-    not need.
+    The Krylov method is one that reads all options, because PETSc does not check options that a direct solver does not
+    need.
     """
     own = 4
     matrix = PETSc.Mat().createAIJ(((own, None), (own, None)), nnz=(3, 1), comm=comm)

@@ -1,6 +1,6 @@
 """PETSc functions that petsc4py has no binding for, called in C.
 
-They are found by way of petsc4py's own library, hence in the very PETSc that petsc4py uses.
+They are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""An elastic system with the displacement of each contact node turned into its normal and tangential component."""
+"""An elastic system with the displacement of each contact node in normal and tangential components."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RotatedSystem(TransformedSystem):
     rotation: PETSc.Mat
 
     def set_step(self, step: int, scale: float = 1.0) -> None:
-        """As the inner system, turned."""
+        """As the inner system, rotated."""
         self.inner.set_step(step, scale)
         self.rotation.multTranspose(self.inner.load, self.load)
         self.rotation.multTranspose(self.inner.start, self.start)
@@ -42,7 +42,7 @@ def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
 
 
 def check_rotation(boundary: ContactBoundary) -> None:
-    """Whether every contact node can be turned into its normal and tangent; collective.
+    """Check that every contact node can be rotated into its normal and tangents; collective.
 
     Raises:
         SceneError: a contact node has two normals, or a prescribed component and a normal along no axis.
@@ -51,12 +51,12 @@ def check_rotation(boundary: ContactBoundary) -> None:
     crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
     mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & ~boundary.free.all(axis=1)).any()))
     if crossed or mixed:
-        reason = "a contact node has two normals" if crossed else "a contact node is prescribed across its normal"
+        reason = "a contact node has two normals" if crossed else "a prescribed contact node has a normal along no axis"
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
 
 
 def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
-    """The system in which each component of a relative displacement is an unknown; itself where that is so already.
+    """The system in which each component of a relative displacement is an unknown; itself if that is so already.
 
     Raises:
         SceneError: see ``check_rotation``.

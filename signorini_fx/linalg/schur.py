@@ -1,7 +1,7 @@
 """Partial factorisation by MUMPS: eliminate all dofs but a few, and get the dense Schur complement on these.
 
-petsc4py has no binding for it, so that PETSc's C functions are called through ctypes; they are found by way of
-petsc4py's own library, hence in the very PETSc that petsc4py uses.
+petsc4py has no binding for it, so that PETSc's C functions are called through ctypes; they are looked up in petsc4py's
+own library, hence in the same PETSc that petsc4py uses.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx.linalg.petsc_c import call
 
 _FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
-_SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are left alone
+_SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
 _MEMORY_RELAXATION = (14, 30)  # ICNTL(14), per cent
 
 

@@ -1,4 +1,4 @@
-"""What an elastic system in other unknowns, x = T x~, leaves to the one that it is made of."""
+"""An elastic system in other unknowns, x = T x~, which delegates to the inner system."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class TransformedSystem:
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """As the inner system: rigid motions are those of space."""
+        """As the inner system: rigid motions do not depend on the unknowns."""
         return self.inner.resultant
 
     @property

@@ -1,4 +1,4 @@
-"""The machine under the package: how it was started, what it has, its terminal and its compiler.
+"""The machine: the launcher, the requirements, the terminal and the compiler.
 
-These modules know no scene, no mesh and no PETSc object.
+These modules do not know scenes, meshes or PETSc objects.
 """

@@ -1,4 +1,4 @@
-"""Where dolfinx compiles a form: what the machine lacks is said by name, on all ranks alike."""
+"""Compilation of forms by dolfinx: a clear error on all ranks if the machine lacks something for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from signorini_fx.errors import MachineError
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Say what the machine lacks where a form inside the ``with`` block cannot be compiled.
+    """Report what the machine lacks if a form inside the ``with`` block cannot be compiled.
 
     Raises:
         MachineError: there is no compiler, or the folder of compiled forms cannot be written.
@@ -43,11 +43,11 @@ def _no_folder() -> str | None:
         folder = Path(jit.get_options()["cache_dir"])
         folder.mkdir(parents=True, exist_ok=True)
         trial = folder / f".signorini_fx.{os.getpid()}"
-        trial.write_bytes(bytes(1 << 20))  # a disk that is full takes an empty file
+        trial.write_bytes(bytes(1 << 20))  # an empty file can be written to a full disk
         trial.unlink()
     except (OSError, RuntimeError) as error:  # no home at all
         return (
             f"the folder of compiled forms cannot be written ({error}): "
-            "set XDG_CACHE_HOME to a folder that can, or make room there"
+            "set XDG_CACHE_HOME to a folder that can be written, or free space there"
         )
     return None

@@ -1,4 +1,4 @@
-"""What the launcher of the ranks (mpirun, srun) says in the environment, before MPI is there."""
+"""What the launcher of the ranks (mpirun, srun) sets in the environment, read before MPI is initialised."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ def started_as_root() -> bool:
 
 
 def environment_of_no_rank() -> dict[str, str]:
-    """The environment for a program beside the ranks: one that knows MPI would take itself for one of them."""
+    """The environment for a separate program, which would otherwise take itself for one of the MPI ranks."""
     return {name: value for name, value in os.environ.items() if not name.startswith(_FAMILIES)}

@@ -1,4 +1,4 @@
-"""Whether FEniCSx is there, and the machine fit for it: found out without importing it."""
+"""Checks that FEniCSx is installed and that the machine has enough memory for it, without importing it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from importlib.util import find_spec
 from signorini_fx.errors import InstallationError, MachineError
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
-# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; where
-# there is less its libraries wait for ever, or end the process.
+# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
+# less memory its libraries wait for ever, or end the process.
 _ADDRESS_SPACE, _DATA = 1.0e9, 0.5e9
 
 
 def check_fenicsx() -> None:
-    """Raise ``InstallationError`` where a part of FEniCSx is not installed; ``compat`` looks at its version."""
+    """Raise ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its version."""
     missing = [name for name in FENICSX if find_spec(name) is None]
     if missing:
         raise InstallationError(f"{', '.join(missing)} cannot be imported")
 
 
 def check_machine() -> None:
-    """Raise ``MachineError`` where a limit leaves too little memory to begin with."""
+    """Raise ``MachineError`` if a limit leaves too little memory to start."""
     for limit, needed, option in (
         (resource.RLIMIT_AS, _ADDRESS_SPACE, "-v"),
         (resource.RLIMIT_DATA, _DATA, "-d"),

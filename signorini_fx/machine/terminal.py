@@ -1,4 +1,4 @@
-"""Text for the terminal: printed once, in any encoding, and lost without harm where nobody reads it.  No MPI here."""
+"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it.  No MPI here."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _lost = False
 
 
 def prepare() -> None:
-    """Let both streams take any text: what their encoding does not have is written as an escape."""
+    """Let both streams accept any text: characters that their encoding does not have are written as escapes."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # absent where the stream is closed or replaced
             stream.reconfigure(errors="backslashreplace")
 
 
 def say(text: str, *, error: bool = False) -> None:
-    """Print ``text`` on standard output, or on standard error; a stream that takes no more is given up."""
+    """Print ``text`` on standard output, or on standard error; a stream that cannot be written is given up."""
     stream = sys.stderr if error else sys.stdout
     try:
         print(text, file=stream, flush=True)
@@ -27,14 +27,14 @@ def say(text: str, *, error: bool = False) -> None:
 
 
 def output_lost() -> bool:
-    """Whether something could not be printed although somebody reads on."""
+    """Whether something could not be printed although the reader is still there."""
     return _lost
 
 
 def _give_up(stream: TextIO, reason: OSError) -> None:
-    """Go on in silence where nobody reads on (``| head``) or nothing can be written: results are worth more than text.
+    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not to lose results.
 
-    What the stream still holds would be written at the end once more, so its descriptor leads nowhere from now on.
+    What is still in the buffer would be written again at the end, so the descriptor is redirected to nowhere.
     """
     global _lost
     with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor

@@ -1,4 +1,4 @@
-"""Distributed meshes with named boundaries and regions, their refinement, and what a mesh file holds.
+"""Distributed meshes with named boundaries and regions, their refinement, and the contents of mesh files.
 
 This package knows dolfinx meshes, the generators of ``meshes/`` and the formats in ``files/``.  It must not know finite
 element spaces, materials or contact.

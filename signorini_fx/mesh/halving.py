@@ -1,4 +1,4 @@
-"""A mesh in plain arrays, with its sides straightened or the sides of all its cells halved; names are kept.
+"""Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells; names are kept.
 
 A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells with curved sides are
 divided on their own geometry: their children lie on the same curves.
@@ -15,8 +15,8 @@ from signorini_fx.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_
 from signorini_fx.mesh.files.cells import Cell, straight
 from signorini_fx.mesh.files.shape import Ints
 
-# A place on the reference cell in parts of a side: halves are 2 of 4, so that nodes between children's corners are
-# whole numbers too.
+# Places on the reference cell in units of a quarter of a side, so that nodes between children's corners are whole
+# numbers too.
 _Place = tuple[int, ...]
 _SIDE = 4
 
@@ -70,7 +70,7 @@ def halved(mesh: MeshArrays) -> MeshArrays:
 
 
 def _numbered(corners: Ints, weights: Ints) -> tuple[Ints, Ints]:
-    """A number for each place of the lattice in each cell, the same in all cells that have it.
+    """A number for each place of the lattice in each cell, the same in all cells that share the place.
 
     Args:
         corners: of each cell, shape (m, c).

@@ -1,4 +1,4 @@
-"""The meshes of one generator from coarse to fine: a scene on cells so many times as large."""
+"""The meshes of one generator from coarse to fine: a scene on larger cells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def scene_on(scene: Scene, factor: float) -> Scene:
     """The scene on a mesh with elements ``factor`` times as large.
 
     Raises:
-        SceneError: the generator makes no such meshes.
+        SceneError: the generator cannot make such a mesh.
     """
     assert isinstance(scene.mesh, MeshGenerator)
     generator = scene.mesh.generator
@@ -23,7 +23,7 @@ def scene_on(scene: Scene, factor: float) -> Scene:
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
     """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first.
 
-    Fewer where a mesh has so few cells that the coarser one would be the same.
+    There are fewer if a mesh has so few cells that the coarser one would be the same.
     """
     if levels == 1:
         return []

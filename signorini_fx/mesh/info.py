@@ -1,4 +1,4 @@
-"""What to know of a mesh file before writing a scene for it: names, counts, quality, size, and what has no name."""
+"""A description of a mesh file for writing a scene: names, counts, quality, size, and what has no name."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from signorini_fx.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
 from signorini_fx.mesh.files.shape import Floats, Ints, measures, quality
 
-# Points closer than this share of the body's size are where one node was meant.
+# Points closer than this share of the body's size are probably meant to be one node.
 _COINCIDENT = 1e-10
-# What the size of the body, of its surface and of a boundary are called, by dimension.
+# The names of the size of the body, of its surface and of a boundary, by dimension.
 _MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
 
 
@@ -72,7 +72,7 @@ def _without(named: Mapping[str, Ints], count: int) -> Ints:
 
 
 def _pieces(mesh: MeshArrays) -> int:
-    """Number of parts that share no facet, through which forces pass."""
+    """Number of parts that share no facet, so that they transmit no forces to each other."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -107,7 +107,7 @@ def render(info: Mapping[str, Any], name: str) -> str:
         shared = "face" if "volume" in info else "side"
         row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
     if info["coincident"]:
-        row("warning", f"{info['coincident']} points are where another one is: the cells there do not hang together")
+        row("warning", f"{info['coincident']} points coincide with another one: the cells there are not connected")
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
         for label, entry in entries.items():
             row(title, f"{label:16s} {_amount(entry)}")

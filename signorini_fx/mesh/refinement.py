@@ -1,6 +1,6 @@
-"""Refinement of triangles and tetrahedra: all of them, or where the error is.
+"""Uniform and adaptive refinement of triangles and tetrahedra.
 
-The names of boundaries and regions are carried over.
+The names of boundaries and regions are kept.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from signorini_fx.mesh.tagged import TaggedMesh
 
 
 def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -> npt.NDArray[np.int32]:
-    """The fewest cells that hold a share of the squared error (Doerfler), over all ranks; collective.
+    """The smallest number of cells with a given share of the squared error (Doerfler), over all ranks; collective.
 
     Args:
         comm: the ranks that share the mesh.
         squares: squared error of each owned cell, shape (cells,).
-        share: what the marked cells hold together.
+        share: the share of the squared error in all marked cells together.
 
     Returns:
         Marked cells of this rank (local numbers).
     """
     total = float(parallel.global_sum(comm, squares.sum()))
     low, high = 0.0, parallel.global_max(comm, parallel.local_max(squares))
-    for _ in range(60):  # bisection for the threshold: no rank needs to know the cells of another
+    for _ in range(60):  # bisection for the threshold: no rank needs the cells of another
         middle = (low + high) / 2
         held = float(parallel.global_sum(comm, squares[squares >= middle].sum()))
         low, high = (middle, high) if held >= share * total else (low, middle)
@@ -68,7 +68,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
 
     Args:
         tagged: the mesh.
-        cells: those that must be divided, on this rank; None: all.
+        cells: the cells of this rank that must be divided; None: all.
 
     Raises:
         MeshError: the cells are neither triangles nor tetrahedra, or not straight.

@@ -1,4 +1,4 @@
-"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or the caller's own."""
+"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or from the caller."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class TaggedMesh(TaggedMeshBase):
     Attributes:
         mesh: the distributed mesh.
         facet_tags: tags on facets.
-        boundaries: name of a boundary -> its tag, or all its tags where boundaries overlap.
-        cell_tags: tags on cells, None where the body is one region.
+        boundaries: name of a boundary -> its tag, or all its tags if boundaries overlap.
+        cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
     """
 
@@ -62,7 +62,7 @@ class TaggedMesh(TaggedMeshBase):
 
     @property
     def dimension(self) -> int:
-        """D, 2 or 3: of the points and of the cells alike."""
+        """D, 2 or 3, the dimension of the points and of the cells."""
         return int(self.mesh.topology.dim)
 
     def cells(self, region: str) -> npt.NDArray[np.int32]:
@@ -75,7 +75,7 @@ class TaggedMesh(TaggedMeshBase):
         """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
 
         Raises:
-            MeshError: the name is not there; the message lists those that are.
+            MeshError: there is no such name; the message lists the known ones.
         """
         if name not in self.boundaries:
             known = ", ".join(sorted(self.boundaries)) or "none"
@@ -89,8 +89,8 @@ class TaggedMesh(TaggedMeshBase):
     def size(self) -> float:
         """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
 
-        The diagonal of a rectangle, however it is turned: scales that follow from it, gamma = auto among them, do not
-        depend on the axes.
+        For a rectangle this is the diagonal in any orientation, so that scales that depend on it, such as gamma = auto,
+        do not depend on the axes.
         """
         dim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(dim - 1, dim)
@@ -138,15 +138,15 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses; linear elements on curved cells; keys of a scene
-            in the plane where the mesh is one of space, and the other way round.
-        MeshError: the file is no mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
+        SceneError: unknown generator, or wrong parameters; linear elements on curved cells; keys of a scene
+            in the plane although the mesh is in space, or the other way round.
+        MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     match scene.mesh:
         case TaggedMesh():
             tagged = scene.mesh
         case MeshFile():
-            # A drawing of a CAD program gets curved cells where the elements can follow them.
+            # A CAD drawing gets curved cells if the degree of the elements permits.
             curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in CAD
             tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
         case MeshGenerator(generator=name, parameters=parameters):
@@ -158,17 +158,17 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     if problems:
         raise SceneError(problems)
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
-        # Such elements cannot even turn without strain: no refinement would help.
+        # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         raise SceneError([("element.degree", message)])
     return tagged
 
 
 def check_dimension(tagged: TaggedMesh) -> None:
-    """Whether cells and points have the same dimension, 2 or 3; collective.
+    """Check that cells and points have the same dimension, 2 or 3; collective.
 
     Raises:
-        MeshError: they have not; the message says what the mesh is.
+        MeshError: they do not; the message says what the mesh is.
     """
     cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
     if cells == points and cells in (2, 3):
@@ -193,7 +193,7 @@ def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | N
 def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
     mesh = tagged.mesh
-    if compat.geometry_degree(mesh) != 2:  # higher ones are the caller's own
+    if compat.geometry_degree(mesh) != 2:  # higher ones come from the caller
         return 0.0
     cell = getattr(basix.CellType, mesh.topology.cell_name())
     ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
@@ -228,7 +228,7 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
 def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
 
-    None where it cannot.
+    None if it cannot.
 
     Raises:
         SceneError: unknown generator.
@@ -238,7 +238,7 @@ def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters with which the generator ``name`` puts cells of degree 2 on its arcs; None where it has none.
+    """The parameters with which the generator ``name`` uses cells of degree 2 on its arcs; None if it has no arcs.
 
     Raises:
         SceneError: unknown generator.
@@ -263,16 +263,16 @@ def read_mesh(
         file: the file.
         comm: the ranks that share the mesh.
         boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
-            positive where all corners of an exterior facet of the boundary are.
-        regions: the same for cells with all their corners.
-        data: the cell data that numbers refer to; None: the only one.
-        halvings: how often the sides of all cells are halved, of a drawing on the true shape.
-        degree: of the geometry, as in ``formats.read_file``.
-        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
+            positive at all vertices of the exterior facets of the boundary.
+        regions: the same for cells and all their vertices.
+        data: the cell data that numbers refer to; None: there is only one.
+        halvings: how often the sides of all cells are halved, for a drawing on the true shape.
+        degree: degree of the geometry, as in ``formats.read_file``.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
 
     Raises:
-        MeshError: there is no such file, it is no mesh of that format, or no boundary has a name.
-        SceneError: a number or a rule takes nothing.
+        MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
+        SceneError: a number or a condition selects nothing.
     """
 
     def build() -> _Names:
@@ -291,7 +291,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
     """The module of a generator, which takes these parameters.
 
     Raises:
-        SceneError: there is none of this name, or it refuses parameters: all that are wrong.
+        SceneError: there is none of this name, or parameters are wrong: all of them are reported.
     """
     known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
     if name not in known:
@@ -320,9 +320,9 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
     Args:
         comm: the ranks that share the mesh.
-        draw: called on the first rank only; leaves a meshed model with physical groups, of two or three dimensions.
-        name: what to call the mesh in messages.
-        unit: length of the model's unit.  The tolerances of gmsh are absolute: what it draws should be neither large
+        draw: called on the first rank only; makes a meshed model with physical groups, of two or three dimensions.
+        name: name of the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: its geometry should be neither large
             nor small, and have the same numbers in all units.
 
     Raises:

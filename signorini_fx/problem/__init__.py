@@ -1,5 +1,5 @@
 """The contact problem as residual and active-set Jacobian: regularised (3.3), and its limit without regularisation.
 
-A problem joins an elastic system, the contact points and the laws.  It must not know which kind of elastic system it is
-given, nor which algorithm asks for its residual.
+A problem combines an elastic system, the contact points and the laws.  It must not know which kind of elastic system it
+is given, or which algorithm evaluates its residual.
 """

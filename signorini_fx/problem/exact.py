@@ -2,10 +2,10 @@
 
 On A_c the normal displacement is set to the gap, on I_f the tangential one to zero, and lambda and mu are the nodal
 reactions: no penalty, hence no round-off of one.  The sets follow from (2.3b), (2.3c) and (2.8), which no longer depend
-on gamma.  It needs normals along the axes; ``linalg.rotated`` turns the contact nodes for other ones.
+on gamma.  It needs normals along the axes; for other normals ``linalg.rotated`` rotates the unknowns.
 
 In space a slipping node has the shear of ``laws``, F g e + k (I - e e^T) tau_T y with k = F g / (e . tau_T y), and a
-node that begins to slip a k so large that it hardly moves across e.
+node that begins to slip a k so large that it hardly moves perpendicular to e.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from signorini_fx.contact.laws import (
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.problem.regularised import ProblemState
 
-# The largest k, over the stiffness that a contact node meets.
+# The largest k, relative to the stiffness at a contact node.
 _HARDLY = 1e4
 
 
@@ -41,7 +41,7 @@ class ExactProblem(ProblemState):
     """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see
     ``problem.ContactProblem``.
 
-    x^ is x with the constraints of the current sets put in, so that a full Newton step solves the problem with these
+    x^ is x with the constraints of the current sets inserted, so that a full Newton step solves the problem with these
     sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
     +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
     """
@@ -79,7 +79,7 @@ class ExactProblem(ProblemState):
         if data.bound is None:
             return np.zeros_like(u_t)
         bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
-        # What a slip across its direction adds is zero in the plane.
+        # The contribution of slip perpendicular to its direction is zero in the plane.
         return at_bound(sets, bound) + sets.turning[:, None] * sets.across(slip_of(u_t, data))
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
@@ -95,7 +95,8 @@ class ExactProblem(ProblemState):
         turned = at_bound(self.sets, bound) + self.sets.turning[:, None] * self.sets.across(motion)
         turned = np.where((length(turned) > 0)[:, None], unit(turned), self.sets.direction)
         direction = np.where(slip[:, None], np.where(self.sets.slip[:, None], turned, unit(shear)), 0.0)
-        # Where a support decides on the slip there is nothing to iterate; where the bound is zero, it moves freely.
+        # Where a support prescribes the slip there is nothing to iterate; where the bound is zero, the point moves
+        # freely.
         moves = np.where((length(motion) > 0)[:, None], unit(motion), 0.0)
         direction = np.where(self._free[:, 1:].any(axis=1)[:, None], direction, moves)
         direction = np.where((bound > 0)[:, None], direction, unit(motion))
@@ -170,7 +171,7 @@ class ExactProblem(ProblemState):
         state = np.concatenate([dofs, slopes.ravel(), turning.ravel()])
         factorised = self._factorised.get(jacobian.handle)
         differs = parallel.any_rank(comm, factorised is None or not np.array_equal(factorised, state))
-        self.moved = None if differs else 0  # rows come and go: either the matrix is the same or it is another one
+        self.moved = None if differs else 0  # rows change: either the matrix is the same or it is another one
         last = self._inserted.get(jacobian.handle)
         if not parallel.any_rank(comm, last is None or not np.array_equal(last, state)):
             return

@@ -37,10 +37,10 @@ class NextSets:
     """The active sets of the next linear solve, and where they come from.
 
     Attributes:
-        sets: what the next linear solve takes.
-        trial: what the iterate asks for; ``sets`` differ from them where those would not hold the body.
-        repaired: whether they do.
-        escapes: how the body gets away whatever the sets are; None: it does not.
+        sets: the sets of the next linear solve.
+        trial: the sets that follow from the iterate; ``sets`` differ from them if they would not hold the body.
+        repaired: whether ``sets`` differ from them.
+        escapes: the status if the body moves away whatever the sets are; None: it does not.
     """
 
     sets: ActiveSets
@@ -50,15 +50,15 @@ class NextSets:
 
 
 class ContactProblem(Protocol):
-    """What the semi-smooth Newton method needs of a problem.
+    """The interface of a problem for the semi-smooth Newton method.
 
-    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without touching
-    them, so that SNES may evaluate it as often as it likes; assembling the Jacobian takes the next sets over.
+    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without changing
+    ``sets``, so that SNES may evaluate it any number of times; assembling the Jacobian makes the next sets current.
 
     Attributes:
         system: the elastic system.
         boundary: the contact points.
-        data: what outer algorithms change.
+        data: the data that outer algorithms change.
         affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
             sets that come back mean a cycle.
         sets: active sets of the last linear solve.
@@ -85,7 +85,7 @@ class ContactProblem(Protocol):
 
         Args:
             data: its data.
-            first_sets: sets of the first linear solve; None: from the iterate and the sets of the problem before.
+            first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
         """
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
@@ -95,19 +95,19 @@ class ContactProblem(Protocol):
         """(lambda, mu) at the contact nodes for given sets."""
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """The friction bounds that the current and the next sets stand for."""
+        """The friction bounds of the current and the next sets."""
 
     def law_residual(self, x: PETSc.Vec) -> float:
         """Largest distance of mu from the projection (3.4), relative to the largest bound; collective."""
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
-        """Take these sets for those of the solution, if they leave no more than a share of the forces; collective."""
+        """Accept these sets as those of the solution if the residual is at most a share of the forces; collective."""
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
 
     def constraints(self, sets: ActiveSets, opening: Nodal, slipping: Nodal) -> tuple[Any, Any]:
-        """Nodes that would hold the body if they were tied, see ``holding_sets.fewest_ties``; collective."""
+        """Nodes that would hold the body if they were fixed, see ``holding_sets.fewest_ties``; collective."""
 
     def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
@@ -119,7 +119,7 @@ class ContactProblem(Protocol):
         """The residual with the sets that follow from x."""
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
-        """Take note that the Jacobian is factorised as it is now."""
+        """Note that the current Jacobian is factorised."""
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
         """The Jacobian with the sets of the last residual, which become the current ones."""
@@ -131,7 +131,7 @@ _ATTAINABLE = 1e-7
 
 
 class ProblemState(ABC):
-    """The state that every contact problem keeps, and what becomes of it; see ``ContactProblem``."""
+    """The state that all contact problems share; see ``ContactProblem``."""
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
         self.system = system
@@ -150,7 +150,7 @@ class ProblemState(ABC):
 
     @property
     def affine(self) -> bool:
-        """See ``ContactProblem``: in space the direction of slip turns."""
+        """See ``ContactProblem``: in space the direction of slip changes."""
         return self.boundary.tangents.shape[2] == 1 or not self.data.has_friction
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
@@ -158,7 +158,7 @@ class ProblemState(ABC):
         self.data = data
         self._escaping: Any = None
         self._forced_first = first_sets is not None
-        if data.bound is not None:  # sets of the problem before may slip where this one has no limit
+        if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
             self.sets = self.sets.sticking(np.isinf(data.bound))
         if first_sets is not None:
             first = release(first_sets, data)
@@ -223,7 +223,7 @@ class ProblemState(ABC):
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
     def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
-        """Take sets that hold the body for the next ones, or note how it gets away."""
+        """Choose next sets that hold the body, or note that it moves away."""
         boundary, motions, resultant = self.boundary, self._motions, self.system.resultant
 
         def escaping() -> Any:
@@ -237,7 +237,7 @@ class ProblemState(ABC):
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Take the size of the forces A x as the scale of the residual."""
+        """Use the size of the forces A x as the scale of the residual."""
         round_off = _ATTAINABLE * self._stiffness * x.norm()
         self.force_scale = max(forces.norm(), self.system.load.norm(), round_off)
 
@@ -295,7 +295,7 @@ class RegularisedProblem(ProblemState):
         """See ``ContactProblem``."""
         self.sets = self.next.sets
         self._forced_first = False
-        # PETSc keeps its factor as long as the matrix is left alone.
+        # PETSc keeps its factor as long as the matrix is not changed.
         self.moved = self._tangent.insert(jacobian, tangent(self.sets, self.data))
         self._declare(jacobian)
 
@@ -305,7 +305,7 @@ class RegularisedProblem(ProblemState):
 
 
 class _ContactTangent:
-    """A + B^T D B: the entries of the Jacobian that contact changes, and nothing else of it."""
+    """A + B^T D B: the entries of the Jacobian that contact changes."""
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
         self._comm = matrix.comm.tompi4py()
@@ -314,7 +314,7 @@ class _ContactTangent:
         unknowns, blocks = contact.entries()
         self._blocks = np.where(contact.fixed[unknowns][:, None, :], 0.0, blocks)
         self._weighted = contact.weight[:, None, None] * self._blocks
-        # Pairs of unknowns that some point joins: the rows of B^T D B, each with its columns in order.
+        # Pairs of unknowns that some point couples: the rows of B^T D B, each with its columns in order.
         first, columns = matrix.getOwnershipRange()[0], contact.fixed.size
         pairs = unknowns[:, :, None] * columns + unknowns[:, None, :]
         keys, place = np.unique(pairs, return_inverse=True)
@@ -332,7 +332,7 @@ class _ContactTangent:
         self._elastic = np.concatenate([np.empty(0), *elastic])
 
     def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> int | None:
-        """Put A + B^T D B into a copy of A, if it is not there.
+        """Put A + B^T D B into a copy of A, if it is not there already.
 
         Args:
             matrix: a matrix with the pattern and, elsewhere, the values of A.

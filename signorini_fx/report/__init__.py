@@ -1,5 +1,5 @@
-"""Pictures and the page that shows a result, drawn from the files of a result folder.
+"""Pictures and the report page of a result, made from the files of a result folder.
 
-This package reads files, or is given plain arrays; its functions are called on one rank.  It must not import dolfinx,
-nor know how a solution was found.
+This package reads files, or is given plain arrays; its functions are called on one rank.  It must not import dolfinx or
+know how a solution was found.
 """

@@ -35,7 +35,7 @@ from signorini_fx.report.style import (
     times_power,
 )
 
-# Lightness falls from open to stick, so that the order of the states survives a gray printer.
+# Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
     "open": ("#f0f0f0", "open"),
     "slip": (ORANGE, "slip"),  # in space, where it has a direction in place of a sign
@@ -90,16 +90,16 @@ def boundary_profiles(
     """Draw the curves along the contact boundary, as in Figures 3 and 4 of the paper, one row per boundary.
 
     Left: shear stress mu, its bounds and the tangential displacement.  Right: contact pressure lambda, rigid foundation
-    and normal displacement.  Lengths are multiplied by a power of ten that the legend names.  Foundation and bounds are
-    cut off where they lie far beyond the other curves.  The strip below shows by colour, on the left, the state of the
-    friction law wherever it acts (Tresca friction acts on open nodes too), on the right the state in the contact.
-    Frictionless: only the right panel.
+    and normal displacement.  Lengths are multiplied by a power of ten that the legend states.  Foundation and bounds
+    are cut off where they lie far beyond the other curves.  The colours of the strip below show, on the left, the state
+    of the friction law wherever it acts (Tresca friction acts on open nodes too), on the right the state of the
+    contact. Without friction there is only the right panel.
 
     Args:
         path_stem: where to write, without suffix.
         table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
             u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
-        title: what to say above the picture.
+        title: title of the picture.
         sides: which of the two panels to draw.
         suffixes: of the files to write.
 
@@ -135,7 +135,7 @@ def boundary_profiles(
 
 
 def state_patches(states: set[str]) -> list[Patch]:
-    """Entries of a legend, in a fixed order, for the states that are seen."""
+    """Entries of a legend, in a fixed order, for the states that occur."""
     return [
         Patch(facecolor=color, edgecolor=MUTED, linewidth=0.5, label=label)
         for state, (color, label) in STATES.items()
@@ -165,7 +165,7 @@ def boundaries_of(table: Table) -> list[Boundary]:
 
 def _tangential_panel(axes: Axes, boundary: Boundary, name: str) -> None:
     stresses, motion = boundary.floats("shear"), boundary.floats("u_t")
-    # A bound that is never reached, or given as good as infinite, shall not flatten the other curves.
+    # A bound that is never reached, or that is practically infinite, should not flatten the other curves.
     bound, reach = boundary.floats("bound"), 10 * largest_of(stresses)
     stress = min(largest_of(stresses, bound), reach) if reach > 0 else largest_of(bound)
     up, out = _powers(stress, motion, boundary)
@@ -186,7 +186,7 @@ def _normal_panel(axes: Axes, boundary: Boundary, name: str) -> None:
     boundary.draw(axes, gap, **LIMIT, label=f"rigid foundation $d${times_power(out)}")
     boundary.draw(axes, motion, **MOTION, label=rf"normal displacement $\tau_N\,\mathbf{{y}}${times_power(out)}")
     boundary.draw(axes, pressure, **MULTIPLIER, label=rf"contact pressure $\lambda${times_power(up)}")
-    # The foundation is followed as far as it is near, and its nearest point is always seen.
+    # The foundation is drawn where it is near, and its nearest point is always visible.
     reach = max(
         2.5 * largest_of(pressure, motion), 1.2 * float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
     )
@@ -197,7 +197,7 @@ def _normal_panel(axes: Axes, boundary: Boundary, name: str) -> None:
 def _powers(stress: float, motion: Floats, boundary: Boundary) -> tuple[int, int]:
     """Powers of ten for stresses and lengths: alike in size within a factor of about 3, and readable.
 
-    A motion that is next to nothing beside the displacement as a whole (stick everywhere) shall look like nothing.
+    A motion that is negligible compared with the whole displacement (stick everywhere) should look like zero.
     """
     up = decimal_power(stress)
     length = max(largest_of(motion), 1e-4 * largest_of(boundary.floats("u_n"), boundary.floats("u_t")))
@@ -227,7 +227,7 @@ def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: list[Floats]
 
 
 def state_strip(axes: Axes, boundary: Boundary, states: list[str], name: str) -> None:
-    """Every node colours the boundary up to half way to its neighbours; nodes of equal state are one rectangle."""
+    """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
     for first, end in itertools.pairwise([*boundary.starts, len(states)]):
         x = boundary.coordinate[first:end]
         borders = np.concatenate((x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]))

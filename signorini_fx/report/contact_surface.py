@@ -46,8 +46,8 @@ _POLYGONS = {
 }
 _PRESSURES = "cividis"
 _UNTOUCHED = "#f0f0f0"
-_TURNED = 0.3  # length of a mean normal below which a boundary is as good as closed
-_ARROWS = 28  # so many beside each other along the longer side
+_TURNED = 0.3  # length of a mean normal below which a boundary counts as closed
+_ARROWS = 28  # number of arrows side by side along the longer side
 _LONGEST = 0.06  # length of the longest arrow, over that of the longer side
 _MARGIN = 0.08  # around the boundary, over the longer side: room for arrows
 _WIDE = 1.5  # ratio from which on the two panels stand one above the other
@@ -56,7 +56,7 @@ _MANY = 1000  # polygons from which on they are drawn as an image
 
 @dataclass(frozen=True)
 class Side:
-    """What is seen of one contact boundary from one side.
+    """The visible part of one contact boundary from one side.
 
     Attributes:
         name: of the boundary.
@@ -112,9 +112,9 @@ class Side:
 
 
 def sides_of(table: Table, facets: Rows) -> list[Side]:
-    """The contact boundaries in their order, each as seen along the mean normal of what is in contact.
+    """The contact boundaries in their order, each as seen along the mean normal of the facets in contact.
 
-    A boundary that is bent so far that parts of it face the other way, as the wall of a hole, is seen from a second
+    A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
     side as well, if anything is in contact there.
 
     Args:
@@ -139,7 +139,7 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
         weight = np.asarray(columns["weight"], dtype=np.float64)
         touching = weight * (columns["state"] != "open")
         sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
-        # As good as closed: the coordinate axis that it faces most.
+        # Practically closed: the coordinate axis that it faces most.
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
         sight = next(sight for sight in sights if np.linalg.norm(sight) > _TURNED)
         forth = normal[own].mean(axis=1) @ -view.along(sight).toward >= -1e-6
@@ -156,16 +156,17 @@ def contact_surface(
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
     On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
-    shear stress mu as arrows.  Where a singular edge would leave the rest dark, the scale ends at the pressure that
-    99 % of the contact area stays below.  On the right, or below: the state of each node as far as half way to its
-    neighbours, and the slip as arrows, magnified as the panel says.  Of many arrows some are left out.  Where little of
-    the boundary is in contact the picture shows that part, and says so.  Frictionless: only pressure.
+    shear stress mu as arrows.  If a singular edge would leave the rest dark, the scale ends at the pressure that
+    is not exceeded on 99 % of the contact area.  On the right, or below: the state of each node in the area halfway to
+    its neighbours, and the slip as arrows, magnified as stated in the panel.  If there are many arrows, some are left
+    out. If little of the boundary is in contact, the picture shows that part, and says so.  Without friction: only
+    pressure.
 
     Args:
         path_stem: where to write, without suffix.
         table: columns of ``contact.csv`` of a scene in space, each of shape (n,).
         facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
-        title: what to say above the picture.
+        title: title of the picture.
         suffixes: of the files to write.
 
     Raises:
@@ -212,7 +213,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
-    figure.draw_without_rendering()  # the layout needs a second pass where equal axes do not fill their place
+    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
     return figure
 
 
@@ -222,7 +223,7 @@ def _cells(grid: mpl.gridspec.GridSpec, row: int, panels: int, columns: int) -> 
 
 
 def _window(side: Side) -> tuple[Floats, Floats, bool]:
-    """Lower and upper corner of what is shown, each of shape (2,), and whether it is a part of the boundary."""
+    """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part of the boundary."""
     every = side.nodes[side.shown]
     low, high = every.min(axis=0), every.max(axis=0)
     size = _size(low, high) or 1.0
@@ -244,7 +245,7 @@ def _size(low: Floats, high: Floats) -> float:
 
 
 def _frame(axes: Axes, side: Side, low: Floats, high: Floats) -> None:
-    """Equal axes that bear the coordinates of space."""
+    """Equal axes with the coordinates in space."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
         _, label, falls = view.coordinate(direction)
@@ -260,7 +261,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
     power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
     top = upper_tone(pressure[inside], side.floats("weight")[inside])
-    bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # bilateral contact pulls as well
+    bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # in bilateral contact the pressure may be negative
     ground = PolyCollection(
         list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, linewidths=0.4, zorder=1
     )
@@ -329,8 +330,8 @@ def _rim(side: Side) -> LineCollection:
 
 
 def _triangles(polygons: Rows, nodes: Floats, *nodal: Floats) -> tuple[Floats, Rows, list[Floats]]:
-    """Points, triangles and values at the points; quadrilaterals are cut at their middle, which comes after the nodes:
-    a diagonal would turn a symmetric pressure into a picture that is not.
+    """Points, triangles and values at the points; quadrilaterals are cut at their middle, which comes after the nodes,
+    because a diagonal would make the picture of a symmetric pressure unsymmetric.
     """
     if polygons.shape[1] == 3:
         return nodes, polygons, list(nodal)
@@ -358,7 +359,7 @@ def _arrows(
     high: Floats,
     factor: float | None = None,
 ) -> float:
-    """Draw vectors at nodes among ``where``, times the factor, else as long as there is room for the longest.
+    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room for the longest.
 
     Returns:
         The length of the longest, 0 if there is none.
@@ -396,7 +397,7 @@ def _arrows(
 
 
 def _spread(nodes: Floats, rows: Rows, distance: float) -> Iterator[int]:
-    """Rows in their order without those that are nearer than the distance to one before them."""
+    """Rows in their order without those that are closer than the distance to an earlier one."""
     while len(rows):
         yield int(rows[0])
         rows = rows[np.linalg.norm(nodes[rows] - nodes[rows[0]], axis=1) >= distance]

@@ -1,4 +1,4 @@
-"""How a solution was approached: active sets and residual over the linear solves, errors over the meshes."""
+"""Pictures of the convergence: active sets and residual over the linear solves, errors over the meshes."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def iteration_history(
     suffixes: Sequence[str] = BOTH,
     dimension: int = 2,
 ) -> None:
-    """Draw the course of the iteration against the linear solves: sizes of the active sets, changed nodes, residual.
+    """Draw the convergence history over the linear solves: sizes of the active sets, changed nodes, residual.
 
     Args:
         path_stem: where to write, without suffix.
         rows: one mapping per linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
-        title: what to say above the picture.
+        title: title of the picture.
         suffixes: of the files to write.
         dimension: of the body; in space slip has no sign, and slip_plus counts all nodes that slip.
 
@@ -73,7 +73,7 @@ def iteration_history(
         upper.set(ylabel="number of nodes", ylim=(0, None))
         upper.tick_params(axis="x", length=0, labelbottom=False)
         residual = np.where(data["residual"] > 0, data["residual"], np.nan)
-        # A new outer iteration is a new problem: its residuals are a line of their own.
+        # A new outer iteration is a new problem: its residuals are a separate line.
         broken = [np.insert(values, firsts, np.nan) for values in (solve, residual)]
         lower.semilogy(*broken, color=INK, marker="o", markersize=size, lw=1.3)
         lower.set(ylabel="relative residual", xlabel="linear solve", xlim=(solve[0] - 0.6, solve[-1] + 0.6))
@@ -84,7 +84,7 @@ def iteration_history(
 
 
 def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: npt.NDArray[np.intp]) -> None:
-    """Lines between outer iterations, their numbers on top as far as they have room."""
+    """Lines between outer iterations, with their numbers on top if there is room."""
     if not firsts.size:
         return
     borders = [solve[0] - 0.6, *(0.5 * (solve[firsts - 1] + solve[firsts])), solve[-1] + 0.6]
@@ -122,7 +122,7 @@ def errors_against_time(
     Args:
         path_stem: the files without their ending.
         rows: the rows of price_list.csv, coarsest mesh first, the predicted one last.
-        title: what was solved.
+        title: title of the scene.
         suffixes: of the files to write.
     """
     with mpl.rc_context(STYLE):

@@ -60,7 +60,7 @@ class Field:
 
 
 SHEAR_ENERGY = Field("elastic shear energy density", _GRAYS)
-VON_MISES = Field("stress of von Mises", mpl.colormaps["viridis_r"])
+VON_MISES = Field("von Mises stress", mpl.colormaps["viridis_r"])
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,7 @@ def _areas(corners: Floats) -> Floats:
 
 
 def upper_tone(density: Floats, area: Floats) -> float:
-    """The density to draw black: the largest, or what 99 % of the area stays below if the largest is far above."""
+    """The density drawn black: the largest or, if that is far above, the value not exceeded on 99 % of the area."""
     finite = np.isfinite(density)
     density, area = density[finite], area[finite]
     largest = float(density.max(initial=0.0))

@@ -40,7 +40,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
     Args:
         path_stem: where to write, without suffix.
         steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
-        title: what to say above the picture.
+        title: title of the picture.
         suffixes: of the files to write.
     """
     in_space = "contact_force_z" in steps
@@ -51,7 +51,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
     power = decimal_power(scale)
     pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}]
     rubbing = [MOTION, MOTION | {"color": ORANGE}]
-    if in_space:  # most foundations are below, and press upwards
+    if in_space:  # most foundations are below, and push upwards
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
@@ -64,7 +64,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         figure = Figure(figsize=(4.4, 4.6), layout="constrained")
         upper, lower = figure.subplots(2, 1)
         for name, style in zip(names, (*pressing, *rubbing), strict=True):
-            if largest_of(forces[name]) > 1e-6 * scale:  # what is left by symmetry and round-off is not shown
+            if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
                 kind, _, axis = name.rpartition("_")
                 label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
                 upper.plot(steps["step"], forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
@@ -92,13 +92,14 @@ _FRAMES_A_SECOND = 4
 def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
     """Write a GIF of pressure, shear and states along the contact boundary, one frame per load step.
 
-    Scales stay the same from frame to frame.  Of more than 120 steps every second, third, ... is shown, and the last.
+    Scales are the same in all frames.  If there are more than 120 steps, every second, third, ... is shown, and the
+    last.
 
     Args:
         path: the file.
         table: columns of ``contact_steps.csv``, each of shape (n,): those of ``contact.csv`` that
-            ``boundary_profiles`` needs but for the lengths, and ``step``.
-        title: what to say above the picture.
+            ``boundary_profiles`` needs except for the lengths, and ``step``.
+        title: title of the picture.
 
     Raises:
         ValueError: the table has no rows.
@@ -141,7 +142,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
 
 
 def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None:
-    """Pressure, shear and its bounds, one scale for all."""
+    """Pressure, shear and its bounds, with one scale for all."""
     pressure, shear, bound = (boundary.floats(key) * 10.0**power for key in ("pressure", "shear", "bound"))
     if boundary.has_friction:
         boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")

@@ -1,4 +1,4 @@
-"""HTML in Python: every text passes ``tag``, which escapes all that is not made by ``tag``."""
+"""HTML in Python: every text passes through ``tag``, which escapes everything not made by ``tag``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 _LONG = 40  # rows from which on a table is folded
-_WIDE_TABLE = 8  # columns from which on print takes small letters
+_WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
-_MOST_ROWS = 400  # of a table; the CSV file has all
+_MOST_ROWS = 400  # of a table; the CSV file has all rows
 _VOID = frozenset({"br", "img", "meta"})
 
 
@@ -60,7 +60,7 @@ def is_number(value: Any) -> bool:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
-    """A table that scrolls sideways where it is wider than the page; columns of numbers are flush right."""
+    """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
     numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
     head = [tag("th", name, class_="number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
@@ -81,7 +81,7 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
     remark: list[Markup] = []
     if len(rows) > _MOST_ROWS:
         half = _MOST_ROWS // 2
-        text = f"The first and the last {half} of {len(rows)} rows; {file} has all."
+        text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
         remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
     names = [name.replace("_", " ") for name in columns]
     summary = tag("summary", f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}")

@@ -1,7 +1,7 @@
-"""A result folder as one page of HTML that needs nothing else: no network, no other file, no script.
+"""A result folder as one page of HTML that needs no network, no other file and no script.
 
-It is made from what ``solve`` wrote, without dolfinx: curves are drawn again from the CSV files as SVG, the deformed
-body is the picture that ``solve`` drew.
+It is made from the files of ``solve``, without dolfinx: curves are drawn again from the CSV files as SVG, and the
+deformed body is the picture that ``solve`` drew.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def page(folder: Path) -> str:
     """The report of a result folder.
 
     Raises:
-        ResultError: it is no result folder, or not whole.
+        ResultError: it is not a result folder, or it is incomplete.
     """
     summary = read_summary(folder)
     try:
@@ -95,14 +95,14 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
     """Write the report of a result folder.
 
     Args:
-        folder: what ``solve`` wrote.
-        file: where to; None: ``report.html`` in the folder.
+        folder: the result folder that ``solve`` wrote.
+        file: the page; None: ``report.html`` in the folder.
 
     Returns:
         The file.
 
     Raises:
-        ResultError: the folder is no result, or half written.
+        ResultError: the folder is not a result folder, or it is incomplete.
         OutputError: the page cannot be written.
     """
     folder = Path(folder)

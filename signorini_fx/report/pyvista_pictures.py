@@ -1,7 +1,7 @@
-"""Fields of the deformed body as pictures by pyvista: an extra, drawn where it is installed.
+"""Pictures of the fields on the deformed body by pyvista, if it is installed.
 
-VTK ends the process where it finds no way to draw, as on a machine with neither display nor EGL nor OSMesa.  So it
-draws in a process of its own; where that fails there are no such pictures, and nothing else is lost.
+VTK ends the process if it has no way to draw, as on a machine with neither display nor EGL nor OSMesa.  So it
+draws in a separate process; if that fails, only these pictures are missing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FIELDS = {
 }
 _PATIENCE = 300.0  # seconds; a million cells take some ten
 _WIDTH = 1200  # pixels
-_EDGES_UP_TO = 20_000  # cells whose edges can still be told apart
+_EDGES_UP_TO = 20_000  # cells whose edges can still be distinguished
 
 
 def draw_fields(
@@ -46,10 +46,10 @@ def draw_fields(
         cells: triangles or quadrilaterals, their points in order along the perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, length, shape (n, 2).
         density: elastic shear energy density, energy per volume, one value per cell, shape (m,).
-        factor: what the displacement is multiplied by.
+        factor: the factor that the displacement is multiplied by.
 
     Returns:
-        Names of the pictures; none where pyvista is not installed or cannot draw.
+        Names of the pictures; none if pyvista is not installed or cannot draw.
     """
     if importlib.util.find_spec("pyvista") is None:
         return []
@@ -76,7 +76,7 @@ def draw_fields(
 
 
 def _main(scratch: Path) -> None:
-    """Draw what body.npz holds, in this process."""
+    """Draw the content of body.npz, in this process."""
     import pyvista
 
     with np.load(scratch / "body.npz") as data:
@@ -94,7 +94,7 @@ def _main(scratch: Path) -> None:
 
 
 def _draw(pyvista: Any, body: Any, outline: Any, stem: str) -> Any:
-    """A plotter with a field on the deformed body, and the outline of the body at rest."""
+    """A plotter with a field on the deformed body, and the outline of the undeformed body."""
     low, high = np.minimum(body.bounds, outline.bounds)[::2], np.maximum(body.bounds, outline.bounds)[1::2]
     wide, tall = (high - low)[:2]
     height = int(np.clip(_WIDTH * tall / wide, 200, 2 * _WIDTH)) + 160

@@ -29,7 +29,7 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
         Name -> one entry per row: floats where every entry is a number (an empty one is nan), strings elsewhere.
 
     Raises:
-        ValueError: a row has more or fewer entries than the header, or it is no CSV file.
+        ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader = csv.reader(file)
@@ -59,9 +59,9 @@ def read_facets(path: str | Path) -> npt.NDArray[np.int64]:
     """The facets of a contact surface from contact.vtu: rows of contact.csv in the order of VTK, shape (m, k).
 
     Raises:
-        ValueError: it is no such file.
+        ValueError: it is not such a file.
     """
-    # Python's own reader: it follows no reference to another file, and expat stops texts that multiply.
+    # Python's own reader: it follows no references to other files, and expat stops entity expansion.
     from xml.etree import ElementTree
 
     try:
@@ -80,7 +80,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """summary.json of a result folder.
 
     Raises:
-        ResultError: the folder is not there, no result folder, or half written.
+        ResultError: the folder does not exist, is not a result folder, or is incomplete.
     """
     file = folder / "summary.json"
     if not os.path.isdir(folder):  # a name may be of any length
@@ -114,7 +114,7 @@ class ResultFiles:
         self.path = folder
 
     def columns(self, name: str, rows: int | None = None) -> dict[str, Any]:
-        """The columns of a CSV file; with so many rows, if it is known how many.
+        """The columns of a CSV file, checked for the number of rows if that is known.
 
         Raises:
             ValueError: it has another number of rows.
@@ -126,10 +126,10 @@ class ResultFiles:
         return found
 
     def facets(self, rows: int) -> npt.NDArray[np.int64]:
-        """The facets of the contact surface, see ``read_facets``, of a table of so many rows.
+        """The facets of the contact surface, see ``read_facets``, for a table with this number of rows.
 
         Raises:
-            ValueError: they are of another table.
+            ValueError: they belong to another table.
         """
         facets = read_facets(self.path / "contact.vtu")
         if facets.size and not 0 <= facets.min() <= facets.max() < rows:
@@ -137,6 +137,6 @@ class ResultFiles:
         return facets
 
     def picture(self, name: str) -> bytes | None:
-        """A picture that solve drew, None if it drew none."""
+        """A picture that solve drew; None if it drew none."""
         file = self.path / name
         return file.read_bytes() if file.is_file() else None

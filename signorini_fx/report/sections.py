@@ -18,14 +18,14 @@ from signorini_fx.report.markup import Markup, is_number, joined, long_table, pi
 from signorini_fx.report.pyvista_pictures import FIELDS
 from signorini_fx.report.reading import ResultFiles
 
-# Every figure of the certificate: its limit, None where it is reported only, and its meaning.
+# Every figure of the certificate: its limit, None if it is only reported, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {
     "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
     "supports": (CERTIFICATE_TOLERANCE, "largest difference from a prescribed displacement"),
     "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
     "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
     "wrong_way_slip": (CERTIFICATE_TOLERANCE, "slip in the direction of the friction force"),
-    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond what the law allows for"),
+    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond that allowed by the law"),
     "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
     "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
     "displacement": (None, "largest displacement over the size of the body"),
@@ -33,7 +33,7 @@ JUDGED: dict[str, tuple[float | None, str]] = {
     "complementarity": (None, "largest product of pressure and distance"),
     "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
 }
-# A solution, less accurate than asked for.
+# A solution, less accurate than required.
 _SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
 
 
@@ -48,7 +48,7 @@ def file_of(suffix: str, draw: Any, *arguments: Any, **options: Any) -> bytes:
 
 
 def in_space(summary: dict[str, Any]) -> bool:
-    """Whether the body is one in space, not in the plane."""
+    """Whether the body is in space, not in the plane."""
     return bool(summary.get("dimension") == 3)
 
 
@@ -58,10 +58,10 @@ def outcome(summary: dict[str, Any]) -> Markup:
     short = summary["status"] in _SHORT_OF_ACCURACY
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not good:
-        last = "the last mesh" if short else "the last iterate: to look at, not to use"
+        last = "the last mesh" if short else "the last iterate: do not use them"
         verdict = f"{verdict} All figures are of {last}."
     if not good and summary["linear_solves"] == 0:
-        verdict += " Nothing had to be solved to tell: it is the body without displacement."
+        verdict += " No linear system was solved: the figures are those of the body without displacement."
     text = [tag("strong", summary["status"]), tag("p", verdict)]
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
@@ -87,7 +87,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
 
 
 def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
-    """What the solver has found about the scene and the result, empty where there is nothing of that level."""
+    """The findings of one level about the scene and the result; empty if there are none."""
     found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
     items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in found]
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
@@ -105,15 +105,15 @@ def certificate(summary: dict[str, Any]) -> Markup:
         judged = "" if limit is None else f"<= {limit:g}"
         rows.append((_named(name.replace("_", " "), meaning), _two_digits(value), verdict, judged))
         classes.append("missed" if missed else "")
-    law = f" Judged by {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
+    law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     note = (
-        "The conditions of the problem, checked anew after the iteration from the displacement and the contact "
+        "The conditions of the problem, checked after the iteration from the displacement and the contact "
         f"tractions alone.{law} Every figure is relative: to the largest stress, deformation or force."
     )
     parts = [tag("p", note, class_="note"), table(["figure", "value", "", "limit"], rows, classes)]
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
-        parts.append(tag("p", f"Primal and dual functional differ by {gap:.1e}, relative."))
+        parts.append(tag("p", f"The relative difference of primal and dual functional is {gap:.1e}."))
     return joined(parts)
 
 
@@ -144,7 +144,7 @@ def scene(summary: dict[str, Any]) -> Markup:
         [
             table(["effect", "data"], rows),
             tag("p", f"Method: {shown(method)}."),
-            tag("details", tag("summary", "The whole scene, all defaults included"), whole),
+            tag("details", tag("summary", "The whole scene with all defaults"), whole),
         ]
     )
 
@@ -155,24 +155,24 @@ def _named(name: str, remark: str) -> Markup:
 
 
 def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = None) -> str:
-    """What an effect says; ``nothing`` is what a load that is not there says."""
+    """The text for an effect; ``nothing`` is the text for an absent load."""
     said = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
     factors = said.pop("factors", None)
     return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
 
 
 _PLANE_BODY = (
-    "Colour: stress of von Mises at the midpoints of the cells; hatched lines: the foundation. The title says what is "
+    "Colour: von Mises stress at the midpoints of the cells; hatched lines: the foundation. The title says what is "
     "magnified; where a magnified gap would bend the foundation it is drawn beside, with the body as it is."
 )
 _SOLID_BODY = (
-    "Displacement magnified as the title says; colour: stress of von Mises, shaded; broken lines: the body at rest; "
-    "gray plane or broken frame: the foundation where it is flat, magnified with the gap."
+    "Displacement magnified as stated in the title; colour: von Mises stress, shaded; dashed lines: undeformed body; "
+    "gray plane or dashed frame: the foundation where it is flat, magnified with the gap."
 )
 
 
 def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
-    """The picture of the deformed body, and those of pyvista."""
+    """The picture of the deformed body, and the pictures of pyvista."""
     data = folder.picture("deformed.png")
     if data is None:
         reason = "this was solved with --no-pictures" + (", or has too many facets to be drawn" if solid else "")
@@ -201,7 +201,7 @@ def profiles(contact: dict[str, Any]) -> Markup:
 
 
 def zones(summary: dict[str, Any]) -> Markup:
-    """Where the zones of contact, stick and slip begin and end."""
+    """The zones of contact, stick and slip."""
     size = max((abs(c) for runs in summary["zones"].values() for run in runs for end in run for c in end), default=0.0)
     rows = []
     for name, runs in summary["zones"].items():
@@ -219,7 +219,7 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
 
     parts = []
     if "contact_force_x" in steps:
-        caption = "Above: forces of the foundation on the body. Below: friction force against motion."
+        caption = "Above: forces of the foundation on the body. Below: friction force over displacement."
         pictures = [picture(file_of(".svg", load_steps, steps), "svg+xml", caption, caption)]
         if "contact_force_z" not in steps and (folder.path / "contact_steps.csv").is_file():
             moving = file_of(".gif", step_animation, folder.columns("contact_steps.csv"))
@@ -239,7 +239,7 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
     caption = "Estimated relative errors against the time of each mesh; open: the next mesh, predicted."
     note = (
         "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones; "
-        "peak: largest pressure; of the energy error, what the regularisation and the iteration leave. Memory in MB."
+        "peak: largest pressure; the parts of the energy error due to regularisation and iteration. Memory in MB."
     )
     classes = ["predicted" if row["predicted"] else "" for row in rows]
     return joined(
@@ -252,12 +252,12 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
 
 
 def _two_digits(value: float | None) -> Any:
-    """Estimates have no more digits than these."""
+    """An estimate with the digits that it has."""
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
 def history(folder: ResultFiles, history: dict[str, Any], *, dimension: int = 2) -> Markup:
-    """The course of the iteration, and its tables."""
+    """The convergence history, and its tables."""
     from signorini_fx.report.convergence import iteration_history
 
     parts = []
@@ -280,14 +280,14 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     """What to do with this result, most urgent first.
 
     Args:
-        summary: what summary.json says.
-        contact: columns of contact.csv, empty without contact.
+        summary: the content of summary.json.
+        contact: columns of contact.csv; empty without contact.
     """
     advice = []
     if summary["status"] != Status.CONVERGED.value:
         advice.append(
-            "What to do first is said at the top. Before the next solve, signorini-fx check SCENE says what may "
-            "go wrong, and why."
+            "The first thing to do is stated at the top. Before the next solve, signorini-fx check SCENE reports what "
+            "may go wrong, and why."
         )
         if summary["status"] not in _SHORT_OF_ACCURACY:
             return advice
@@ -326,7 +326,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
 
 
 def _zone_sizes(contact: dict[str, Any]) -> list[int]:
-    """How many nodes are in contact in each zone of a curve, in space on each boundary that touches."""
+    """The number of nodes in contact in each zone of a curve, in space on each boundary in contact."""
     closed = contact["state"] != "open"
     if "s" not in contact:
         return [int(count) for count in np.unique(contact["boundary"][closed], return_counts=True)[1]]

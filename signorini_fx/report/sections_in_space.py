@@ -1,4 +1,4 @@
-"""The sections of the page that a body in space has in place of curves and zones."""
+"""The sections of the page for a body in space, instead of curves and zones."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from signorini_fx.display import clean
 from signorini_fx.report.markup import Markup, joined, long_table, picture, table, tag
 from signorini_fx.report.sections import file_of
 
-# Vectors of contact.csv, and what becomes of the columns that it has besides their lengths.
+# Vectors of contact.csv, whose components are shown together.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}
 _COLUMNS = ("state", "friction", "pressure", "shear", "bound", "gap", "u_n", "u_t", "slip")
 
 
 def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
-    """What the foundation exerts on the body, and how much of the contact boundary does it."""
+    """The forces of the foundation on the body, and the areas in contact."""
     force, friction = (np.array(summary[name], dtype=np.float64) for name in ("contact_force", "friction_force"))
     moment, twist = (np.array(summary[name], dtype=np.float64) for name in ("contact_moment", "friction_moment"))
     size = float(np.nanmax(np.abs([force, friction]), initial=0.0))
@@ -48,7 +48,7 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     if len(areas) > 1:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
     parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], areas))
-    note = "Areas are those that the nodes stand for. Stick and slip where friction can act."
+    note = "Areas are sums of the weights of the nodes. Stick and slip where friction can act."
     return joined([*parts, tag("p", note, class_="note")])
 
 
@@ -58,7 +58,7 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
 
     caption = (
         "Contact pressure, shear as arrows; where friction acts, the state of each node, and slip as arrows, magnified "
-        "as the panel says."
+        "as stated in the panel."
     )
     drawn = picture(file_of(".svg", contact_surface, contact, facets), "svg+xml", "contact surface", caption)
     note = (
@@ -71,7 +71,7 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
 
 
 def nodes(contact: dict[str, Any]) -> dict[str, Any]:
-    """The contact table with vectors as such: scalars and vectors by turns, one entry for each node."""
+    """The contact table with vectors in one column: scalars and vectors in turn, one entry for each node."""
     found: dict[str, Any] = {"boundary": contact["boundary"], "position": _vectors(contact, _VECTORS["position"])}
     for name in _COLUMNS:
         found[name] = contact[name]
@@ -81,7 +81,7 @@ def nodes(contact: dict[str, Any]) -> dict[str, Any]:
 
 
 def _vectors(contact: dict[str, Any], names: tuple[str, ...]) -> list[tuple[float, ...]]:
-    """Three columns as one of vectors, round-off beside the largest of them is zero."""
+    """Three columns as one of vectors; components that are round-off compared with the largest are zero."""
     columns = np.column_stack([np.asarray(contact[name], dtype=np.float64) for name in names])
     columns[np.abs(columns) <= 1e-9 * np.nanmax(np.abs(columns), initial=0.0)] = 0.0
     return [tuple(map(float, row)) for row in columns]

@@ -1,4 +1,4 @@
-"""The deformed body in space: its outer surface with the stress of von Mises in colour."""
+"""The deformed body in space: its outer surface with the von Mises stress in colour."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Rows = npt.NDArray[np.int64]
 MOST_FACETS = 40_000  # of a picture: matplotlib takes seconds for them
 _COLOURS = "cividis"
 _GROUND = "#e3e3e3"
-_SHADE = 0.25  # how much darker a facet along the light is than one across it
+_SHADE = 0.25  # how much darker a facet parallel to the light is than one perpendicular to it
 _SHARP = math.cos(math.radians(30.0))  # facets that turn by more than this meet in an edge
 _VISIBLE_FACET = 4.0  # size from which on the edges of a facet are drawn, in 1/72 inch
 _LARGEST = 5.6  # width and height of the body, inches
@@ -52,21 +52,20 @@ def deformed_solid(
 ) -> None:
     """Draw the outer surface of a deformed body in space, seen from the front, the right and above.
 
-    The colour is the stress of von Mises, a little darker where the surface turns away from the light.  Where a
-    singular edge would leave the rest dark, the scale ends at the stress that 99 % of what is seen stays below.  Thin
-    lines on the body are its sharp edges, broken ones those of the body at rest.  A foundation that is flat is hinted
-    at by a gray plane, where it is behind the body, else by its frame.  There is no perspective: parallels stay
-    parallel.
+    The colour is the von Mises stress, slightly darker where the surface turns away from the light.  If a singular edge
+    would leave the rest dark, the scale ends at the stress that is not exceeded on 99 % of the visible area.  Thin
+    lines on the body are its sharp edges, dashed ones those of the undeformed body.  A flat foundation is drawn as a
+    gray plane if it is behind the body, otherwise as a frame.  The projection is parallel, without perspective.
 
     Args:
         path_stem: where to write, without suffix.
         points: positions, length, shape (n, 3).
-        facets: their points along the perimeter, against the clock as seen from outside, shape (m, 3) or (m, 4).
+        facets: their points along the perimeter, counterclockwise as seen from outside, shape (m, 3) or (m, 4).
         displacement: at the points, length, shape (n, 3).
-        mises: stress of von Mises at each facet, shape (m,).
+        mises: von Mises stress at each facet, shape (m,).
         foundations: of each contact boundary nodes and the vector d n from each to the foundation, lengths, both of
             shape (k, 3); like the displacement, d n is multiplied by the magnification.
-        title: what to say above the picture.
+        title: title of the picture.
 
     Raises:
         ValueError: there are no facets.
@@ -85,7 +84,7 @@ def solid_figure(
         raise ValueError("the body has no facets")
     factor = magnification(points, displacement)
     moved = points + factor * displacement
-    moved = np.where(np.isfinite(moved), moved, points)  # a solve that failed may leave anything behind
+    moved = np.where(np.isfinite(moved), moved, points)  # a failed solve may give any values
     seen = view.oblique()
     planes = [plane for nodes, gap in foundations if (plane := _plane(nodes + factor * gap)) is not None]
     every = seen.flat(np.concatenate([points, moved, *(corners for corners, _ in planes)]))
@@ -115,7 +114,7 @@ def solid_figure(
 def _draw_body(
     figure: Figure, axes: Axes, seen: view.View, moved: Floats, facets: Rows, mises: Floats, inch: float, power: int
 ) -> None:
-    """Facets that face the looker, the farthest first, with sharp edges between them."""
+    """Facets that face the viewer, the farthest first, with sharp edges between them."""
     normals, areas = _normals(moved, facets)
     front = np.flatnonzero(normals @ seen.toward > 0)
     top = upper_tone(mises[front], areas[front])
@@ -127,7 +126,7 @@ def _draw_body(
     edged = math.sqrt(float(np.median(areas))) * inch >= _VISIBLE_FACET
     lines = _edges(moved, facets, seen)
     nearness = np.concatenate((seen.depth(moved[facets[front]]).mean(axis=1), seen.depth(moved[lines]).mean(axis=1)))
-    # An edge comes right after the facets that meet there.
+    # An edge is drawn right after the facets that meet there.
     nearness[len(front) :] += 1.5 * math.sqrt(float(np.median(areas)))
     order = np.argsort(nearness, kind="stable")
     corners = [*seen.flat(moved[facets[front]]), *seen.flat(moved[lines])]
@@ -156,7 +155,7 @@ def _draw_body(
         pad=0.02,
     )
     bar.ax.locator_params(nbins=6)
-    bar.set_label(f"stress of von Mises{times_power(power)}")
+    bar.set_label(f"von Mises stress{times_power(power)}")
 
 
 def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:
@@ -171,7 +170,7 @@ def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:
 
 
 def _edges(points: Floats, facets: Rows, seen: view.View) -> Rows:
-    """Edges to draw, shape (e, 2): those that are sharp where they are seen, and those where the surface turns away."""
+    """Edges to draw, shape (e, 2): visible sharp edges, and those where the surface turns away."""
     normals, _ = _normals(points, facets)
     a, b = facets.ravel(), np.roll(facets, -1, axis=1).ravel()
     owner = np.arange(len(facets))[:, None].repeat(facets.shape[1], axis=1).ravel()
@@ -215,7 +214,7 @@ def _draw_plane(axes: Axes, corners: Floats, *, in_front: bool) -> None:
 
 
 def _draw_coordinates(axes: Axes, seen: view.View, points: Floats, low: Floats, high: Floats) -> None:
-    """The three axes in the corner, and how long the body is along each."""
+    """The three axes in the corner, and the length of the body along each."""
     extent = points.max(axis=0) - points.min(axis=0)
     length = 0.09 * float(np.max(high - low))
     corner = low + np.array([1.0, 1.0]) * 0.9 * length

@@ -1,7 +1,7 @@
-"""How every picture looks, and how it is written.
+"""The style of all pictures, and how they are written.
 
-Every picture is written twice, ``stem.png`` to look at and ``stem.pdf`` to print, unless ``suffixes`` asks for others,
-as a page does for ``.svg``.  It stays readable in black and white: line styles and lightness carry what the colours do.
+Every picture is written twice, ``stem.png`` for screens and ``stem.pdf`` for print, unless ``suffixes`` names others,
+as the report does with ``.svg``.  Pictures are readable in black and white: line styles and lightness differ as well.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ STYLE: dict[str, Any] = {
 
 
 def plain(text: str) -> str:
-    """A user's text for a picture: dollar signs are no mathematics."""
+    """A user's text for a picture, in which dollar signs do not begin mathematics."""
     return text.replace("$", r"\$")
 
 
@@ -70,7 +70,7 @@ def largest_of(*curves: Floats) -> float:
 
 
 def decimal_power(largest: float) -> int:
-    """The k with which figures up to ``largest``, times 10^k, need no exponent at an axis."""
+    """The k for which figures up to ``largest``, times 10^k, need no exponent at an axis."""
     return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
 
 
@@ -82,7 +82,7 @@ def readable(ideal: float) -> float:
 
 
 def times_power(power: int) -> str:
-    """What follows a label whose figures were multiplied by 10^power."""
+    """The suffix of a label whose figures were multiplied by 10^power."""
     return rf" $\times\,10^{{{power}}}$" if power else ""
 
 

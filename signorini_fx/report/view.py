@@ -1,4 +1,4 @@
-"""How a surface in space is seen on paper: directions of sight, axes in the picture, and what to call them."""
+"""Projections of surfaces in space: viewing directions, axes in the picture, and their names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from signorini_fx.report.style import Floats
 
-# From this cosine on a direction is taken for that of the coordinate axis beside it.
+# Above this cosine a direction is taken for that of the nearest coordinate axis.
 _ALONG = 0.99
 _UPRIGHT = 0.9
 
@@ -19,7 +19,7 @@ class View:
     """A parallel projection.
 
     Attributes:
-        right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to whom looks at it; each of
+        right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to the viewer; each of
             shape (3,).
     """
 
@@ -32,15 +32,15 @@ class View:
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
     def depth(self, points: Floats) -> Floats:
-        """How near points of shape (..., 3) are to whom looks, shape (...)."""
+        """How near points of shape (..., 3) are to the viewer, shape (...)."""
         nearness: Floats = points @ self.toward
         return nearness
 
 
 def along(direction: Floats) -> View:
-    """The view along a direction, shape (3,): upright as far as it can be.
+    """The view along a direction, shape (3,): upright as far as possible.
 
-    A direction close to a coordinate axis is that axis.  Upwards is x_3, or x_2 where one looks up or down.
+    A direction close to a coordinate axis is replaced by it.  Upwards is x_3, or x_2 if one looks up or down.
     """
     sight = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(sight)))
@@ -66,7 +66,7 @@ def coordinate(direction: Floats) -> tuple[Floats, str, bool]:
     """The coordinate to write at an axis of a picture.
 
     Returns:
-        The unit vector that it is measured along, its name, and whether it falls in the given direction: against a
+        The unit vector that it is measured along, its name, and whether it decreases in the given direction: against a
         coordinate axis the coordinate itself is written.
     """
     axis = int(np.argmax(np.abs(direction)))
@@ -97,9 +97,9 @@ def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.i
 
 
 def lines_of(edges: npt.NDArray[np.int64]) -> list[list[int]]:
-    """Edges of shape (e, 2) as lines, each the points along it: dashes go on from one edge to the next.
+    """Edges of shape (e, 2) as lines, each given by the points along it, so that dashes continue across edges.
 
-    A line begins and ends where there is not exactly one other edge to go on with; the rest are closed.
+    A line begins and ends where there is not exactly one other edge to continue with; the remaining lines are closed.
     """
     rest: dict[int, list[int]] = {}
     for a, b in ((int(a), int(b)) for a, b in edges):

@@ -1,4 +1,4 @@
-"""What a solve leaves behind: the solution with its certificate, the summary, and the files of a result folder.
+"""The results of a solve: the solution with its certificate, the summary, and the files of a result folder.
 
 This package evaluates and writes.  It must not change a solution, nor know which algorithm found it.
 """

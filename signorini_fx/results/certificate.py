@@ -1,18 +1,18 @@
 """The certificate: whether a displacement and the contact tractions are a solution of the scene.
 
 It takes the scene, the mesh, the displacement that the user gets, and the contact tractions (pressure and shear at the
-contact nodes); in a later load step also those of the step before, from which friction acts.  Nothing else of the
-solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and slip are
-evaluated anew by ``nodal_forces``, in NumPy.  So a fault on the solver's side shows, each in its own way:
+contact nodes); in a later load step also those of the previous step, from which friction acts.  It uses nothing else
+from the solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and
+slip are evaluated again by ``nodal_forces``, in NumPy.  So faults of the solver show up as follows:
 
 - a displacement that is not the one that the iteration has found (a rotation or a resting place that is left out, an
   interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
 - a wrong row of the stiffness matrix, wrong moduli, a wrong load, a load factor: ``equilibrium``;
 - wrong weights or normals: ``equilibrium``, since they turn tractions into forces;
 - a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
-- an iteration that stops too early: whichever condition is not met yet.
+- an iteration that stops too early: the conditions that are not satisfied yet.
 
-What it does not see is a fault in what both sides share: the mesh and its names, basix, the values of expressions,
+It does not detect faults in what both sides share: the mesh and its names, basix, the values of expressions,
 quadrature degrees, and loads given as UFL expressions.
 """
 
@@ -48,11 +48,11 @@ JUDGED = (
     "pressure_at_distance",
     "slip_below_bound",
 )
-# The others say what the regularisation leaves, and how far the body moves.
+# The others give the regularisation error, and how far the body moves.
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 # Forces below this share of stiffness times displacement are round-off of a stress-free motion.
 _ROUND_OFF = 1e-8
-# Contact stresses below this share of the mean stress in the body are not told from zero.
+# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
@@ -71,16 +71,17 @@ class Certificate:
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g.
-        wrong_way_slip: slip against mu, in space also across it, which (2.3e') excludes: the smaller of the slip and of
-            the part of the shear that does not point along it.
+        wrong_way_slip: slip against mu, in space also perpendicular to it, excluded by (2.3e'): the smaller of the slip
+            and the part of the shear that does not point along it.
         entered: largest tau_N y - d beyond what the law allows for.
         pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
-        slip_below_bound: the complementarity (3.3c): the smaller of the slip and of what the shear lacks to its bound.
+        slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
+            bound.
         displacement: largest displacement, relative to the size of the body.
         penetration: largest tau_N y - d; lambda / gamma by the regularisation.
         complementarity: largest |lambda (tau_N y - d)|.
         stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
-        law: the contact law that it was judged by.
+        law: the contact law that was used for the check.
         strain_energy: a(y, y) / 2, an energy per thickness.
         potential_energy: a(y, y) / 2 - L(y), an energy per thickness.
     """
@@ -107,12 +108,12 @@ class Certificate:
 
     @property
     def worst(self) -> float:
-        """The largest of the figures that are judged; what the regularisation leaves is not among them."""
+        """The largest of the judged figures; the regularisation error is not among them."""
         return float(np.max([getattr(self, name) for name in JUDGED]))
 
     @property
     def holds(self) -> bool:
-        """Whether the result is a solution by the law that its method promises."""
+        """Whether the result is a solution of the law that its method promises."""
         return self.worst <= CERTIFICATE_TOLERANCE
 
     def as_dict(self) -> dict[str, float | bool | str]:
@@ -142,8 +143,8 @@ def certify(
         law: the contact law that the method promises.
         step: the load step, from 0.
         scale: factor of all loads and prescribed displacements.
-        before: the end of the load step before; None for the first one.  Where that kept to the regularised law and
-            this one does not, its elastic slip is none.
+        before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
+            one does not, its elastic slip is removed.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
@@ -159,7 +160,7 @@ def certify(
     strain_energy = max(0.0, float(energy) / 2)
     modulus = max(a + b for a, b in map(hooke, scene.material))
     far = _largest(comm, np.linalg.norm(y, axis=1))
-    # A stress-free motion has forces too, and one without change of volume: round-off of the largest modulus.
+    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * modulus * _norm(comm, y))
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     residual = internal - external
@@ -177,23 +178,23 @@ def certify(
     nodes = _ContactNodes.of(scene, forces, x, tractions)
     pressure, shear = nodes.pressure, nodes.shear
     np.add.at(residual, nodes.nodes, nodes.forces())
-    # Where the contact transmits nothing its reactions are round-off of the stress in the body.
+    # If the contact transmits no forces, its reactions are round-off of the stress in the body.
     inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
-    # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
+    # A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
     sheared = np.linalg.norm(shear, axis=1)
     tractions_at = np.maximum(np.abs(pressure), sheared)
     free = ~nodes.supported(fixed)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
-    if before is not None:  # what is added to it has its round-off
+    if before is not None:  # the increment has its round-off
         last = _ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
         stress = max(
             stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
         )
         length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
-    # Where everything sticks, nothing moves but for round-off of what the stresses could move.
+    # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
     unbalanced = np.where(fixed, 0.0, residual)[nodes.nodes] / nodes.weight[:, None]
@@ -210,7 +211,7 @@ def certify(
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
-        # Where the supports decide on the distance, a penetration is the scene's own.
+        # Where the supports prescribe the distance, a penetration belongs to the scene.
         entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
     bilateral = nodes.bilateral
     distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
@@ -239,10 +240,10 @@ class _ContactNodes:
 
     Attributes:
         nodes: local number of the node.
-        weight: area (in the plane: length) that the node stands for.
+        weight: area (in the plane: length) that belongs to the node.
         normal: outward unit normal, or the direction that the scene gives.
         gap: d, length.
-        bound: F g of the friction law at the pressure at hand, stress.
+        bound: F g of the friction law at the current pressure, stress.
         bilateral: whether contact cannot open.
         pressure: lambda.
         shear: mu, shape (n, d).
@@ -307,12 +308,12 @@ class _ContactNodes:
         return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
 
     def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Nodes that cannot move along their normal, because what is free at them is across it."""
+        """Nodes that cannot move along their normal, because they are free only perpendicular to it."""
         return np.asarray(np.max(np.abs(self.normal) * free[self.nodes], axis=1, initial=0.0) <= _ALONG)
 
 
 def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
-    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
+    """F g of (6.1): g is given (Tresca) or the current pressure (Coulomb), up to the cap."""
     if not friction_acts(friction):
         return np.zeros(pressure.size)
     match friction:
@@ -325,7 +326,7 @@ def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
 
 
 def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
-    """Which components are prescribed, and to what, shape (owned nodes, d) both; a later effect wins; collective."""
+    """Which components are prescribed, and their values, shape (owned nodes, d) both; later effects win; collective."""
     scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
     shape = (owned, forces.dimension)
     fixed, value = np.zeros(shape, dtype=bool), np.zeros(shape)
@@ -348,7 +349,7 @@ def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray
 
 
 def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
-    """The largest displacement that is left when the rigid motion nearest to it is taken away; collective."""
+    """The largest displacement after the nearest rigid motion is subtracted; collective."""
     dim = x.shape[1]
     count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
     centre, mean = np.array(sums[:dim]) / count, np.array(sums[dim:]) / count

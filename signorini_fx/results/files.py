@@ -1,4 +1,4 @@
-"""What a result folder holds: summary, tables, fields, pictures."""
+"""The files of a result folder: summary, tables, fields, pictures."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from signorini_fx.results.outer_surface import OuterSurface
 
 T = TypeVar("T")
-# The result of the last complete mesh, while the next one is being solved.
+# The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
-# All that a run may write; some of it only some runs do.  The report is about an older result then.
+# Everything that a run may write, although some files are written by some runs only.  An older report is removed too.
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
@@ -57,7 +57,7 @@ def write_results(
 
     Args:
         solution: what to write, converged or not.
-        folder: made if it is not there, or claimed before.
+        folder: made if it does not exist, or claimed before.
         fields: write the fields for ParaView.
         pictures: draw the deformed body, the contact boundary and the iteration history.
 
@@ -65,7 +65,7 @@ def write_results(
         The summary.
 
     Raises:
-        TypeError: the first argument is no solution.
+        TypeError: the first argument is not a solution.
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
@@ -82,7 +82,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
     plane = solution.discretisation.tagged.dimension == 2
-    # What a scene in the plane, or one in space, does not have.
+    # Keys that a scene in the plane, or one in space, does not have.
     summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
     steps = summary.get("steps", [])
     if fields:
@@ -116,7 +116,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
                 _draw_in_space(solution, outer, table, part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
-        except Exception as error:  # matplotlib fails once more on the file that a full disk has cut off
+        except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
             if (reason := _of_the_system(error)) is None:
                 raise
             raise cannot_be_written(folder.path, reason) from None
@@ -126,21 +126,21 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
 
 
 def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:
-    """The facets of the contact surface, None without contact; collective."""
+    """The facets of the contact surface; None without contact; collective."""
     from signorini_fx.results.surface import gather_facets
 
     return None if solution.contact is None else gather_facets(solution.contact.boundary)
 
 
 def _of_the_system(error: BaseException | None) -> OSError | None:
-    """The error of the system that others have followed, None: there is none."""
+    """The original error of the system behind later ones; None: there is none."""
     while error is not None and not isinstance(error, OSError):
         error = error.__cause__ or error.__context__
     return error
 
 
 def _finite(value: Any) -> Any:
-    """Plain data as JSON has it: what a solve that failed could not compute is null."""
+    """Plain data for JSON: values that a failed solve could not compute become null."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -149,11 +149,11 @@ def _finite(value: Any) -> Any:
 
 
 def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
-    """What all ranks write together; a rank that cannot is heard by all."""
+    """Files that all ranks write together; an error on one rank is raised on all."""
     result, error = None, None
     try:
         result = write()
-    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 have the second
+    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 raise the second
         error = cannot_be_written(folder.path, reason)
     parallel.raise_together(comm, error)
     return cast(T, result)
@@ -179,11 +179,11 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
 
 
 def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
-    """Scene data as JSON: expressions as their text, what cannot be written as a note of its type.
+    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be written.
 
     Args:
         value: the data.
-        without: keys of tables to leave out: what a scene in the plane, or one in space, does not have.
+        without: keys of tables to leave out, which a scene in the plane, or one in space, does not have.
     """
     if isinstance(value, BaseModel):
         names = (name for name in type(value).model_fields if name not in without)
@@ -202,7 +202,7 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Rows with a header; numbers with all their digits, names as text that no spreadsheet takes for a formula."""
+    """Rows with a header; numbers with all digits, and names as text that no spreadsheet takes for a formula."""
     with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
         if rows:
             writer = csv.DictWriter(file, rows[0].keys())
@@ -211,7 +211,7 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _cell(value: Any) -> Any:
-    """A value as it stands in a CSV file."""
+    """A value as it is written in a CSV file."""
     if isinstance(value, np.generic):
         return value.item()
     return as_text(value) if isinstance(value, str) else value
@@ -231,7 +231,7 @@ class GatheredCells:
         cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
         displacement: at the points, shape (n, 2).
         density: shear energy density, energy per volume, one value per cell (at its midpoint), shape (m,).
-        mises: stress of von Mises there, shape (m,).
+        mises: von Mises stress there, shape (m,).
     """
 
     points: npt.NDArray[np.float64]
@@ -308,7 +308,7 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
 
 
 def _draw_course(solution: Solution, folder: Path) -> None:
-    """How the solution was approached."""
+    """The convergence history for a picture."""
     from signorini_fx.report.convergence import errors_against_time, iteration_history
     from signorini_fx.report.style import plain
 
@@ -320,7 +320,7 @@ def _draw_course(solution: Solution, folder: Path) -> None:
 
 
 def _outer_surface(solution: Solution) -> OuterSurface | None:
-    """What is drawn of a body in space, None if that is too much; collective."""
+    """The data for the picture of a body in space; None if there are too many facets; collective."""
     from signorini_fx.report.solid_body import MOST_FACETS
     from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
 

@@ -1,8 +1,8 @@
-"""Result folders: written whole or not at all, by one run at a time.
+"""Result folders: written completely or not at all, by one run at a time.
 
 Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
-a folder holds a whole result if and only if it holds summary.json.  A run that is killed leaves its hidden folder
-behind, which the next one takes away.
+a folder has a complete result if and only if it has summary.json.  A run that is killed leaves its hidden folder
+behind, which the next run removes.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _PART = ".part"
 class ResultFolder:
     """The claim of one run on a folder, from its first moment to its last; every method is collective.
 
-    The claim is a lock on the folder itself, which the system takes away with the process, however that ends.  As a
-    context it takes back what was made where it is left without ``commit``.
+    The claim is a lock on the folder itself, which the system releases when the process ends in any way.  Used as a
+    context, it removes what was written if ``commit`` was not called.
 
     Args:
         comm: the ranks of the run.
-        path: made if it is not there.
+        path: made if it does not exist.
 
     Attributes:
         part: where to write what ``commit`` will move into place.
@@ -56,16 +56,16 @@ class ResultFolder:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if not self._claimed:
             return
-        if error is None or isinstance(error, SignoriniError):  # these come on all ranks alike
+        if error is None or isinstance(error, SignoriniError):  # these are raised on all ranks
             self.discard()
-        else:  # the others may never come: this rank removes what it sees
+        else:  # the other ranks may never get here: this rank removes what it can
             self._remove()
 
     def reserve(self, size: float) -> None:
-        """Find out whether so many bytes can be written here: libraries that write fields do not survive a full disk.
+        """Check that this many bytes can be written here: libraries that write fields do not survive a full disk.
 
         Raises:
-            OutputError: they cannot.
+            OutputError: they cannot be written.
         """
 
         def allocate() -> None:
@@ -77,15 +77,15 @@ class ResultFolder:
             except OSError as error:
                 if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
                     raise cannot_be_written(self.path, error) from None
-                trial.unlink(missing_ok=True)  # a file system that cannot tell
+                trial.unlink(missing_ok=True)  # the file system cannot tell
 
         parallel.on_root(self._comm, allocate)
 
     def commit(self, ours: Iterable[str]) -> None:
-        """Move what was written into place, the summary last, and give the folder free.
+        """Move what was written into place, the summary last, and release the folder.
 
         Args:
-            ours: names of all that a run may write: what an earlier one has left of them would not belong to this one.
+            ours: names of all files that a run may write: those of an earlier run are removed.
         """
 
         def move() -> None:
@@ -110,14 +110,14 @@ class ResultFolder:
         parallel.on_root(self._comm, move)
 
     def discard(self) -> None:
-        """Take back what was made; older results stay."""
+        """Remove what was written; older results stay."""
         self._claimed = False
         parallel.on_root(self._comm, lambda: self._remove() if self._lock is not None else None)
 
     def _remove(self) -> None:
         shutil.rmtree(self.part, ignore_errors=True)
         with contextlib.suppress(OSError):
-            self.path.rmdir()  # only if there is nothing else in it
+            self.path.rmdir()  # fails if there is something else in it
         self._release()
 
     def _claim(self) -> None:
@@ -142,7 +142,7 @@ class ResultFolder:
 
 
 def _lock(descriptor: int) -> None:
-    """Lock, or go on without where the file system has no locks.
+    """Lock the folder, or go on without a lock if the file system has none.
 
     Raises:
         BlockingIOError: another process holds the lock.

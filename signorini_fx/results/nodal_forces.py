@@ -1,9 +1,9 @@
-"""Nodal forces, weights and normals by quadrature in NumPy: an evaluation that no compiled form takes part in.
+"""Nodal forces, weights and normals by quadrature in NumPy, without any compiled form.
 
-The certificate judges a solution by what stands here.  UFL forms, FFCx kernels, assembled matrices and vectors,
-condensation and the solver's contact boundary are on the other side.  Both sides share the mesh with its named
+The certificate is based on this module.  It uses no UFL forms, FFCx kernels, assembled matrices or vectors,
+condensation, or contact boundary of the solver.  Both sides share the mesh with its named
 boundaries, the tables of shape functions (basix), the values of the scene's expressions, and the quadrature degrees,
-which are part of what the discrete problem is.  Loads that are given as UFL expressions in Python are the exception:
+which are part of the discrete problem.  Loads that are given as UFL expressions in Python are the exception:
 only a compiled form can integrate them.
 """
 
@@ -32,9 +32,9 @@ from signorini_fx.scene.model import LinearElastic, PrescribedDisplacement, Scen
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
-# A basis function is zero where it is below this: else nodes beside a facet would stand for some of it.
+# A basis function counts as zero below this; otherwise nodes beside a facet would get a part of it.
 _ROUND_OFF = 1e-12
-# Cells taken at a time: few enough for the caches, so many that the loop takes no time.
+# Cells processed at a time: few enough for the caches, and enough to make the overhead of the loop negligible.
 _CHUNK = 4096
 
 
@@ -64,7 +64,7 @@ class _Facets:
     Attributes:
         cells: cells of the facets, shape (f,).
         table: shape functions at the points.
-        moment: outward normal times the area (in the plane: length) that the point stands for, shape (f, q, d).
+        moment: outward normal times the area (in the plane: length) of the point, shape (f, q, d).
     """
 
     cells: Indices
@@ -148,7 +148,7 @@ class NodalForces:
         return self._over_ranks(total) + compiled
 
     def moments(self, boundary: str) -> Array:
-        """Outward normal times the area (in the plane: length) that each node of a boundary stands for, the integral
+        """Outward normal times the area (in the plane: length) of each node of a boundary, the integral
         of its basis function, shape (owned nodes, d).
         """
         total, degree = self._zero(), self.scene.element.degree
@@ -171,7 +171,7 @@ class NodalForces:
         return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
 
     def _over_ranks(self, forces: Array) -> Array:
-        """What all ranks contribute to the nodes of this one."""
+        """The sum of the contributions of all ranks to the nodes of this one."""
         function = fem.Function(self.space)
         function.x.array[:] = forces.ravel()
         function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
@@ -203,7 +203,7 @@ class NodalForces:
         return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.dimension)])
 
     def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
-        """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, without what other ranks add."""
+        """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, on this rank alone."""
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)
         for cells in self._chunks():

@@ -19,14 +19,14 @@ from signorini_fx.results.solution import Solution
 
 @dataclass(frozen=True)
 class OuterSurface:
-    """Facets between the body and what is around it; the same on any number of ranks but for their order.
+    """The exterior facets of the body; the same on any number of ranks except for their order.
 
     Attributes:
         points: vertex positions, length, shape (n, 3).
-        facets: vertices of each facet along its perimeter, against the clock as seen from outside, shape (m, 3) or
+        facets: vertices of each facet along its perimeter, counterclockwise as seen from outside, shape (m, 3) or
             (m, 4).
         displacement: at the points, length, shape (n, 3).
-        mises: stress of von Mises at the midpoint of the cell behind each facet, stress, shape (m,).
+        mises: von Mises stress at the midpoint of the cell behind each facet, shape (m,).
     """
 
     points: npt.NDArray[np.float64]
@@ -74,7 +74,7 @@ def gather_outer_surface(solution: Solution) -> OuterSurface:
 
 
 def _von_mises(solution: Solution, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """Stress of von Mises at the midpoints of cells of this rank."""
+    """Von Mises stress at the midpoints of cells of this rank."""
     d = solution.discretisation
     constant = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 0)))
     density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)

@@ -1,4 +1,4 @@
-"""What a result claims: the contact law that it keeps to, its contact tractions, and what a load step builds on."""
+"""What a result claims: its contact law, its contact tractions, and the previous load step that it starts from."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from signorini_fx.contact.state import ContactState
 
 @dataclass(frozen=True)
 class Law:
-    """The contact law that a result is judged by.
+    """The contact law that a result is checked against.
 
     With finite gamma it is the regularised law: lambda = max(0, gamma_n (tau_N y - d)), and mu is the projection of
-    mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the shear before.  With infinite gamma it is the law of
+    mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the previous shear.  With infinite gamma it is the law of
     contact and friction itself.
 
     Attributes:
@@ -31,7 +31,7 @@ class Law:
 
     @property
     def regularised(self) -> bool:
-        """Whether it allows for penetration and elastic slip."""
+        """Whether it allows penetration and elastic slip."""
         return bool(np.isfinite(self.gamma_n) or np.isfinite(self.gamma_t))
 
     def __str__(self) -> str:
@@ -45,7 +45,7 @@ UNREGULARISED = Law()
 
 @dataclass(frozen=True)
 class Tractions:
-    """What the contact transmits at the contact nodes of this rank, n of them.
+    """The contact tractions at the n contact nodes of this rank.
 
     Attributes:
         part: position of the effect in ``scene.contact``, shape (n,).
@@ -61,7 +61,7 @@ class Tractions:
 
     @classmethod
     def of(cls, state: ContactState) -> Tractions:
-        """What a contact state says of them."""
+        """The contact tractions of a contact state."""
         boundary = state.boundary
         shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
         return cls(boundary.part, boundary.nodes, state.pressure, shear)
@@ -69,12 +69,12 @@ class Tractions:
 
 @dataclass(frozen=True)
 class Before:
-    """The load step before, on which a step builds.
+    """The previous load step, from which a step starts.
 
     Attributes:
         displacement: at its end.
         tractions: at its end.
-        elastic_slip: what of its slip the regularised law allows to come back, length, as the shear; None: nothing.
+        elastic_slip: the part of its slip that is due to the regularised law, length, shape of the shear; None: none.
     """
 
     displacement: fem.Function
@@ -83,7 +83,7 @@ class Before:
 
     @classmethod
     def of(cls, displacement: fem.Function, tractions: Tractions, law: Law, before: Before | None) -> Before:
-        """The end of a load step that kept to ``law`` and built on ``before``."""
+        """The end of a load step that kept to ``law`` and started from ``before``."""
         if not np.isfinite(law.gamma_t):
             return cls(displacement, tractions)
         added = tractions.shear if before is None else tractions.shear - before.tractions.shear

@@ -1,4 +1,4 @@
-"""What a solve gives back: the solution with everything that belongs to it."""
+"""The result of a solve: the solution with everything that belongs to it."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from signorini_fx.scene.model import Scene
 
 @dataclass(frozen=True, repr=False)
 class StepResult:
-    """What a load step ended with.
+    """The result of a load step.
 
     Attributes:
         step: its number, from 0.
         status: how it ended.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
-        certificate: the conditions of the step, checked anew.
+        certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness.
         linear_solves: linear solves of the step.
@@ -52,22 +52,22 @@ class Solution:
     """The result of a solve; with load steps, of the last one.
 
     Attributes:
-        scene: what was solved.
+        scene: the scene that was solved.
         status: how it ended; only ``Status.CONVERGED`` is a solution.
-        algorithm: the algorithms in force: ``linear``, ``ssn``, ``fp``, ...
+        algorithm: the algorithms that were used: ``linear``, ``ssn``, ``fp``, ...
         discretisation: mesh, space and operators.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
-        certificate: the conditions of the problem, checked anew after the solve.
-        steps: one result per load step, as far as it went.
+        certificate: the check of the conditions of the problem after the solve.
+        steps: one result per load step, up to the last one that was tried.
         history: every linear solve and every regularised problem.
-        parameters: gamma_n, gamma_t, sigma in force.
+        parameters: the values of gamma_n, gamma_t and sigma that were used.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
-        findings: what is to be known of the scene and of the result.
-        levels: the meshes of a nested iteration, coarsest first; empty without.
-        price_list: what each of them is worth and costs, and the next one; empty without.
+        findings: warnings and notes about the scene and the result.
+        levels: the meshes of a nested iteration, coarsest first; otherwise empty.
+        price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
     """
 
     scene: Scene
@@ -88,12 +88,12 @@ class Solution:
     price_list: tuple[Price, ...] = ()
 
     def __repr__(self) -> str:
-        """One line: a notebook shows it, and the fields hold whole meshes and matrices."""
+        """One line, because the fields contain whole meshes and matrices."""
         title = self.scene.title or "scene"
         return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.discretisation.dofs} unknowns>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: how it ended, and what the certificate and the findings say."""
+        """A table for notebooks: how the solve ended, the certificate and the findings."""
         rows = [
             ("status", self.status.value),
             ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
@@ -122,7 +122,7 @@ class Solution:
 
     @cached_property
     def stress(self) -> Stresses:
-        """The stress in the body: tensor, stress of von Mises, principal stresses and their extremes; with load steps,
+        """The stress in the body: tensor, von Mises stress, principal stresses and their extremes; with load steps,
         of the last one.
         """
         return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis)

@@ -1,4 +1,4 @@
-"""The stress of a solution: its tensor, the stress of von Mises, principal stresses, and where they are largest."""
+"""The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Stresses:
 
     @cached_property
     def von_mises(self) -> fem.Function:
-        """The stress of von Mises, sqrt(3/2) |dev sigma|."""
+        """The von Mises stress, sqrt(3/2) |dev sigma|."""
         sigma = self._nodal()
         deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         return self._function("von_mises", np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
@@ -108,7 +108,7 @@ class Stresses:
         return self._extreme(field, component, sign=-1.0)
 
     def as_dict(self) -> dict[str, dict[str, object]]:
-        """Extremes of the stress of von Mises and of the principal stresses, JSON-safe; collective."""
+        """Extremes of the von Mises stress and of the principal stresses, JSON-safe; collective."""
         found = {
             "von_mises": self.largest(),
             "largest_principal": self.largest("principal", 0),

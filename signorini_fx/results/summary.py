@@ -31,7 +31,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
 
     Args:
         solution: what was solved.
-        table: its gathered contact boundary, None for a scene without contact.
+        table: its gathered contact boundary; None for a scene without contact.
     """
     history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
@@ -124,7 +124,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
 
 
 def _in_space(contact: ContactState) -> dict[str, Any]:
-    """What a contact surface has in place of zones along a curve: areas; moments, and where the contact force acts."""
+    """For a contact surface, instead of zones along a curve: areas, moments, and where the contact force acts."""
     moments = contact.moments
     force = contact.forces[0]
     size = float(force @ force)
@@ -138,7 +138,7 @@ def _in_space(contact: ContactState) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that takes part, and the BLAS in use."""
+    """Versions of all libraries, and the BLAS in use."""
     import dolfinx
     from petsc4py import PETSc
 
@@ -204,7 +204,7 @@ def render(summary: dict[str, Any]) -> str:
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")
     lines += _warnings(summary)
-    if not summary["converged"] and summary["linear_solves"] == 0:  # told by statics: there are no figures
+    if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return "\n".join(lines)
     if "contact_force" in summary:
         lines += [
@@ -258,7 +258,7 @@ def _touching(nodes: int) -> str:
 
 
 def _warnings(summary: dict[str, Any]) -> list[str]:
-    """The findings that hurt, and the pieces of a body that is not one."""
+    """The warnings, and the pieces of a body that is not connected."""
     pieces = len(summary["pieces"])
     told = [f"  {'pieces':16s} {pieces}: {_listed(summary['pieces'])}"] if pieces > 1 else []
     for finding in summary["findings"]:

@@ -1,4 +1,4 @@
-"""The contact surface of a body in space as a file for ParaView: its facets with everything that the table has."""
+"""The contact surface of a body in space as a file for ParaView: its facets with all columns of the table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.table import ContactTable
 
-# VTK's number of a facet with so many nodes, and its order of the nodes of basix: vertices, then edges, then the rest.
+# VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
 _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
 _STATES = ("open", "stick", "slip")
 

@@ -1,4 +1,4 @@
-"""The base of all tables of a scene: which keys there are, and the errors of models that are built in Python."""
+"""The base class of all tables of a scene: their keys, and the errors of models that are built in Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ else:
 
 
 class _OwnErrors(_ModelMetaclass):
-    """Models that are built in Python end in the errors of this package as well."""
+    """Models that are built in Python raise the errors of this package as well."""
 
     def __call__(cls, *given: Any, **data: Any) -> Any:
         if given:
@@ -28,6 +28,6 @@ class _OwnErrors(_ModelMetaclass):
 
 
 class Table(BaseModel, metaclass=_OwnErrors):
-    """A table of a scene: its keys are known, its entries do not change."""
+    """A table of a scene: unknown keys are errors, and entries are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)

@@ -1,4 +1,4 @@
-"""What a scene must not say in the plane or in space.  The mesh decides which of the two it is."""
+"""Keys that are not allowed in the plane or in space.  The mesh decides which of the two the scene is."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import BaseModel
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import Scene
 
-_PLANE = "the mesh is one of the plane"
-_SPACE = "the mesh is one of space"
+_PLANE = "the mesh is plane"
+_SPACE = "the mesh is in space"
 
 
 def dimension_problems(scene: Scene, dimension: int) -> list[tuple[str, str]]:
@@ -47,7 +47,7 @@ def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
 def _in_space(scene: Scene) -> Iterator[tuple[str, str]]:
     for index, material in enumerate(scene.material):
         if "hypothesis" in material.model_fields_set:
-            reason = f"{_SPACE}: nothing is assumed of a third dimension, leave the hypothesis out"
+            reason = f"{_SPACE}: plane stress and plane strain have no meaning, leave the hypothesis out"
             yield f"material[{index}].hypothesis", reason
     if scene.accuracy is not None:
         reason = (

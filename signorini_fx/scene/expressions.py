@@ -1,6 +1,6 @@
 """Expressions of the position in scenes: parsed by simpleeval, evaluated with NumPy or turned into UFL.
 
-A scene says ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Nothing of it is ever executed by Python: the syntax tree is
+An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python never executes any of it: the syntax tree is
 checked first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
 (also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
 told apart), then simpleeval walks it.
@@ -47,7 +47,7 @@ Kind = Literal["number", "condition"]
 
 @dataclass(frozen=True)
 class _Backend:
-    """What an expression means in one algebra."""
+    """The operations of expressions in one algebra, NumPy or UFL."""
 
     functions: dict[str, Callable[..., Any]]
     both: Callable[[Any, Any], Any]
@@ -66,18 +66,18 @@ _NUMPY = _Backend(
     both=np.logical_and,
     either=np.logical_or,
     negate=np.logical_not,
-    # A NumPy float: arithmetic then ends in inf or nan, which is reported where it happens, never in an exception.
+    # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never an exception.
     number=np.float64,
 )
 
 
 def _ufl_backend(mesh: Any) -> _Backend:
-    """Numbers become ``fem.Constant``: forms that differ in a number only are compiled once."""
+    """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled once."""
     import ufl
     from dolfinx import default_scalar_type, fem
 
     def absolute(value: Any) -> Any:
-        """UFL turns |(|a|)| into an Abs that is its own operand, and walks it for ever."""
+        """UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless recursion."""
         return value if isinstance(value, ufl.algebra.Abs) else abs(value)
 
     names = {"abs": absolute, "log": ufl.ln}
@@ -230,7 +230,7 @@ class Expression:
         text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
 
     Raises:
-        ValueError: the text is no expression of the allowed syntax; the message says what is wrong and what is allowed.
+        ValueError: the text is not a valid expression; the message says what is wrong and what is allowed.
     """
 
     text: str
@@ -250,7 +250,7 @@ class Expression:
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 where there is none."""
+        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if there is none."""
         nodes = [node.slice for node in ast.walk(self._tree()) if isinstance(node, ast.Subscript)]
         return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
 

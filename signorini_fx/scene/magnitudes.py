@@ -1,4 +1,4 @@
-"""Between which magnitudes the numbers of a scene must lie, whatever its units.
+"""The range of magnitudes that numbers of a scene must have, whatever its units.
 
 Energies, squares of forces and products of stiffness, length and penalty must still be numbers in double precision,
 which reaches from 1e-308 to 1e308.
@@ -10,7 +10,7 @@ LARGEST, SMALLEST = 1e60, 1e-60
 
 
 def complaint(number: float, *, positive: bool = False) -> str | None:
-    """What is wrong with a finite number, None: nothing."""
+    """What is wrong with a finite number; None if nothing is."""
     if abs(number) > LARGEST:
         return f"must not be larger than {LARGEST:g}, or forces and energies overflow: take other units"
     if 0 < abs(number) < SMALLEST:

@@ -1,12 +1,12 @@
-"""The scene: which effects are on, and their data.  No mesh, no forms; nothing here imports dolfinx.
+"""The scene: its effects and their data.  No mesh, no forms; nothing here imports dolfinx.
 
-A scene is a TOML file (``read_scene``) or built in Python (``Scene(...)``), validated the same way: unknown keys are
-refused, and all mistakes are reported at once, each with its path.
+A scene is read from a TOML file (``read_scene``) or built in Python (``Scene(...)``), and validated in the same way:
+unknown keys are refused, and all errors are reported at once, each with its path.
 
 A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in space, ``x[2]`` (``expressions.Expression``), or in
 Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
 a UFL expression.
-Units are the user's own as long as they agree: forces, lengths and stresses of one system.
+Any consistent units may be used: forces, lengths and stresses of one system.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class MeshFile(Table):
 
     Attributes:
         file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
-        boundaries: names for boundaries: a number in the cell data, or a rule that all corners of exterior facets obey.
-        regions: names for parts of the body, in the same way; a rule holds at all corners of their cells.
-        data: the cell data that the numbers refer to; None: the only one.
-        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
+        boundaries: names for boundaries: a number in the cell data, or a condition at all vertices of exterior facets.
+        regions: names for parts of the body: a number, or a condition at all vertices of cells.
+        data: the cell data that the numbers refer to; None: there is only one.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
     """
 
     file: Path
@@ -90,8 +90,8 @@ class LinearElastic(Table):
     Attributes:
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
-        hypothesis: what becomes of the third dimension, where the mesh has two.
-        region: name of the part of the body that is made of it; None: all of it.
+        hypothesis: plane strain or plane stress, if the mesh has two dimensions.
+        region: name of the part of the body that is made of this material; None: all of it.
     """
 
     young: Positive
@@ -101,7 +101,7 @@ class LinearElastic(Table):
 
 
 class _Load(Table):
-    """What load steps multiply.
+    """Loads that load steps multiply by a factor.
 
     Attributes:
         factors: one number per load step; None: 1 in every step.
@@ -111,7 +111,7 @@ class _Load(Table):
 
 
 class _Vector(_Load):
-    """What has components along x[0], x[1] and, in space, x[2].
+    """Loads with components along x[0], x[1] and, in space, x[2].
 
     Attributes:
         x: component along x[0]; default: 0.
@@ -125,7 +125,7 @@ class _Vector(_Load):
 
     @property
     def components(self) -> tuple[Any, Any, Any]:
-        """Along x[0], x[1] and x[2], which says nothing in the plane; None where a displacement is free."""
+        """Along x[0], x[1] and x[2], which is not used in the plane; None where a displacement is free."""
         return self.x, self.y, self.z
 
 
@@ -141,7 +141,7 @@ class SurfaceTraction(_Vector):
         x: component along x[0], stress.
         y: component along x[1], stress.
         z: component along x[2], stress; only in space.
-        pressure: pushes against the boundary along the inward normal, stress.
+        pressure: pressure on the boundary, which acts along the inward normal, stress.
     """
 
     boundary: str
@@ -156,7 +156,7 @@ class PrescribedDisplacement(_Vector):
         x: component along x[0], length.
         y: component along x[1], length.
         z: component along x[2], length; only in space.
-        normal: component along the outward normal, length, on a boundary across an axis (0: symmetry).
+        normal: component along the outward normal, length, on a boundary perpendicular to an axis (0: symmetry).
     """
 
     boundary: str
@@ -185,7 +185,7 @@ class NoFriction(Table):
 
 
 class TrescaFriction(Table):
-    """Given friction: |mu| <= bound (2.3d').
+    """Tresca friction: |mu| <= bound (2.3d').
 
     Attributes:
         law: its name.
@@ -247,7 +247,7 @@ class UnilateralContact(_Contact):
 
 
 class BilateralContact(_Contact):
-    """Contact that cannot open: tau_N y = d; only friction is left to decide.
+    """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
         kind: its name.
@@ -260,13 +260,13 @@ Contact = UnilateralContact | BilateralContact
 
 
 def _contact_kind(given: Any) -> str:
-    """Contact is unilateral unless it says otherwise."""
+    """Contact is unilateral unless specified otherwise."""
     kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
     return kind if isinstance(kind, str) else shown(kind)
 
 
 class TaggedMeshBase:
-    """What ``mesh.TaggedMesh`` derives from, so that a scene can hold one without importing dolfinx."""
+    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
 
 
 def _one_or_many(given: Any) -> Any:
@@ -277,7 +277,7 @@ class Scene(Table):
     """An elastic body, its loads, its supports and its contact with a rigid foundation.
 
     Attributes:
-        title: what to call it.
+        title: any text.
         mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene.
         element: degree and volumetric integration; default: degree 1, full.
         material: one for the body, or one for each named region.
@@ -286,7 +286,7 @@ class Scene(Table):
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
         solver: algorithms, their parameters and limits.
-        accuracy: the accuracy that is asked for; None: that of the mesh.
+        accuracy: the accuracy to be reached by refinement; None: no refinement.
     """
 
     title: str = ""
@@ -311,7 +311,7 @@ class Scene(Table):
     @field_validator("mesh", mode="before")
     @classmethod
     def _one_mesh(cls, given: Any) -> Any:
-        """Decide by the key, so that a mistake is reported for the kind of mesh that was meant."""
+        """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
         if isinstance(given, Mapping):
             if ("file" in given) == ("generator" in given):
                 raise ValueError("give either file or generator")
@@ -351,7 +351,7 @@ class Scene(Table):
 
     @property
     def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
-        """All that load steps multiply."""
+        """All loads that load steps multiply."""
         return (*self.displacement, *self.traction, *([self.body_force] if self.body_force is not None else []))
 
     @property
@@ -376,7 +376,7 @@ class Scene(Table):
 
 
 def friction_acts(friction: Friction) -> bool:
-    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and takes its path."""
+    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and treated as such."""
     match friction:
         case TrescaFriction(bound=amount):
             return amount != 0.0

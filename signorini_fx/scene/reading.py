@@ -1,4 +1,4 @@
-"""Scenes from TOML files and from plain data; every mistake gets its path and a sentence, all at once."""
+"""Scenes from TOML files and from plain data; all errors are reported at once, each with its path."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
 
     Args:
         data: the scene as nested mappings, as ``tomllib`` gives them.
-        source: what to call it in messages.
-        folder: mesh files are looked up relative to it.
+        source: name of the scene in messages.
+        folder: the folder that paths of mesh files are relative to.
 
     Raises:
-        SceneError: with every mistake at once.
+        SceneError: with all errors at once.
     """
     try:
         scene = Scene.model_validate(dict(data))
@@ -39,7 +39,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
 _LARGEST_FILE = 1_000_000
 
 
-# A key of many parts, with dots between, which takes the time of its parts squared; no table is so deep.
+# A key of many parts separated by dots, for which parsing takes quadratic time; no table is that deep.
 _DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
 
 
@@ -47,7 +47,7 @@ def read_scene_text(path: Path) -> str:
     """The text of a scene file.
 
     Raises:
-        SceneError: the file cannot be read as text, or has no end.
+        SceneError: the file cannot be read as text, or is too long.
     """
     try:
         with path.open(encoding="utf-8-sig") as file:
@@ -59,7 +59,7 @@ def read_scene_text(path: Path) -> str:
     except ValueError as error:  # a null byte in the path
         raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
     if len(text) > _LARGEST_FILE:
-        raise SceneError([("file", f"is no scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
+        raise SceneError([("file", f"is not a scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
     return text
 
 
@@ -68,11 +68,11 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
 
     Args:
         text: the scene.
-        path: where it comes from; mesh files are looked up beside it.
+        path: its file; paths of mesh files are relative to the folder of this file.
         overrides: entries that replace those of the text, table by table.
 
     Raises:
-        SceneError: syntax error with line and column, or every mistake of the content at once.
+        SceneError: a syntax error with line and column, or all errors of the content at once.
     """
     if found := _DEEP_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -93,7 +93,7 @@ def read_scene(path: str | Path) -> Scene:
     """A validated scene from a TOML file (see ``parse_scene_text`` for the errors).
 
     Raises:
-        TypeError: what is given is no path.
+        TypeError: the argument is not a path.
     """
     if not isinstance(path, str | Path):
         raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")
@@ -102,7 +102,7 @@ def read_scene(path: str | Path) -> Scene:
 
 
 def as_scene(given: object) -> Scene:
-    """A scene from whatever describes one: a ``Scene``, the path of its file, or nested mappings.
+    """A scene from a ``Scene``, the path of its file, or nested mappings.
 
     Raises:
         SceneError: it is wrong.

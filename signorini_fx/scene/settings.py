@@ -1,4 +1,4 @@
-"""How a scene is to be solved: algorithms, their parameters and limits, and the accuracy that is asked for."""
+"""How a scene is to be solved: algorithms, their parameters and limits, and the requested accuracy."""
 
 from __future__ import annotations
 
@@ -47,43 +47,43 @@ class Box(Table):
 
 
 class SolverSettings(Table):
-    """How the scene is solved; every default works for every scale and unit.
+    """How the scene is solved; the defaults work for every scale and unit.
 
     Attributes:
         algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation`` (from a first gamma to
             the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
             (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
-        coulomb: how the friction bound meets the pressure: ``fp`` (fixed point of Tresca problems, section 6.3; with
-            alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where a coarser mesh
-            gives the start, else fp.
+        coulomb: how the friction bound is coupled to the pressure: ``fp`` (fixed-point iteration of Tresca problems,
+            section 6.3; with alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where
+            a coarser mesh gives the start, else fp.
         gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length. ``auto``: 1e5 times
             Young's modulus over the size of the body.
         gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
         sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
             slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
-        initial_contact: the nodes that the first contact set holds. ``all``: the solution of the unconstrained dual
+        initial_contact: the nodes of the first contact set. ``all``: the solution of the unconstrained dual
             problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all, but
             where a condensed system has more than 300 contact nodes the problem is solved on fewer of them first.
         gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
-        gamma_factor: alm with given friction: growth of gamma from one problem to the next.
-        inner_iterations: alm with given friction: linear solves allowed for one problem (inexact); ``auto``: until its
-            sets repeat.
-        regularisation_error: path-following: what may be left, relative to the energy norm of the solution; ``auto``:
+        gamma_factor: alm without Coulomb friction: factor by which gamma grows from one problem to the next.
+        inner_iterations: alm without Coulomb friction: linear solves allowed for one problem (inexact); ``auto``: until
+            its sets repeat.
+        regularisation_error: path-following: the error allowed, relative to the energy norm of the solution; ``auto``:
             the discretisation error.
         linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or GMRES with
             algebraic multigrid), ``condensed`` (the contact nodes only, dense; one rank), ``auto`` (condensed where it
             is cheaper, else full).
-        levels: meshes of a nested iteration, each with elements half as large as the one before; the last is the mesh
+        levels: meshes of a nested iteration, each with elements half as large as the previous one; the last is the mesh
             of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.
         max_outer_iterations: outer iterations allowed.
         tolerance: an outer iteration stops when what it updates (fp: the friction bound; alm: lambda and mu) changes
             relatively by no more than this.
-        largest_deformation: the largest deformation that is taken for one: mean size of the displacement gradient
-            (strain and rotation), and largest displacement over the size of the body; beyond it linear elasticity has
+        largest_deformation: the largest deformation that is accepted: mean size of the displacement gradient (strain
+            and rotation), and largest displacement relative to the size of the body; beyond it linear elasticity has
             no meaning, and the outcome says so.
-        fallbacks: whether other methods may take over where this one cycles or runs on; which ones is in the history.
-            Limits on iterations that are lower than usual are kept: they are an end, no failure.
+        fallbacks: whether other methods are tried where this one cycles or does not converge; the history lists them.
+            A limit on iterations that is lower than its default ends the solve without them.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
@@ -113,16 +113,16 @@ class SolverSettings(Table):
 
 
 class Accuracy(Table):
-    """An accuracy that is asked for: meshes are refined, and gamma raised, until the estimate meets it.
+    """A requested accuracy: meshes are refined, and gamma is increased, until the estimated error meets it.
 
     Attributes:
         target: relative error allowed.
-        of: of the displacement in the energy norm, the contact pressure in L2, contact and friction force, the ends of
-            the contact zones, or the largest pressure.
+        of: what the error is of: the displacement in the energy norm, the contact pressure in L2, contact and friction
+            force, the ends of the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
-            estimated error is; ``auto``: for displacement, pressure and force, bodies with straight sides get
-            triangles of degree 2, divided where the error is; bodies with arcs from a generator, drawings (.geo) and
-            mesh files with curved cells elements and cells of degree 2, refined uniformly; else uniform.
+            estimated error is large; ``auto``: for displacement, pressure and force, bodies with straight sides get
+            adaptively refined triangles of degree 2; bodies with arcs from a generator, drawings (.geo) and mesh
+            files with curved cells get elements and cells of degree 2, refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: no limit.
     """

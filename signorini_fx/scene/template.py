@@ -1,4 +1,4 @@
-"""What helps to write a scene file: one to start from, and the JSON schema for editors.  No dolfinx here."""
+"""Help for writing scene files: a scene to start from, and the JSON schema for editors.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _ONE_OR_MANY = ("material", "displacement", "traction", "contact")
 
 
 def starting_scene() -> str:
-    """A scene file that solves as it is and explains every key."""
+    """A scene file that can be solved as it is and explains every key."""
     return resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
 
 
 def scene_schema() -> dict[str, Any]:
-    """The JSON schema (draft 7, which editors know best) of scene files, with the docstrings as descriptions."""
+    """The JSON schema (draft 7, which editors support best) of scene files, with the docstrings as descriptions."""
     schema: dict[str, Any] = scene.Scene.model_json_schema()
     _simplify(schema)
     for name, definition in schema["$defs"].items():
@@ -41,7 +41,7 @@ def scene_schema() -> dict[str, Any]:
 
 
 def _simplify(node: Any) -> None:
-    """Say in the words of draft 7 what pydantic says in those of 2020-12, and drop the null that TOML does not have."""
+    """Translate pydantic's schema from 2020-12 to draft 7, and remove null, which TOML does not have."""
     if isinstance(node, list):
         for item in node:
             _simplify(item)
@@ -60,14 +60,14 @@ def _simplify(node: Any) -> None:
         node.update(choices[0])
     if "default" in node and (node["default"] is None or node["default"] == [None, None]):
         del node["default"]
-    if "$ref" in node:  # draft 7 looks at nothing beside it
+    if "$ref" in node:  # draft 7 ignores everything next to it
         reference = node["$ref"]
         node.clear()
         node["$ref"] = reference
 
 
 def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
-    """Put the meaning of a class and of its keys, from the docstrings, where an editor shows it."""
+    """Insert the descriptions of a class and of its keys from the docstrings, so that an editor shows them."""
     meanings: dict[str, str] = {}
     for ancestor in reversed(model.__mro__):
         meanings |= _attributes(inspect.getdoc(ancestor) or "") if issubclass(ancestor, BaseModel) else {}

@@ -1,4 +1,4 @@
-"""Mistakes in a scene in the words of this package: the path of the key, what is wrong, and what is allowed."""
+"""Errors in a scene as messages of this package: the path of the key, what is wrong, and what is allowed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MESSAGES = {
 
 
 def plain_message(detail: Any) -> str:
-    """What pydantic complains of, in the words of this package."""
+    """The message of a pydantic error, reworded for users of this package."""
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
@@ -32,19 +32,19 @@ def plain_message(detail: Any) -> str:
     return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
 
 
-# What an unknown key was perhaps to be takes a while to find out: more mistakes than this are not shown anyway.
+# It takes a while to find out what an unknown key was meant to be, and more errors than this are not shown anyway.
 _MOST_GUESSES = 50
 
 
 def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> list[tuple[str, str]]:
-    """The mistakes that pydantic found, as ``SceneError`` wants them.
+    """The errors that pydantic found, in the form that ``SceneError`` needs.
 
-    One entry for each path: where pydantic tried several types, what each of them would have wanted.
+    There is one entry for each path; if pydantic tried several types, it says what each of them expects.
 
     Args:
         error: what pydantic raised.
-        data: what it was given.
-        model: the model that it was to be.
+        data: the data that it validated.
+        model: the model that the data should fit.
     """
     found: dict[str, list[str]] = {}
     for number, detail in enumerate(error.errors()):
@@ -79,7 +79,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
 
 
 def _meant(key: str, model: type[BaseModel]) -> str:
-    """Where an unknown key belongs, or what it was perhaps to be."""
+    """Where an unknown key belongs, or what was perhaps meant."""
     if key in model.model_fields and model.__name__ == "Scene":
         return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
     tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in model.model_fields.items()}

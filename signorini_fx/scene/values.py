@@ -1,4 +1,4 @@
-"""Kinds of values in a scene: numbers, expressions, counts, words; each refuses what it is not in one sentence."""
+"""Kinds of values in a scene: numbers, expressions, counts, words; each has one error message for everything else."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST_SHOWN = 200
 
 
 def shown(given: Any) -> str:
-    """A value in a message, cut where it is long."""
+    """A value in a message, shortened if it is long."""
     try:
         text = repr(given).lower() if isinstance(given, bool) else repr(given)
     except ValueError:  # Python does not print whole numbers of thousands of digits
@@ -24,14 +24,14 @@ def shown(given: Any) -> str:
 
 
 def kind_of(given: object) -> str:
-    """What somebody has given instead of what was wanted."""
+    """A description of the wrong argument for a message."""
     kind = type(given)
     module = kind.__module__.partition(".")[0]
     return kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
 
 
 def plain_number(given: Any) -> Any:
-    """A number; NumPy's are taken for what they are."""
+    """A number; NumPy's numbers are accepted."""
     if isinstance(given, np.number | np.ndarray) and given.ndim == 0:
         given = given.item()
     if not isinstance(given, str | int | float | bool | None):
@@ -40,7 +40,7 @@ def plain_number(given: Any) -> Any:
 
 
 def sampled(given: Any) -> Any:
-    """A value that is evaluated at points: fields and expressions of FEniCSx cannot be."""
+    """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
     found = value(given)
     if hasattr(found, "ufl_domain"):
         raise ValueError(
@@ -51,10 +51,10 @@ def sampled(given: Any) -> Any:
 
 
 def bounded(number: float) -> float:
-    """The number, if it lies between the magnitudes that are allowed.
+    """The number, if its magnitude is in the allowed range.
 
     Raises:
-        ValueError: it does not.
+        ValueError: it is not.
     """
     wrong = magnitudes.complaint(number)
     if wrong is not None:
@@ -83,7 +83,7 @@ def value(given: Any) -> Any:
 
 
 def not_negative(given: Any) -> Any:
-    """A value that is no negative number."""
+    """A value that is not a negative number."""
     if isinstance(given, float) and given < 0:
         raise ValueError(f"must not be negative, got {given:g}")
     return given

@@ -1,9 +1,9 @@
 """Nested iteration on the contact boundary alone: the condensed problem is solved on few contact nodes first.
 
-The sets have to be found somewhere, and a solve on half of the contact nodes costs an eighth.  The condensed matrix is
-coarsened along the boundary by Galerkin's method, every second node at a time and linear in between; the contact
-problem is solved on the coarsest boundary, and its state starts the next finer one (``nested.carry_over``).  It needs
-no coarser mesh, and leaves a few solves on all contact nodes.
+The active sets can be found on a coarse boundary, and a solve on half of the contact nodes costs an eighth.  The
+condensed matrix is coarsened along the boundary by Galerkin projection, to every second node at a time and linear in
+between; the contact problem is solved on the coarsest boundary, and its state starts the next finer one
+(``nested.carry_over``).  This needs no coarser mesh, and only a few solves remain on all contact nodes.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def worthwhile(task: Task) -> bool:
     """Whether a task has a dense system large enough, no start yet, and an algorithm that would use one."""
     return (
         isinstance(task.system, CondensedSystem)
-        and task.boundary.x.shape[1] == 2  # a surface has no every second node
+        and task.boundary.x.shape[1] == 2  # on a surface "every second node" is not defined
         and task.boundary.size > FEWEST_NODES_TO_COARSEN
         and task.settings.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS
@@ -58,7 +58,7 @@ def worthwhile(task: Task) -> bool:
 def start_from_few_nodes(task: Task) -> Start:
     """A start from the sets and the multipliers of the problem on every second contact node, and so on.
 
-    Where a coarse problem has no solution the next finer one begins anew: it is only a start.
+    If a coarse problem has no solution, the next finer one starts from scratch: it is only a start.
     """
     levels = [_finest(task)]
     while levels[-1].boundary.size > 2 * COARSEST_NODES:
@@ -113,7 +113,7 @@ def _coarser(fine: _Level) -> _Level:
         pieces += _linear(chain, places, own, boundary.x[chain])
     rows = np.concatenate(retained)
     interpolation = _matrix(pieces, (boundary.size, before))
-    # From entries to nodes, which entries of two boundaries share.
+    # From entries to nodes, which entries of two boundaries may share.
     coarse_nodes, coarse_first, coarse_of = np.unique(node_of.ravel()[rows], return_index=True, return_inverse=True)
     merge = _matrix([(np.arange(before), coarse_of.ravel(), np.ones(before))], (before, coarse_nodes.size))
     dofs = unknowns[first]
@@ -180,7 +180,7 @@ def _of_dofs(
     retained: Indices,
     fixed: npt.NDArray[np.bool_],
 ) -> sp.csr_matrix:
-    """Both components; a prescribed one is interpolated from nothing, and nothing from it."""
+    """Both components; a prescribed one takes no part in the interpolation."""
     entries = nodal.tocoo()
     rows = dofs[entries.row].ravel()
     columns = (2 * entries.col[:, None] + np.arange(2)).ravel()

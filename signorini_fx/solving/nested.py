@@ -1,8 +1,7 @@
 """Nested iteration: the contact state of a coarse mesh starts the iteration on the next finer one.
 
-The active sets are what the semi-smooth Newton method has to find, and they hardly depend on the mesh: a node of the
-fine mesh begins in the set of its coarse neighbours.  On every mesh but the coarsest a few linear solves are
-left.
+The semi-smooth Newton method has to find the active sets, and these hardly depend on the mesh: a node of the fine mesh
+starts in the set of its coarse neighbours.  On every mesh but the coarsest only a few linear solves remain.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes; collective."""
     boundary = coarse.boundary
     tangents = boundary.tangents
-    # Directions and shears as vectors of space: the tangents of neighbours need not agree.
+    # Directions and shears as vectors in space, because the tangents of neighbours need not agree.
     state = [
         boundary.part,
         boundary.x,
@@ -39,8 +38,8 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
     for part in np.unique(fine.part):
         here, there = fine.part == part, rows[rows[:, 0] == part]
-        # Two neighbours: a node in the middle between two sets joins the one that holds more, contact and stick; the
-        # iteration gives up what is too much faster than it finds what is missing.
+        # Two neighbours: a node in the middle between two sets joins the one that constrains it more, contact and
+        # stick; the iteration releases superfluous nodes faster than it finds missing ones.
         count = min(2, len(there))
         places = cKDTree(there[:, 1 : 1 + dim])
         distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
@@ -54,7 +53,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         direction[here] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
         pressure[here] = (share * load[:, :, 0]).sum(axis=1)
         shear[here] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
-        # The shear follows a slip across its direction like the bound over the slip.
+        # Perpendicular to its direction the shear depends on the slip by the factor bound / slip.
         far, most = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[here] = np.divide(most, far, out=np.zeros_like(far), where=far > 0)
     turned = np.einsum("ijk,ij->ik", fine.tangents, direction)

@@ -1,4 +1,4 @@
-"""A scene on one mesh: its contact problem set up, its load steps solved and certified."""
+"""A scene on one mesh: sets up its contact problem, solves its load steps and certifies them."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from signorini_fx.solving.strategy import run
 from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
-# Called with what a load step was solved on, how it ended and its result.
+# Called after a load step with its task, its outcome and its result.
 After = Callable[[Discretisation, Outcome, StepResult], object]
 
 
 def _nothing_more(discretisation: Discretisation, outcome: Outcome, step: StepResult) -> None:
-    """Nothing is to be done after a load step."""
+    """Does nothing after a load step."""
 
 
 def solve_mesh(
@@ -52,7 +52,7 @@ def solve_mesh(
     state: ContactState | None,
     after: After = _nothing_more,
 ) -> tuple[Solution, Task | None, Outcome | None]:
-    """Solve on one mesh, from the contact state of a coarser one if there is any."""
+    """Solve on one mesh, starting from the contact state of a coarser one if there is one."""
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
@@ -133,9 +133,9 @@ def solve_contact(
 
 
 def _judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
-    """What becomes of the outcome of an iteration when its result is looked at.
+    """The status of an iteration after its result has been checked.
 
-    A residual that stagnates is as a rule that of a body that is far away: then this comes first.
+    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
     """
     if status not in (Status.CONVERGED, Status.ROUND_OFF):
         return status
@@ -150,7 +150,7 @@ def _findings(
     law: FrictionLaw | None = None,
     data: RegularisedData | None = None,
 ) -> list[Finding]:
-    """What ``check`` says of the scene, and what its result says; collective."""
+    """The findings of ``check`` about the scene, and those about its result; collective."""
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
     found = scene_findings(discretisation, law, data, estimates=not solved)
     if not solved:
@@ -210,7 +210,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
 
 
 def contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
-    """The contact problem of a discretised scene, ready for ``strategy.run`` or for an algorithm of one's own."""
+    """The contact problem of a discretised scene, ready for ``strategy.run`` or for a user-defined algorithm."""
     scene = discretisation.scene
     law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
@@ -235,7 +235,7 @@ def contact_task(discretisation: Discretisation, boundary: ContactBoundary, hist
 
 
 def _parameters(outcome: Outcome, energy: float) -> dict[str, float]:
-    """What the summary says of the regularisation."""
+    """The parameters of the regularisation for the summary."""
     data = outcome.problem.data
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
     if outcome.regularisation_error is not None:
@@ -245,7 +245,7 @@ def _parameters(outcome: Outcome, energy: float) -> dict[str, float]:
 
 
 def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
-    """The algorithms in force, in the paper's abbreviations."""
+    """The algorithms that are used, in the paper's abbreviations."""
     settings = scene.solver
     outer = "ssn" if settings.algorithm == "auto" else settings.algorithm
     if not scene.has_coulomb:
@@ -256,7 +256,7 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
 
 
 def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
-    """What path-following may leave at an iterate of the system, in the energy norm."""
+    """The regularisation error allowed for path-following at an iterate of the system, in the energy norm."""
     requested = discretisation.scene.solver.regularisation_error
     if discretisation.scene.solver.algorithm == "path-following" and requested == "auto":
         recovery = StressRecovery(discretisation)
@@ -273,7 +273,7 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
 
 
 def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
-    """A displacement that is counted from a resting place, as one from where the body was at first."""
+    """A displacement that is counted from the resting place, converted to one from the initial position."""
     function = discretisation.function(displacement)
     if rest is not None:
         function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()

@@ -1,4 +1,4 @@
-"""The one entry point: a scene in, a solution out; the same outcome on every rank."""
+"""The main entry point ``solve``: from a scene to its solution, with the same outcome on every rank."""
 
 from __future__ import annotations
 
@@ -45,15 +45,14 @@ def solve(
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
-        observers: called with each ``IterationRecord`` and ``OuterRecord`` as it happens.
-        on_level: called with the solution on each mesh but the last, when the next one is about to be solved;
-            collective.
+        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs.
+        on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
-        TypeError: an argument is of another kind.
-        MeshError: the mesh cannot be had.
-        OptionsError: PETSc does not take an option that the user has set.
+        TypeError: an argument is of the wrong kind.
+        MeshError: the mesh cannot be read or generated.
+        OptionsError: PETSc does not accept an option that the user has set.
         MachineError: a form cannot be compiled.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
@@ -80,10 +79,10 @@ def solve(
 
 
 def refuse_other_than_comm(comm: object) -> None:
-    """Say what is expected where no communicator is given.
+    """Check that the argument is a communicator.
 
     Raises:
-        TypeError: it is none.
+        TypeError: it is not.
     """
     if not isinstance(comm, MPI.Comm):
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
@@ -95,7 +94,7 @@ def _solve_nested(
     history: History,
     on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
-    """Solve on one mesh after the other, each from the contact state of the one before."""
+    """Solve on one mesh after the other, each starting from the contact state of the previous one."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
     levels: list[LevelResult] = []
@@ -107,7 +106,7 @@ def _solve_nested(
             if number + 1 < len(scenes):
                 on_level(solution)
         if solved.level is not None:
-            if levels and levels[-1].dofs >= solved.level.dofs:  # a generator may not get it any coarser
+            if levels and levels[-1].dofs >= solved.level.dofs:  # the generator cannot make a coarser mesh
                 levels.pop()
             levels.append(solved.level)
     if len(levels) < 2 or not solution.converged:
@@ -116,7 +115,7 @@ def _solve_nested(
 
 
 def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
-    """Solve on one of several meshes, and say what it is worth; collective."""
+    """Solve on one of several meshes, and estimate its errors; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
     found: list[Errors] = []
@@ -139,7 +138,7 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
 
 
 def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
-    """The last resort: nested iteration, if the generator makes coarser meshes that have what the scene names."""
+    """The last fall-back: nested iteration, if the generator makes coarser meshes with all boundaries of the scene."""
     if not isinstance(scene.mesh, MeshGenerator):
         return failed
     try:
@@ -162,15 +161,15 @@ def _level_result(
     own: list[IterationRecord],
     errors: Errors,
 ) -> LevelResult:
-    """What a mesh is worth and what it took; two back substitutions, collective.
+    """The errors and the cost of a mesh; two back substitutions, collective.
 
     Args:
         level: number of the mesh.
         solution: the solution on it.
         task: its contact problem.
-        outcome: how that ended.
+        outcome: how the solve ended.
         own: the linear solves on this mesh.
-        errors: what is estimated on it.
+        errors: the estimated errors on it.
     """
     seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
     contact, table = solution.contact, solution.table

@@ -1,9 +1,10 @@
-"""Which algorithms a scene runs, in which order: the only place that knows them all.
+"""Which algorithms a scene runs, in which order: the only module that knows all of them.
 
 Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
-``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound meets the pressure:
-``fp`` (fixed point of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with fp, (ALM-FP) alm with
-fp.  Load steps repeat the method, each from the state that the one before has left.
+``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
+pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
+    fp,
+(ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def run(task: Task, start: Start) -> Outcome:
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """The method of the scene, and what takes over where it fails."""
+    """The method of the scene, and the fall-backs if it fails."""
     settings = task.settings
     coulomb = start.law if task.has_coulomb else None
     outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
@@ -74,8 +75,8 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 
 def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENTED_SHARE) -> Outcome:
-    """The last resort on one mesh: augmentation, whose small gamma makes the easiest problems; the limit is the same
-    for every gamma, and leaves no regularisation error.  The elastic slip of earlier load steps is none then.
+    """The last fall-back on one mesh: augmentation, whose small gamma makes the problems easiest; the limit is the same
+    for every gamma, and has no regularisation error.  The elastic slip of earlier load steps is then removed.
     """
     s, newton, given = task.settings, task.iterate.newton, failed.data
     if start.elastic_slip is not None and given.slip_origin is not None:
@@ -110,11 +111,11 @@ def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENT
             )
     if status is not Status.CONVERGED:
         return replace(failed, newton=newton, monolithic=False)
-    return Outcome(status, newton, given, augmented=True)  # what path-following left is not left here
+    return Outcome(status, newton, given, augmented=True)  # no regularisation error of path-following remains
 
 
 def _natural(task: Task) -> float:
-    """The gamma that a scene has where it names none."""
+    """The gamma of a scene that gives none."""
     return AUTOMATIC_GAMMA * task.natural_gamma
 
 
@@ -132,7 +133,7 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _stay(task: Task, start: Start) -> Outcome:
-    """Zero is the solution; nothing is solved for."""
+    """Zero is the solution; no linear system is solved."""
     task.iterate.x.set(0.0)
     task.history.add("nothing loads the body: it stays where it is")
     task.history.add(OuterRecord(len(task.history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
@@ -140,7 +141,7 @@ def _stay(task: Task, start: Start) -> Outcome:
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
-    """The outcome of a problem that nothing was solved for: no contact, hence no traction."""
+    """The outcome of a problem without any linear solve: no contact, hence no traction."""
     newton = task.iterate.newton
     newton.pose(data, ActiveSets.of(np.zeros(task.boundary.size, dtype=bool), np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data)
@@ -162,7 +163,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
             status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
         case "path-following":
-            # A later load step begins with the gamma that the one before has found.
+            # A later load step begins with the gamma that the previous one has found.
             first = START_GAMMA * task.natural_gamma if start.step == 0 else data.gamma_n
             ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
             status, last, error = path_following(
@@ -194,10 +195,10 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
 
 def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
-    """Coulomb friction, from what a coarser mesh or a load step has left, else from the pure contact problem."""
+    """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure contact problem."""
     s, newton = task.settings, task.iterate.newton
     first_sets, multipliers = start.sets, start.multipliers
-    # These find their gamma, or go through several, on the pure contact problem of every mesh.
+    # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
     finds_gamma = start.step == 0 and s.algorithm in ("path-following", "continuation")
     before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
     if multipliers is None or finds_gamma:
@@ -205,14 +206,14 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
         lost = _no_balance(task, start.data, law) if data.bound is not None else None
         if lost is not None:
             return _without_contact(task, start.data, lost)
-        if s.algorithm == "alm":  # (ALM-FP) shifts together with the bound, the start not at all
+        if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
             before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
         else:
             before = _given_friction(task, start, data)
         if before.status is not Status.CONVERGED:
             return before
         multipliers, first_sets = newton.multipliers(), None
-        if data.bound is None:  # this start knows no slip: mu = xi = 0, hence stick everywhere
+        if data.bound is None:  # this start has no slip: mu = xi = 0, hence stick everywhere
             first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
     data = replace(before.data, bound=law.given)
 
@@ -256,24 +257,24 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """The fixed point or the monolithic Newton method; where it fails the other, then damped, from the same start.
+    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then damped ones.
 
     Args:
         task: the contact problem.
         law: its friction law.
-        begun: what there is so far; its inner method holds the start.
-        fixed: the fixed point with a damping.
-        monolithic: Newton's method.
-        monolithic_first: which comes first.
+        begun: the outcome so far; its inner method holds the start of all of them.
+        fixed: the fixed-point iteration with a given damping.
+        monolithic: the monolithic Newton method.
+        monolithic_first: whether Newton's method comes first.
     """
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
     ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
-    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
+    # The monolithic tangent is unsymmetric, and allows neither for a cap nor for a pressure of either sign.
     if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
         ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
-    # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
+    # The fixed-point iteration is the documented fall-back of Newton's method, even without further fall-backs.
     needed = ways[0][1] is monolithic
 
     def ended(way: Callable[[], Status]) -> Outcome:
@@ -292,10 +293,10 @@ def _either_way(
 
 
 def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body slides under the bound of one Tresca problem proves nothing.
+    """An outcome of Coulomb friction: that a body slides with the bound of one Tresca problem proves nothing.
 
-    The bound of such a problem is that of the pressure before.  Where the law itself allows for an equilibrium the
-    fixed point has failed, and another method may find it.
+    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
+    fixed-point iteration has failed, and another method may find it.
     """
     if status not in (Status.SLIDES, Status.OPEN) or data.bilateral is not None:
         return status
@@ -306,11 +307,11 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
 
 
 def _no_balance(task: Task, data: RegularisedData, law: FrictionLaw) -> Status | None:
-    """How a body that needs friction gets away, whatever friction the law may allow for; None: it does not."""
+    """How a body that needs friction moves away, whatever friction the law allows for; None: it does not."""
     everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
     held = task.motions.held_by(task.boundary, everywhere, everywhere)
     if data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
-        return None  # what is not held at all has a name of its own, given by the iteration
+        return None  # a body that nothing holds has its own status, which the iteration reports
 
     def balanced(data: RegularisedData) -> bool:
         return balance_exists(data, task.boundary, task.motions, task.system.resultant)

@@ -1,4 +1,4 @@
-"""Many values of one parameter on the same body: one elimination of the elastic system serves them all."""
+"""Solves for many values of one parameter on the same body, with a single elimination of the elastic system."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from signorini_fx.solving.strategy import run
 class SweepPoint:
     """The solution for one value of the parameter.
 
-    The contact state is there; displacement and certificate, which need the whole body, are computed when asked for.
+    The contact state is stored; displacement and certificate, which need the whole body, are computed on request.
 
     Attributes:
-        value: of the parameter.
+        value: value of the parameter.
         status: how the iteration ended.
         contact: nodal state of the contact boundary of this rank.
         linear_solves: linear solves for this value.
@@ -60,7 +60,7 @@ class SweepPoint:
         return from_rest(self._discretisation, self._rest, system.displacement(self._x))
 
     def certificate(self) -> Certificate:
-        """The conditions of the problem, checked anew on the whole body; collective."""
+        """The check of the conditions of the problem on the whole body; collective."""
         tagged, displacement = self._discretisation.tagged, self.displacement()
         return certify(self._scene, tagged, displacement, Tractions.of(self.contact), law=self._law, scale=self._load)
 
@@ -74,16 +74,16 @@ def sweep(
 ) -> list[SweepPoint]:
     """Solve a scene for many friction coefficients, or many multiples of all its loads.
 
-    Every value is a problem of its own (the static law, no history); the one before only gives the start.
+    Every value is a separate problem (the static law, no history); the previous one only provides the start.
 
     Args:
         scene: the scene, or the path of its file, with one load step.
         comm: the ranks that share the work; the call is collective.
-        coefficients: values that replace the coefficient of all Coulomb friction in the scene.
+        coefficients: values that replace all coefficients of Coulomb friction in the scene.
         loads: factors for all tractions, body forces and prescribed displacements.
 
     Raises:
-        TypeError: an argument is of another kind.
+        TypeError: an argument is of the wrong kind.
         SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
     """
     scene = as_scene(scene)

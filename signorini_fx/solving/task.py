@@ -38,14 +38,14 @@ class Start:
 
     Attributes:
         data: the regularised problem with the gamma to begin with.
-        law: the friction law, None without friction.
+        law: the friction law; None without friction.
         sets: active sets of the first linear solve; None: from the iterate.
         iteration: number of the first linear solve.
-        multipliers: (lambda, mu) to start from, where there are any.
+        multipliers: (lambda, mu) to start from, if there are any.
         step: the load step, from 0.
         scale: multiple of its loads and prescribed displacements.
-        regularisation_error: what path-following has left in an earlier load step, in the energy norm.
-        elastic_slip: what of the slip so far is none without regularisation, length; None: nothing.
+        regularisation_error: that of path-following in an earlier load step, in the energy norm.
+        elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
     """
 
     data: RegularisedData
@@ -59,7 +59,7 @@ class Start:
     elastic_slip: Nodal | None = None
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
-        """The same from sets and (lambda, mu) that another mesh, fewer contact nodes or another load have led to."""
+        """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
         return replace(self, sets=sets, iteration=1, multipliers=multipliers)
 
 
@@ -68,12 +68,12 @@ class Outcome:
     """How a load step ended, or one of the methods that were tried on it.
 
     Attributes:
-        status: its name.
-        newton: the inner method whose iterate is the answer.
-        data: the problem of the load step with the gamma that was arrived at.
+        status: how it ended.
+        newton: the inner method whose iterate is the result.
+        data: the problem of the load step with the final gamma.
         monolithic: whether Coulomb friction was solved monolithically.
-        augmented: whether augmentation took over, which leaves nothing of the regularisation.
-        regularisation_error: what path-following says is left, in the energy norm; None where it did not run.
+        augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
+        regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
     """
 
     status: Status
@@ -85,15 +85,15 @@ class Outcome:
 
     @property
     def problem(self) -> ContactProblem:
-        """The problem that holds the answer."""
+        """The problem of the result."""
         return self.newton.problem
 
     def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the answer, counted from where the body rests."""
+        """All displacement dofs of the result, counted from the resting place of the body."""
         return self.problem.system.displacement(self.newton.x)
 
     def next_step(self, start: Start) -> Start:
-        """Where the next load step starts: friction acts on what is added to the slip, from the shear that there is.
+        """Where the next load step starts: friction acts on the increment of the slip, from the current shear.
 
         Args:
             start: where this load step started.
@@ -127,12 +127,12 @@ class Task:
         boundary: the contact nodes.
         motions: rigid motions of the body.
         start: where the first load step starts.
-        has_coulomb: whether the friction bound follows the pressure anywhere.
+        has_coulomb: whether the friction bound depends on the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
         linear_algebra: which kind of elastic system it is, and why.
-        goal: the regularisation error that path-following may leave, in the energy norm, judged at an iterate.
-        rest: where displacements are counted from; None: from where the body was at first.
+        goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
+        rest: the resting place from which displacements are counted; None: from the initial position.
     """
 
     settings: SolverSettings
@@ -153,11 +153,11 @@ class Task:
         return Iterate(self)
 
     def contact(self, outcome: Outcome, start: Start) -> ContactState:
-        """The contact nodes of this rank as an answer has them, displacements from where the body was at first.
+        """The contact nodes of this rank in a result, with displacements from the initial position.
 
         Args:
             outcome: how the load step ended.
-            start: where it started, from where its slip counts.
+            start: where it started; its slip is counted from there.
         """
         law, origin = start.law, start.data.slip_origin
         problem = outcome.problem
@@ -172,7 +172,7 @@ class Task:
             u_t=u_t + rest_t,
             pressure=pressure,
             shear=shear,
-            # Of the law itself: the iteration may have stopped with the bound of the pressure before.
+            # Of the law itself: the iteration may have stopped with the bound of the previous pressure.
             bound=np.zeros_like(pressure) if not data.has_friction or law is None else law.bound(pressure),
             in_contact=sets.contact,
             direction=sets.direction,
@@ -183,19 +183,19 @@ class Task:
         )
 
     def promised(self, outcome: Outcome) -> Law:
-        """The contact law that an answer promises to meet: without regularisation, or with the gamma in force."""
+        """The contact law that a result promises to satisfy: without regularisation, or with the current gamma."""
         if outcome.augmented or self.settings.algorithm in ("alm", "exact"):
             return UNREGULARISED
         return Law(outcome.problem.data.gamma_n, outcome.problem.data.gamma_t)
 
     def gave_up(self, status: Status) -> bool:
-        """Whether a method has failed that was not told when to end."""
+        """Whether a method has failed for another reason than a limit that the user has set."""
         limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
         return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
 
 
 class Iterate:
-    """The iterates of a contact problem and the inner methods on them, each set up when it is first asked for.
+    """The iterates of a contact problem and the inner methods on them, each set up when it is first needed.
 
     Attributes:
         x: the iterate of the regularised problem.
@@ -242,7 +242,7 @@ class Iterate:
         return self._newton(exact.problem, exact.x, symmetric=False)
 
     def take_loads(self, step: int, scale: float) -> None:
-        """Put the loads and prescribed displacements of a load step, times ``scale``, on the iterate that there is."""
+        """Apply the loads and prescribed displacements of a load step, times ``scale``, to the current iterate."""
         self._task.system.set_step(step, scale)
         if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._task.system:
             self.exact_newton.problem.system.set_step(step, scale)
@@ -251,5 +251,5 @@ class Iterate:
 
 
 def _limited(settings: SolverSettings, name: str) -> bool:
-    """Whether a limit is lower than usual: then it is an end that was asked for, and no failure."""
+    """Whether a limit is lower than its default: then the user has set it, and reaching it is not a failure."""
     return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)

@@ -1,8 +1,8 @@
-"""An accuracy that is asked for: which mesh comes next, with which gamma, and when it is enough.
+"""Solution to a given accuracy: which mesh comes next, with which gamma, and when the accuracy is reached.
 
-Every mesh is solved from the contact state of the one before, and tells what is still missing.  The next one is as fine
-as that needs, no finer: by the rate at which the error falls where the mesh is refined everywhere, by the share of the
-squared error that has to go where it is refined where the error is.
+The solve on every mesh starts from the contact state of the previous one, and estimates the error.  The next mesh is
+only as fine as needed: uniform refinement uses the rate at which the error decreases, adaptive refinement the share of
+the squared error that has to be removed.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ from signorini_fx.tuned import (
 
 # Nodes that are closer than this share of the body's size cannot be told apart reliably.
 _ROUND_OFF = 1e-11
-# Where the polygon's error of a quantity is found.
+# The field with the polygon's error of a quantity.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
-# How a mesh ends whose cells are at the round-off of their coordinates.
+# Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
 _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
 
 
@@ -74,8 +74,8 @@ class Solved:
         solution: how it ended.
         task: the contact problem; None without one.
         outcome: how it ended; None where it has no solution.
-        level: what the mesh is worth; None where it has no solution.
-        errors: what is estimated on the mesh; None where it has no solution.
+        level: errors and cost of the mesh; None where it has no solution.
+        errors: the estimates on the mesh; None where it has no solution.
     """
 
     solution: Solution
@@ -93,17 +93,17 @@ def solve_to_accuracy(
     on_level: Callable[[Solution], object],
     notify: Callable[[str], object],
 ) -> Solution:
-    """Refine the mesh, and raise gamma, until the estimated error is what is asked for or the budget ends.
+    """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends.
 
-    A refinement that the budget would not allow is not begun.
+    A refinement that would exceed the budget is not begun.
 
     Args:
         scene: with the mesh and the gamma to begin from.
-        goal: what is asked for.
+        goal: the requested accuracy.
         comm: the ranks that share the work.
         solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
         on_level: called with the solution on each mesh but the last; collective.
-        notify: told what a user should know, such as that other elements than the scene's are used.
+        notify: called with messages for the user, such as that other elements than the scene's are used.
     """
     base_memory, begin = peak_memory(comm), time.perf_counter()
     meshes = Meshes(scene, goal, comm)
@@ -119,7 +119,7 @@ def solve_to_accuracy(
         solved = meshes.solve(solve_on, state, len(levels))
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         if last is not None and solution.status in _TOO_FINE:
-            # The coordinates of such cells have no digits left: the mesh before is the last that has a solution.
+            # The coordinates of such cells have no digits left: the previous mesh is the last that has a solution.
             notify(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
@@ -165,7 +165,7 @@ def solve_to_accuracy(
 
 
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size: float) -> str:
-    """Why no mesh will have the accuracy; "" where one may."""
+    """Why no mesh will reach the accuracy; "" if one may."""
     table = levels[-1].table
     if goal.of == "peak" and grows_for_ever(levels):
         row = int(np.argmax(table.columns["pressure"]))
@@ -192,7 +192,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
 
 
 def _beyond(goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float) -> bool:
-    """Whether a mesh ``jump`` times finer would break the budget."""
+    """Whether a mesh ``jump`` times finer would exceed the budget."""
     following = predict(rows[:-1], base_memory, finer=jump)
     spent = parallel.global_max(comm, time.perf_counter() - begin)
     late = goal.seconds is not None and spent + following.seconds > goal.seconds
@@ -200,7 +200,7 @@ def _beyond(goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: floa
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:
-    """How fast the error in the energy norm falls with h; of a single mesh, what the first order promises."""
+    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
     if len(levels) < 2 or not levels[-1].energy < levels[-2].energy:
         return 1.0
     finer = np.sqrt(levels[-1].dofs / levels[-2].dofs)
@@ -213,15 +213,15 @@ class Meshes:
     Attributes:
         scene: the scene on the mesh that is to be solved next.
         degree: of the displacement.
-        adaptive: whether triangles are divided where the error is.
-        polygonal: whether straight sides stay where the shape may be curved.
-        replaced: what takes the place of the scene's elements; "": they stay.
-        seconds: what the last refinement took; 0 where the mesh is made with the solve.
+        adaptive: whether triangles are divided where the error is large.
+        polygonal: whether straight facets stay although the shape may be curved.
+        replaced: what replaces the scene's elements; "": they stay.
+        seconds: time of the last refinement; 0 where the mesh is made with the solve.
     """
 
     def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
         self._comm, self._plan = comm, planned(scene, goal, comm)
-        self._of: str = goal.of if goal.of in LOCAL else "force"  # what cells are marked for
+        self._of: str = goal.of if goal.of in LOCAL else "force"  # the quantity for which cells are marked
         self._given: Scene = self._plan.scene
         self.adaptive: bool = self._plan.adaptive
         self.polygonal: bool = self._plan.polygonal
@@ -230,7 +230,7 @@ class Meshes:
         settings = self._given.solver
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         if goal.of == "pressure" and automatic:
-            # The regularisation blurs the pressure at a corner, over a length that hardly depends on the mesh.
+            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
             solver = settings.model_copy(update={"algorithm": "exact"})
             self._given = self._given.model_copy(update={"solver": solver})
         self.degree: int = self._given.element.degree
@@ -242,9 +242,9 @@ class Meshes:
         self.scene: Scene = self._scene()
 
     def _coarsest_factor(self) -> float:
-        """How many times larger the first cells are; a mesh that is no part of the scene's own would lose nodes of it.
+        """How many times larger the first cells are; the coarse nodes must be nodes of the scene's own mesh.
 
-        Where a load jumps a mesh needs a node, and the scene's own mesh is the one that has it.
+        A mesh needs a node where a load jumps, and the scene's own mesh has one.
         """
         factor = float(COARSER_START[self.degree]) if self._generated else 1.0
         while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
@@ -252,7 +252,7 @@ class Meshes:
         return factor
 
     def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
-        """Solve on the coarsest mesh that has all the boundaries of the scene's own."""
+        """Solve on the coarsest mesh that has all boundaries of the scene's own mesh."""
         while True:
             try:
                 return solve_on(self.scene, None, 0)
@@ -268,7 +268,7 @@ class Meshes:
         state: ContactState | None,
         number: int,
     ) -> Solved:
-        """Solve on the mesh that is due; with regularisation where the scene leaves it open and nothing else works."""
+        """Solve on the current mesh; with regularisation if the scene leaves it open and nothing else works."""
         if self._given.solver == self._regularised.solver:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
         try:
@@ -318,9 +318,9 @@ class Meshes:
         self.seconds = time.perf_counter() - begin
 
     def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
-        """Divide the cells at corners in contact several times, where they hold the error of the pressure.
+        """Divide the cells at corners in contact several times, if they contain the error of the pressure.
 
-        There it falls so slowly with h, and so few cells are divided, that a solve for each division would be a waste.
+        There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
         """
         assert solved.level is not None
         corners = corners_of_error(solved.level.table)
@@ -331,15 +331,15 @@ class Meshes:
         return tagged
 
     def raise_gamma(self, task: Task, outcome: Outcome, left: float, excess: float) -> None:
-        """Make gamma so large that the regularisation keeps to its share; its error falls like 1 / gamma.
+        """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.
 
-        Path-following finds gamma itself: it is allowed less.
+        Path-following finds gamma itself: its allowed error is reduced.
 
         Args:
             task: the contact problem on the last mesh.
             outcome: how it ended.
-            left: what its regularisation leaves, relative in the energy norm.
-            excess: the same of what is asked for, relative to the target.
+            left: its regularisation error, relative in the energy norm.
+            excess: the regularisation error of the requested quantity, relative to the target.
         """
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:
@@ -349,13 +349,13 @@ class Meshes:
         update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
         if settings.algorithm == "path-following":
             allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
-            # With Coulomb friction its own figure is that of the start: halves, at least, come to an end.
+            # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, left) / max(factor, 2.0)}
         solver = settings.model_copy(update=update)
         self.scene = self.scene.model_copy(update={"solver": solver})
 
     def _scene(self) -> Scene:
-        """The scene on the mesh with the divisions that there are."""
+        """The scene on the mesh with the current divisions."""
         if self._file is not None:
             tagged = load_file(self._file, self._comm, halvings=self._halvings, degree=self._plan.geometry)
             return self._given.model_copy(update={"mesh": tagged})

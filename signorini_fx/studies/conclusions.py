@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
 
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-# Times so close are a tie, and the first in the list wins: it is the simpler one.  So are errors so close.
+# Times this close are a tie, and the first in the list wins: it is the simpler one.  The same holds for errors.
 _TIE, _SAME = 1.25, 0.8
-# Forces that balance the load on every mesh have no error to be shown.
+# Forces that balance the load on every mesh have no error to show.
 _NOTHING = 1e-5
 _LABELS = {
     "energy": "displacement in the energy norm",
@@ -21,9 +21,9 @@ _LABELS = {
 
 
 def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
-    """The errors without luck: of each run the largest on its mesh and the finer ones by the same method.
+    """The lasting errors: for each run the largest on its mesh and the finer ones by the same method.
 
-    An error that changes its sign is small on one mesh by accident.
+    An error that changes its sign is small on one mesh by chance.
     """
     result: list[float | None] = []
     for row in rows:
@@ -34,15 +34,15 @@ def lasting_errors(rows: Sequence[Row], quantity: str) -> list[float | None]:
 
 
 def coarseness(row: Row) -> float:
-    """The size of the cells, or the accuracy that was asked for: what falls from run to run of a method."""
+    """The size of the cells, or the requested accuracy: the quantity that decreases from run to run of a method."""
     return float(row["size_of_cells"] or row["asked"])
 
 
 def cheapest_front(rows: Sequence[Row], quantity: str, floor: float | None = None) -> list[tuple[Row, float]]:
-    """The runs that no cheaper run beats, cheapest first, each with its lasting error.
+    """The runs that are more accurate than all cheaper ones, cheapest first, each with its lasting error.
 
-    A step down is worth a fifth of the error at least; where several runs are as good as equal, the first of the list
-    stands for them.  Errors below that of the reference, ``floor``, cannot be told apart.
+    Each step reduces the error by a fifth at least; of several nearly equal runs the first of the list is taken.
+    Errors below that of the reference, ``floor``, cannot be distinguished.
     """
     errors = [None if e is None else max(e, floor or 0.0) for e in lasting_errors(rows, quantity)]
     known = [(row, e) for row, e in zip(rows, errors, strict=True) if e is not None and row["seconds"]]
@@ -58,7 +58,7 @@ def _beats(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
 
 
 def _as_good(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
-    """Whether the first is as good as the second within what is called a tie."""
+    """Whether the first is as good as the second, ties included."""
     return bool(one[0]["seconds"] <= _TIE * other[0]["seconds"] and _SAME * one[1] <= other[1])
 
 
@@ -94,7 +94,7 @@ def advice(study: Study) -> str:
 
 
 def _none(study: Study, quantity: str) -> str:
-    """What to say of a quantity that no run has."""
+    """The text for a quantity that no run has computed accurately enough."""
     best = min((e for e in lasting_errors(study.rows, quantity) if e is not None), default=None)
     floor = study.floor[quantity]
     text = f"No run has the {_LABELS[quantity]} within {_percent(TARGETS[0])} beyond doubt"
@@ -112,14 +112,14 @@ def quantities_with_errors(study: Study) -> list[str]:
 
 
 def _finest(rows: Sequence[Row], name: str) -> Row | None:
-    """The run of a method on its finest mesh, if it is solved there."""
+    """The run of a method on its finest mesh, if it has a solution there."""
     own = [row for row in rows if row["method"] == name]
     last = min(own, key=coarseness, default=None)
     return last if last is not None and last["seconds"] and last["pressure"] is not None else None
 
 
 def _on_gamma(rows: Sequence[Row]) -> str:
-    """What gamma leaves on the finest mesh."""
+    """The regularisation error on the finest mesh."""
     base = _finest(rows, rows[0]["method"])
     fixed = [row for name in dict.fromkeys(r["method"] for r in rows) if (row := _finest(rows, name)) is not None]
     fixed = [row for row in fixed if row["gamma"] != "auto" and row["algorithm"] == "auto"]

@@ -32,7 +32,7 @@ def write_study(study: Study, folder: Path) -> None:
 
 
 def draw(stem: Path, study: Study, quantity: str) -> None:
-    """Error against time: the cheapest front of all methods on the left, the families beside it."""
+    """Error against time: the Pareto front of all methods on the left, the families beside it."""
     errors = lasting_errors(study.rows, quantity)
     points = [(row, e) for row, e in zip(study.rows, errors, strict=True) if e and row["seconds"]]
     if not points:
@@ -107,21 +107,21 @@ def _coarsest(point: tuple[float, float, float]) -> float:
 
 
 def _how_to_read(study: Study, floor: float | None, low: float) -> str:
-    """The words beside the pictures."""
+    """The text beside the pictures."""
     lines = [
         "How to read this",
         "Each point is one method on one mesh; a line joins",
         "the meshes of a method, coarse to fine. Lower is more",
         "accurate, further left is cheaper. Gray: all methods.",
         "The error shown is the largest on this and finer",
-        "meshes: luck on one mesh does not count.",
-        "Exact: without regularisation. Not said otherwise:",
+        "meshes: chance on one mesh does not count.",
+        "Exact: without regularisation. Unless stated otherwise:",
         "Q1, cold start, the program's own gamma and linear",
         "algebra; Coulomb friction by a fixed point (FP).",
         "Times are medians, machine code of forms excluded.",
     ]
     if floor and floor > low:
-        lines += ["Shaded: the reference itself may be wrong by so much."]
+        lines += ["Shaded: possible error of the reference itself."]
     failed = [row["method"] for row in study.rows if row["status"] != "converged"]
     counts = [f"{name} ({failed.count(name)})" for name in dict.fromkeys(failed)]
     lines += [f"{len(failed)} of {len(study.rows)} runs failed:" if failed else "No run failed."]

@@ -29,7 +29,7 @@ class Method:
         element: P1, Q1, P2 or Q2.
         gamma: gamma_1 = gamma_2 over E / size of the body; None: automatic.
         settings: further solver settings.
-        adaptive: whether its meshes are divided where the error is, until an accuracy is reached.
+        adaptive: whether its meshes are refined adaptively until an accuracy is reached.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Method:
 
     @property
     def degree(self) -> int:
-        """Of the element."""
+        """The degree of the element."""
         return int(self.element[1])
 
 
@@ -79,7 +79,7 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
 
 
 def _merge(found: list[Method]) -> list[Method]:
-    """Methods that are in the list twice, once with the families of both."""
+    """Methods that are in the list twice are merged, with the families of both."""
     families: dict[str, list[str]] = {}
     for method in found:
         families.setdefault(method.name, []).extend(method.families)

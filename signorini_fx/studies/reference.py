@@ -1,7 +1,7 @@
-"""What other solutions are measured against: one of much higher accuracy, and how far it can be trusted itself.
+"""The reference that other solutions are compared with: one of much higher accuracy, with an estimate of its own error.
 
-It is a solution without regularisation.  Bodies with straight sides get triangles of degree 2 divided where the error
-is, many more than any run that is measured; others a fine uniform mesh.
+It is a solution without regularisation.  Bodies with straight sides get adaptively refined triangles of degree 2, many
+more than any run that is measured; others get a fine uniform mesh.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from signorini_fx.tuned import EXPECTED_RATES
 Floats = npt.NDArray[np.float64]
 EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
 _CELLS = {"P": "triangle", "Q": "quadrilateral"}
-# How errors fall with h on smooth parts of the boundary, and the slowest rate that the reference is credited with.
+# How errors decrease with h on smooth parts of the boundary, and the slowest rate assumed for the reference.
 _EXPECTED, _SLOWEST = {"energy": 1.0, **EXPECTED_RATES}, 0.5
-# Meshes divided where the error is begin with these cells, relative to those of the scene: all its nodes that matter,
-# where loads jump or named sides end, should be nodes of them too.
+# Adaptive meshes begin with these cells, relative to those of the scene: all its important nodes, where loads jump or
+# named sides end, should be nodes of them too.
 _FIRST = 2.0
 
 
 def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
-    """The scene with elements ``factor`` times as large, of this kind, and solver settings of its own.
+    """The scene with elements ``factor`` times as large, of this kind, and with other solver settings.
 
     Raises:
         SceneError: the generator makes no such meshes.
@@ -55,7 +55,7 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
         update={
             "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
             "element": scene.element.model_copy(update={"degree": int(element[1])}),
-            # A method stands for itself here, not for what would take over from it.
+            # Each method is measured by itself, without fall-backs.
             "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings, fallbacks=False),
             "accuracy": None,
         }
@@ -63,7 +63,7 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
 
 
 class Reference:
-    """A solution to measure others against.
+    """A solution to compare others with.
 
     Stresses are compared at the quadrature points of the reference's cells; where a point lies outside the other mesh
     (a curved boundary), the nearest cell is continued.
@@ -91,7 +91,7 @@ class Reference:
 
     @property
     def about(self) -> str:
-        """What it is, in the words of the study."""
+        """A description for the text of the study."""
         mesh, scene = self.solution.discretisation.tagged.mesh, self.solution.scene
         kind = {"triangle": "P", "quadrilateral": "Q"}[mesh.topology.cell_name()]
         adaptive = "" if isinstance(scene.mesh, MeshGenerator) else ", adaptive"
@@ -102,7 +102,7 @@ class Reference:
 
         Args:
             solution: the solution.
-            mesh_key: solutions with the same key are on the same mesh; None: on a mesh of its own.
+            mesh_key: solutions with the same key are on the same mesh; None: on a separate mesh.
         """
         table, fine = solution.table, self.solution.table
         weight, pressure = fine.columns["weight"], fine.columns["pressure"]
@@ -166,15 +166,15 @@ def _stress(solution: Solution) -> Any:
 
 
 def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
-    """A reference for a scene, and how far it may be wrong.
+    """A reference for a scene, and an estimate of its error.
 
     Args:
         scene: with a mesh from a generator, contact and one load step.
         fine: cells of a uniform reference, relative to those of the scene.
-        unknowns: of a reference on triangles divided where the error is, at least.
+        unknowns: smallest number of unknowns of an adaptive reference.
 
     Raises:
-        SceneError: the scene is none of that kind.
+        SceneError: the scene is not of that kind.
         ConvergenceError: there is no solution.
     """
     solutions = divided(scene, _FIRST, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
@@ -191,7 +191,7 @@ def uniform(scene: Scene, fine: float, element: str) -> list[Solution]:
 
 
 def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
-    """Solutions on triangles of degree 2, divided where the error is until there are so many unknowns."""
+    """Solutions on triangles of degree 2, refined adaptively up to this number of unknowns."""
     scene = on_mesh(scene, first, "P2", EXACT)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     solutions: list[Solution] = []
@@ -211,11 +211,11 @@ def _straight(scene: Scene) -> bool:
 
 
 def reference_errors(second: dict[str, float | None], third: dict[str, float | None]) -> dict[str, float | None]:
-    """How far the reference may be wrong, from the differences to it on cells two and four times as large.
+    """The error of the reference, estimated from the differences to it on cells two and four times as large.
 
     With errors like h^r the differences are 2^r - 1 and 4^r - 1 times that of the reference, so that their ratio is
-    2^r + 1; in the energy norm, where the error is orthogonal to the coarser spaces, this holds of the squares.  The
-    rate is the one that is seen, or the expected one where that is smaller.
+    2^r + 1; in the energy norm, where the error is orthogonal to the coarser spaces, this holds for the squares.  The
+    rate is the observed one, or the expected one if that is smaller.
     """
     found: dict[str, float | None] = {}
     for name, near in second.items():

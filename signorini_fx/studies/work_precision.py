@@ -1,7 +1,7 @@
-"""What accuracy costs by every method: one list of methods, one reference, the same measure for all.
+"""Accuracy against cost for every method: one list of methods, one reference, the same measure for all.
 
-Errors are measured outside the methods, against a solution of much higher accuracy (see ``reference``); how far that
-can be trusted itself is estimated from coarser ones.
+Errors are measured independently of the methods, against a solution of much higher accuracy (see ``reference``), whose
+own error is estimated from coarser ones.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
 # Elements of the study's meshes, relative to those of the scene; those of a uniform reference, unknowns of another.
 _FACTORS, _QUICK_FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
 _REFERENCE, _QUICK_REFERENCE = (0.2, 300_000), (1.0, 30_000)
-# Errors in the energy norm that adaptive meshes are asked for, and what a run may take, seconds.
+# Targets of adaptive meshes for the error in the energy norm, and the time that a run may take, seconds.
 _ASKED = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
 _QUICK_ASKED, _TOO_LONG = (0.05, 0.02), 30.0
-# A run that takes longer is not repeated, one that takes this long only three times, seconds.
+# Seconds above which a run is not repeated, and above which it is repeated only three times.
 _LONG, _MIDDLE = 15.0, 0.5
 
 
 @dataclass(frozen=True)
 class Study:
-    """What was measured.
+    """The results of a study.
 
     Attributes:
-        scene: about what.
+        scene: the scene of the study.
         rows: one for each method on each mesh, failures included; the columns of work_precision.csv.
-        floor: how far the reference itself may be wrong, quantity by quantity; None: it cannot be told.
-        reference: what the reference is.
+        floor: the estimated error of the reference itself for each quantity; None: it cannot be estimated.
+        reference: description of the reference.
         seconds: wall time of the whole study.
     """
 
@@ -73,12 +73,12 @@ def run_study(
     Args:
         scene: with a mesh from a generator that has ``coarser``, contact and one load step.
         quick: few methods, two coarse meshes, no repeats.
-        repeats: rounds that are counted, long runs take part in three; medians are taken.  In a round before them
+        repeats: rounds that are counted, long runs are part of three; medians are taken.  In a round before them
             forms may still be compiled.
-        report: is told how far it is.
+        report: called with the progress as text.
 
     Raises:
-        SceneError: the scene is none of that kind.
+        SceneError: the scene is not of that kind.
         ConvergenceError: there is no reference.
     """
     if not scene.contact or scene.steps > 1:
@@ -106,7 +106,7 @@ def run_study(
 
 
 class _Run:
-    """A method on a mesh, or on the meshes that an accuracy takes, solved as often as the study repeats it."""
+    """A method on a mesh, or on the meshes of a requested accuracy, solved as often as the study repeats it."""
 
     def __init__(
         self, method: Method, factor: float, scene: Scene, natural: float, *, asked: float | None = None
@@ -123,7 +123,7 @@ class _Run:
         self._enough = 1000
 
     def solve_once(self, reference: Reference | None, *, counted: bool) -> None:
-        """Solve once; measure the errors where there is a reference."""
+        """Solve once; measure the errors if there is a reference."""
         if len(self._times) >= self._enough:
             return
         _forget_peak_memory()
@@ -159,7 +159,7 @@ class _Run:
             self._about |= reference.errors(solution, key)
 
     def row(self) -> Row:
-        """All that is known of it."""
+        """The row of the table for this run."""
         settings, about = self._scene.solver, self._about
         times: dict[str, float | None] = dict.fromkeys(
             ("seconds", *PHASES, "coarser", "rest", "fastest", "slowest", "memory")
@@ -199,8 +199,8 @@ def work_of(solution: Solution) -> int:
 
 
 def _forget_peak_memory() -> None:
-    """Let the peak begin anew: what earlier runs have left would hide what this one takes."""
+    """Reset the peak, because the memory of earlier runs would hide that of this one."""
     gc.collect()
-    with contextlib.suppress(OSError, AttributeError):  # no Linux
+    with contextlib.suppress(OSError, AttributeError):  # not Linux
         ctypes.CDLL(None).malloc_trim(0)
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")

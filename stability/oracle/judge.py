@@ -24,15 +24,15 @@ from stability.oracle.conditions import (
 from stability.oracle.elements import Array, Ints
 
 # Kinds of verdicts, in the order of the table.
-RIGHT = "converged, and right"
-NO_BALANCE = "no equilibrium, and so it is"
-NAMED = "ends in a name"
+RIGHT = "converged, correct"
+NO_BALANCE = "no equilibrium, confirmed"
+REPORTED = "failure reported"
 REFUSED = "scene refused"
 DOUBTFUL = "no equilibrium of Coulomb friction, though statics would allow for one"
 DENIED = "no equilibrium, but there is one: WRONG"
 WRONG = "converged, but WRONG"
 CRASHED = "no outcome: traceback, crash or time limit"
-KINDS = (RIGHT, NO_BALANCE, NAMED, REFUSED, DOUBTFUL, DENIED, WRONG, CRASHED)
+KINDS = (RIGHT, NO_BALANCE, REPORTED, REFUSED, DOUBTFUL, DENIED, WRONG, CRASHED)
 FAILURES = (DENIED, WRONG, CRASHED)
 
 CONVERGED = "converged"
@@ -115,7 +115,7 @@ def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
         return _converged(body, contact, answer)
     if answer.outcome in (NOT_HELD, OPEN, SLIDES):
         return _no_equilibrium(body, contact, answer)
-    return Verdict(NAMED, answer.outcome)
+    return Verdict(REPORTED, answer.outcome)
 
 
 def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:

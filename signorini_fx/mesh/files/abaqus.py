@@ -72,7 +72,7 @@ class _Block:
 def _blocks(text: str) -> Iterator[_Block]:
     """The keywords one after the other."""
     block: _Block | None = None
-    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that goes on
+    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that is continued
     following = 1
     for whole in joined.split("\n"):
         number, following = following, following + 1 + whole.count("\0")
@@ -92,12 +92,12 @@ def _blocks(text: str) -> Iterator[_Block]:
         yield block
 
 
-# Sets of sets may name the same elements over and over: more members than this in all sets are a mistake.
+# Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
 _MOST_MEMBERS = 20_000_000
 
 
 class _Reader:
-    """What has been read so far.
+    """The content that has been read so far.
 
     Args:
         room: more nodes or elements than this cannot be in the file.
@@ -200,7 +200,7 @@ class _Reader:
                     raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
 
     def result(self) -> RawMesh:
-        """Everything in the numbers of arrays."""
+        """Everything with the numbering of arrays."""
         place = {number: index for index, number in enumerate(self.points)}
         width = max((len(x) for x in self.points.values()), default=2)
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
@@ -247,7 +247,7 @@ def read(file: Path) -> RawMesh:
     surfaces name boundaries.
 
     Raises:
-        MeshError: it is no such file, or one of several parts; elements that are neither plane nor solid.
+        MeshError: it is not such a file, or has several parts; elements that are neither plane nor solid.
     """
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
@@ -264,7 +264,7 @@ def read(file: Path) -> RawMesh:
 
 @contextmanager
 def _named(file: Path, place: str) -> Iterator[None]:
-    """Say where it is what cannot be read."""
+    """Add the place in the file to an error."""
     try:
         yield
     except KeyError as error:
@@ -307,5 +307,5 @@ def _quoted(name: str) -> str:
 
 
 def _wrapped(numbers: Ints) -> list[str]:
-    """Sixteen a line, as many as Abaqus takes."""
+    """Sixteen per line, the most that Abaqus accepts."""
     return [", ".join(map(str, numbers[n : n + 16])) for n in range(0, len(numbers), 16)]

@@ -1,4 +1,4 @@
-"""A mesh in the plane or in space as plain arrays, whole on one rank: what files are read into.  No dolfinx here."""
+"""A mesh in the plane or in space as plain arrays on one rank, the result of reading a file.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.magnitudes import LARGEST
 
-# What names a boundary or region: a number in the cell data of the file, or a rule, a function of the position.
+# A boundary or region is selected by a number in the cell data of the file, or by a rule, a function of the position.
 Selection = int | Callable[[Floats], Floats]
 
-# Elements of one and two dimensions; all others are taken for cells of a body in space.
+# Elements of one and two dimensions; all others are treated as cells of a body in space.
 _LINES = ("line", "line3", "line4")
 _SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
 
 
 def plain(values: npt.NDArray[Any]) -> Any:
-    """Numbers of Python, in lists."""
+    """An array as lists of Python numbers."""
     return values.tolist()
 
 
 @dataclass
 class RawMesh:
-    """What a file holds, in meshio's layout: blocks of elements of one kind, sets and data block by block.
+    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block.
 
     Attributes:
         points: positions, shape (n, 2) or (n, 3).
@@ -53,7 +53,7 @@ class MeshArrays:
     """A mesh of one kind of cell in the plane or in space, with the names of its boundaries and regions.
 
     Attributes:
-        points: positions of the nodes, every one of some cell, shape (n, d).
+        points: positions of the nodes, each of which belongs to a cell, shape (n, d).
         kind: a kind of cell of ``CELLS``, of d dimensions.
         cells: nodes of each cell in the order of its kind, shape (m, k).
         facets: nodes of each exterior facet in the order of its kind, shape (f, l).
@@ -108,20 +108,20 @@ def from_raw(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
-    The mesh is one in space if it has cells of three dimensions, else it must be in a plane x[2] = constant.
+    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
 
     Args:
-        raw: the mesh as its file has it.
-        name: what to call it in messages.
-        boundaries: names that the scene gives; they stand above those of the file.  A rule takes the exterior facets
-            whose corners all satisfy it (true or positive).
-        regions: the same for cells and all their corners.
+        raw: the mesh as read from its file.
+        name: name of the mesh in messages.
+        boundaries: names of the scene; they replace those of the file.  A rule selects the exterior facets all of whose
+            vertices satisfy it (true or positive).
+        regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: the only one that has any.
 
     Raises:
-        MeshError: there are no cells, or of several kinds; they are a surface in space, folded or flat; or a node is
-            not there.
-        SceneError: a selection takes nothing.
+        MeshError: there are no cells, or cells of several kinds; they are a surface in space, folded or flat; or a node
+            is missing.
+        SceneError: a selection is empty.
     """
     kind, body = _body(raw, name)
     if (whole := completed(kind)) is not None:
@@ -142,7 +142,7 @@ def from_raw(
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
     own = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
     parts = _Entities("regions", "cell", own, corners)
-    # Where a name is that of facets and of nodes, as in Abaqus, the facets are what is meant.
+    # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
     names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
     names_of_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []
@@ -151,7 +151,7 @@ def from_raw(
             if isinstance(selection, int):
                 found, message = _numbered(raw, entities, selection, data, name)
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
-                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is one of the plane: there is no x[2]"
+                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
             else:
                 found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
                 extents = ", ".join(
@@ -179,7 +179,7 @@ def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tu
     incomplete = np.concatenate([raw.blocks[n][1] for n in body])
     there = incomplete.shape[1]
     new = cell.nodes[there:]
-    # A face is known by its corners, and a cell by itself.
+    # A face is identified by its corners, a cell by its number.
     faces = np.concatenate([incomplete[:, list(own)] for own in new[:-1]])
     first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
     inside = len(first) + np.arange(len(incomplete))
@@ -196,11 +196,11 @@ def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tu
 
 @dataclass(frozen=True)
 class _Entities:
-    """What can have names: the exterior facets, or the cells.
+    """Entities that can have names: the exterior facets, or the cells.
 
     Attributes:
-        key: where the scene names them.
-        word: one of them.
+        key: the key of the scene for their names.
+        word: the word for them in messages.
         rows: block of the raw mesh -> which of them each element is, -1: none.
         nodes: corners of each.
     """
@@ -211,7 +211,7 @@ class _Entities:
     nodes: Ints
 
     def take(self, members: Callable[[int], Ints]) -> Ints:
-        """Those that are elements ``members(block)``."""
+        """The entities that are elements ``members(block)``."""
         found = [rows[members(block)] for block, rows in self.rows.items()]
         every = np.concatenate([np.empty(0, dtype=np.int64), *found])
         return np.unique(every[every >= 0])
@@ -221,12 +221,12 @@ class _Entities:
         return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
 
     def with_number(self, numbers: list[Ints], value: int) -> Ints:
-        """Those whose elements have this number."""
+        """The entities whose elements have this number."""
         return self.take(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
 
 
 def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:
-    """The names that sets give, or without any those that numbers make."""
+    """The names of the sets or, if there are none, names made from the numbers."""
     named = {
         label: entities.take(members.__getitem__)
         for label, members in raw.sets.items()
@@ -243,7 +243,7 @@ def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict
     """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
     named: dict[str, Ints] = {}
     for label, nodes in raw.node_sets.items():
-        marked = np.zeros(count + 1, dtype=bool)  # the last one stands for points that no cell uses
+        marked = np.zeros(count + 1, dtype=bool)  # the last one is for points that no cell uses
         marked[renumber[nodes]] = True
         marked[-1] = False
         found = np.flatnonzero(marked[corners].all(axis=1))
@@ -253,7 +253,7 @@ def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict
 
 
 def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, name: str) -> tuple[Ints, str]:
-    """Those with a number, and what to say if there are none."""
+    """The entities with a number, and the message if there are none."""
     numbers = _numbers(raw, entities, data, name)
     if numbers is None:
         known = ", ".join(map(repr, raw.data)) or "none"
@@ -267,7 +267,7 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     """The kind of the cells and the blocks that hold them.
 
     Raises:
-        MeshError: no cells, cells of several kinds, or of one that there is no element for.
+        MeshError: no cells, cells of several kinds, or of a kind without an element.
     """
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
@@ -339,7 +339,7 @@ def sides_of(cells: Ints, cell: Cell) -> Ints:
 
 
 def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
-    """The facets that one cell has alone, in the order of the cells."""
+    """The facets that belong to one cell only, in the order of the cells."""
     sides = sides_of(cells, cell)
     keys = row_keys(sides[:, : len(CELLS[cell.facet].corners)])
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
@@ -355,13 +355,13 @@ def row_keys(rows: Ints) -> Ints:
     ordered = np.sort(rows, axis=1) + 1
     largest = int(ordered.max(initial=0)) + 1
     keys: Ints = ordered[:, 0]
-    for column in ordered.T[1:]:  # numbered anew each time: the product of two counts does not overflow
+    for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow
         keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
     return keys
 
 
 def rows_of(wanted: Ints, there: Ints) -> Ints:
-    """Where each row of nodes is in a table that has each of its own once, in any order of nodes; -1: nowhere."""
+    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1: nowhere."""
     keys = row_keys(np.concatenate((there, wanted)))
     place = np.full(int(keys.max(initial=0)) + 1, -1)
     place[keys[: len(there)]] = np.arange(len(there))
@@ -369,7 +369,7 @@ def rows_of(wanted: Ints, there: Ints) -> Ints:
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
-    """The cell data that numbers refer to; None where there is none or a choice."""
+    """The cell data that numbers refer to; None if there is none, or more than one."""
     if data is not None:
         if data not in raw.data:
             known = ", ".join(map(repr, raw.data)) or "none"
@@ -402,6 +402,6 @@ def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str
         member = np.zeros(count, dtype=np.int64)
         member[members] = 1
         kinds, tags = np.unique(2 * tags + member, return_inverse=True)
-        # What is in no group stays 0; without it the numbers begin at 1.
+        # Entities in no group have 0; if there are none, the numbers begin at 1.
         tags = tags.reshape(-1) + int(kinds.size > 0 and kinds[0] != 0)
     return tags, {name: tuple(plain(np.unique(tags[members]))) for name, members in groups.items()}

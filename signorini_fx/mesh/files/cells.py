@@ -1,4 +1,4 @@
-"""Reference cells: what kinds of elements mesh files have, their corners, nodes and facets, and the order of each.
+"""Reference cells: the kinds of elements in mesh files, their corners, nodes and facets, and the order of each.
 
 The order is that of meshio and VTK: corners, then the nodes in the middle of edges, of faces, of the cell.
 """
@@ -21,9 +21,9 @@ class Cell:
 
     Attributes:
         kind: in meshio's words.
-        word: what people call several of them.
+        word: the plural for messages.
         corners: their places on the reference cell, whole numbers, shape (corners, dim).
-        nodes: of each node the corners that it is in the middle of; a corner is in the middle of itself.
+        nodes: for each node the corners that it is in the middle of; a corner is in the middle of itself.
         facets: corners of each facet, along its perimeter.
         facet: kind of the facets, "" for an element that is a line.
         gmsh: number of gmsh.
@@ -79,7 +79,7 @@ class Cell:
         )
 
     def weights(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Shape functions of the corners alone, shape (places, corners): they tell places of a cell apart."""
+        """Shape functions of the corners alone, shape (places, corners): they distinguish the places of a cell."""
         return self._linear(x)
 
     def _linear(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -138,20 +138,20 @@ CELLS = {cell.kind: cell for cell in _ALL}
 
 
 def of_gmsh(number: int) -> Cell | None:
-    """The kind of element with gmsh's number; None for one that is not known here."""
+    """The kind of element with gmsh's number; None for an unknown one."""
     return next((cell for cell in _ALL if cell.gmsh == number), None)
 
 
 def straight(cell: Cell) -> Cell:
-    """The kind with the same corners and no nodes between."""
+    """The kind with the same corners and no nodes between them."""
     return next(one for one in _ALL if one.corners == cell.corners and one.degree == 1)
 
 
 def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
-    """What an element that lacks the nodes in the middle of its faces is made of, exactly the same in shape.
+    """How to complete an element without nodes in the middle of its faces, with exactly the same shape.
 
     Returns:
-        The complete kind, and the weights of the nodes that there are in each of its nodes, shape (nodes, nodes there);
+        The complete kind, and the weights of the existing nodes in each of its nodes, shape (nodes, existing nodes);
         None for any other kind.
     """
     if kind != "hexahedron20":

@@ -1,6 +1,6 @@
 """Mesh files: read into arrays and written from them, by gmsh, by meshio, and by ``abaqus``.  No dolfinx here.
 
-meshio is asked format by format, for its own ``meshio.read`` ends the process where it cannot read a file.
+The readers of meshio are called format by format, because ``meshio.read`` ends the process if it cannot read a file.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from signorini_fx.mesh.halving import halved, straightened
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
-# The beginnings of the names of cell data in which we keep sets where the format has none: 1 for what belongs.
+# Prefixes of the names of cell data that represent sets if the format has none: 1 for members.
 _PREFIXES = ("boundary:", "region:")
-# meshio keeps sets there as one number an element, and calls it by the names of the sets, joined.
+# meshio stores sets there as one number per element, under the joined names of the sets.
 _JOINTS = "-#+/"
 
 
@@ -50,7 +50,7 @@ def read_file(
 ) -> MeshArrays:
     """A mesh in the plane or in space from a file, the format by its suffix.
 
-    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; other meshes are divided as they are, on
+    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
     their own curved sides.
 
     Args:
@@ -61,11 +61,11 @@ def read_file(
         halvings: how often the sides of all cells are halved.
         degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well; None: as the
             file has it, 1 for a drawing of a CAD program.
-        size: length of the cells of a .step, .stp or .brep; None: a share of the body.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
 
     Raises:
-        MeshError: there is no such file, it cannot be read, or it is no mesh of one kind of cell.
-        SceneError: a selection takes nothing.
+        MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
+        SceneError: a selection is empty.
     """
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
@@ -133,8 +133,8 @@ def draw(
     Args:
         gmsh: the initialised module.
         mesh: the mesh.
-        by_name: physical groups are the names, as a file should have them, and may share entities; else each entity is
-            a group of its own.
+        by_name: physical groups are the names, as a file should have them, and may share entities; otherwise each
+            entity is a separate group.
 
     Returns:
         Boundaries and regions: name -> tags of its entities.
@@ -214,7 +214,7 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
                 return _read_grids(file, several)
             found = module.read(str(file))
             blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in found.cells]
-        except (Exception, SystemExit) as error:  # meshio lets pass what its parsers raise
+        except (Exception, SystemExit) as error:  # meshio passes on whatever its parsers raise
             reason = str(error) or type(error).__name__
             raise MeshError(f"{file}: meshio cannot read it as {kind}: {reason}") from None
         raw = RawMesh(np.asarray(found.points), blocks)
@@ -234,12 +234,12 @@ def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
     return read
 
 
-# What arrays in a file of HDF5 may take: so much, and so many bytes for each byte of the file (they may be compressed).
+# Limits on arrays in an HDF5 file: bytes, and bytes for each byte of the file (they may be compressed).
 _BASE_BYTES, _BYTES_PER_BYTE = 1 << 30, 200
 
 
 def _check_data_files(file: Path, kind: str) -> None:
-    """Whether a file and those that it names hold their data themselves: none elsewhere, none without an end.
+    """Check that a file and those that it names contain their data themselves, and not too much of it.
 
     Raises:
         ValueError: one does not.
@@ -269,7 +269,7 @@ def _check_hdf5(file: Path) -> None:
         groups, seen = [data["/"]], set()
         while groups:
             group = groups.pop()
-            if (place := h5py.h5o.get_info(group.id).addr) in seen:  # links may run in a circle
+            if (place := h5py.h5o.get_info(group.id).addr) in seen:  # links may be circular
                 continue
             seen.add(place)
             for name in group:
@@ -342,7 +342,7 @@ def _union(old: list[Ints] | None, new: list[Ints]) -> list[Ints]:
 
 
 def _split_joined(raw: RawMesh, name: str) -> None:
-    """Take sets out of cell data that meshio made of them."""
+    """Extract sets from the cell data that meshio makes of them."""
     numbers = raw.data[name]
     largest = max((int(values.max()) for values in numbers if values.size), default=-1)
     for joint in _JOINTS:
@@ -373,7 +373,7 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
         module = _meshio(kind)
         import meshio
 
-        if kind == "xdmf" and mesh.degree > 1:  # meshio could not read it again
+        if kind == "xdmf" and mesh.degree > 1:  # meshio cannot read it again
             raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
         sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
         families, regions = combinations(mesh.regions, len(mesh.cells))

@@ -1,8 +1,8 @@
-"""Files of gmsh, read in a process of their own.
+"""Files of gmsh, read in a separate process.
 
-A file may come from anywhere.  gmsh takes what has no header of a mesh for a script, whatever the file is called, and
-a script may run commands and write files; on some broken meshes it ends the whole process, and it reserves whatever
-memory a file asks for.  So a file is looked at first, then read in a process with limits, which leaves plain arrays.
+A file may come from anywhere.  gmsh takes a file without the header of a mesh for a script, whatever its name, and a
+script may run commands and write files; on some broken meshes gmsh ends the whole process, and it allocates whatever
+memory a file requests.  So a file is checked first, then read in a process with limits, which writes plain arrays.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from signorini_fx.mesh.files.arrays import RawMesh
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.shape import Ints
 
-# CPU seconds: for reading a file, so many and so many for each megabyte; for a script, which may mesh a large geometry.
+# CPU seconds: for reading a file, a constant and a part per megabyte; for a script, which may mesh a large geometry.
 _READ_SECONDS, _SECONDS_PER_MEGABYTE, _SCRIPT_SECONDS = 60, 5, 1200
-# Address space: gmsh's own libraries, and what a mesh takes for each byte of its file.
+# Address space: gmsh's own libraries, and the memory of a mesh for each byte of its file.
 _BASE_BYTES, _BYTES_PER_BYTE = 3 << 30, 200
 _LARGEST_SCRIPT = 1 << 20
 _HEADERS = {
@@ -34,7 +34,7 @@ _HEADERS = {
     "step": ("no STEP file", (b"ISO-10303-21",)),
     "brep": ("no BREP file of OpenCASCADE", (b"DBRep_DrawableShape", b"CASCADE Topology")),
 }
-# Text in quotes and comments are no commands.
+# Text in quotes and comments are not commands.
 _NO_COMMAND = re.compile(r'"[^"]*"|\'[^\']*\'|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _COMMAND = re.compile(
     r"\b(System\w*|NonBlockingSystemCall|OnelabRun|ExternalProcess|Include|Merge\w*|CreateDir|Save|Print|Plugin|Sleep)\b(?!\s*\.)"
@@ -43,7 +43,7 @@ _COMMAND = re.compile(
 _CAD = re.compile(r'\bMerge\s*"[^"]+\.(?:step|stp|brep|iges|igs)"\s*;', re.IGNORECASE)
 
 
-# What gmsh meshes first: its scripts, and drawings of CAD programs.
+# Files that gmsh meshes first: its scripts, and CAD drawings.
 CAD = tuple(gmsh_process.CAD)
 DRAWN = (".geo", *CAD)
 # A larger STEP file is not searched for the names of its faces.
@@ -51,20 +51,20 @@ _LARGEST_NAMED = 64 << 20
 
 
 def read_gmsh(file: Path, halvings: int = 0, degree: int | None = None, size: float | None = None) -> RawMesh:
-    """A mesh, a script of gmsh or a drawing of a CAD program as arrays; physical groups are sets.
+    """A mesh, a gmsh script or a CAD drawing as arrays; physical groups are sets.
 
     The surfaces and solids of a drawing are physical groups with their numbers, and with the names that a STEP file
     gives them.
 
     Args:
-        file: ends in ``.msh`` or one of ``DRAWN``; it is there.
+        file: an existing file that ends in ``.msh`` or one of ``DRAWN``.
         halvings: how often gmsh divides all cells that it made, with the new nodes on the true shape.
         degree: 1: the cells that it makes have straight sides; 2: nodes between their corners on the true shape;
             None: what the script asks for, 1 for a drawing of a CAD program.
-        size: length of the cells of a drawing of a CAD program, in its unit; None: a share of the body.
+        size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
 
     Raises:
-        MeshError: it is not what its ending says, a script does more than draw, or gmsh cannot make a mesh of it.
+        MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
     """
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -97,7 +97,7 @@ def _with_names(sets: dict[str, list[int]], names: dict[int, str]) -> dict[str, 
 
 
 def _in_our_order(kind: str, nodes: Ints) -> Ints:
-    """The nodes of elements as meshio has them."""
+    """The nodes of elements in meshio's order."""
     if kind == "hexahedron20":
         order = CELLS["hexahedron27"].gmsh_order[:20]
     else:
@@ -106,12 +106,12 @@ def _in_our_order(kind: str, nodes: Ints) -> Ints:
 
 
 def _repeated(groups: list[int], count: int) -> Ints:
-    """The numbers of the groups for each of so many elements, shape (count, groups or 1); -1: in none."""
+    """The numbers of the groups of each of the ``count`` elements, shape (count, groups or 1); -1: in none."""
     return np.tile(np.array(groups or [-1], dtype=np.int64), (count, 1))
 
 
 def _arrays(file: Path, folder: Path, halvings: int, degree: int, length: float) -> Path:
-    """Let the other process write what is in the file, and say what has become of it."""
+    """Let the other process read the file and write its content, and report how that ended."""
     suffix = file.suffix.lower()
     script, drawn = suffix == ".geo", suffix in DRAWN
     try:

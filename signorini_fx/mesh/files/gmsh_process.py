@@ -1,9 +1,9 @@
-"""What reads a file of gmsh for ``gmsh_files``, as a program of its own: it may end badly, and imports nothing of ours.
+"""The program that reads a gmsh file for ``gmsh_files``: it may crash, and imports nothing from this package.
 
 python3 -P gmsh_process.py FILE ARRAYS COMPLAINT SECONDS BYTES HALVINGS DEGREE SIZE
 
 The cells that gmsh makes of a drawing are divided HALVINGS times, and get nodes between their corners if DEGREE is 2,
-none if it is 1.  Those of a drawing of a CAD program are SIZE long; 0: a share of the body.
+none if it is 1.  Those of a CAD drawing are SIZE long; 0: a fraction of the size of the body.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _limit(which: int, soft: int, hard: int) -> None:
-    """Set a limit, or keep the one that there is where it is tighter and may not be raised."""
+    """Set a limit, or keep the current one if it is tighter and may not be raised."""
     _, there = resource.getrlimit(which)
     if there != resource.RLIM_INFINITY:
         soft, hard = min(soft, there), min(hard, there)
@@ -64,7 +64,7 @@ def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> No
         if suffix in CAD:
             corners = _import(gmsh, file, CAD[suffix], size)
         else:
-            gmsh.merge(file)  # open would also run what lies beside it as FILE.opt
+            gmsh.merge(file)  # open would also run a file FILE.opt next to it
         if suffix in CAD or suffix == ".geo":
             _mesh(gmsh, halvings, degree)
     except Exception as error:
@@ -106,10 +106,10 @@ def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> No
 
 
 def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
-    """Draw what a CAD program has drawn; each surface is a physical group with its number, and so is each solid.
+    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
 
     Returns:
-        Surface -> its vertices, by which names of the file can be told.
+        Surface -> its vertices, by which names of the file can be assigned.
     """
     found = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
     gmsh.model.occ.synchronize()
@@ -118,7 +118,7 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
         raise ValueError("it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    # Cells are smaller where the surface turns, as many to a full turn, but not by more than this.
+    # Cells are smaller where the surface is curved, this many to a full turn, but not by more than this factor.
     gmsh.option.setNumber("Mesh.MeshSizeMax", length)
     gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
@@ -134,8 +134,8 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
 
 
 def _mesh(gmsh: Any, halvings: int, degree: int) -> None:
-    """Mesh what has been drawn."""
-    if degree and halvings:  # a script's own order would be in the way of dividing
+    """Mesh the drawing."""
+    if degree and halvings:  # a script's own order would interfere with the division
         gmsh.option.setNumber("Mesh.ElementOrder", 1)
     top = 3 if gmsh.model.getEntities(3) else 2
     gmsh.model.mesh.generate(top)

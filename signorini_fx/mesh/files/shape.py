@@ -1,4 +1,4 @@
-"""What cells are like: their measure, their quality, and whether they are cells at all."""
+"""The shape of cells: their measure, their quality, and whether they are valid."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 _Truths = npt.NDArray[np.bool_]
 
-# A corner whose sine is below this has no angle; the same of the volume that three sides span.
+# A corner whose sine is below this has no angle; the same holds for the volume that three sides span.
 _FLAT = 1e-12
 # Gauss points on [0, 1], exact for degree 5: volumes of curved cells are integrated exactly.
 _GAUSS = np.polynomial.legendre.leggauss(3)
-# Cells that are worked on at once.
+# Number of cells that are processed at once.
 _CHUNK = 20_000
 
 
@@ -42,7 +42,7 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
 
 
 def _quadrature(cell: Cell) -> tuple[Floats, Floats]:
-    """Points and weights on the reference cell; on a simplex those of the cube, drawn together."""
+    """Points and weights on the reference cell; on a simplex those of the cube, collapsed."""
     at, weight = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
     x = np.stack(np.meshgrid(*[at] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim)
     weights = np.stack(np.meshgrid(*[weight] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim).prod(axis=1)
@@ -82,14 +82,14 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
 
 
 def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
-    """Which cells are flat at a corner, and which have corners that turn both ways."""
+    """Which cells are flat at a corner, and which have corners of both orientations."""
     cross, product = _corner_sides(points, cells[:, : len(cell.corners)])
     flat = np.any(np.abs(cross) <= _FLAT * product, axis=1)
     return flat, np.logical_and(cross.min(axis=1) < 0, cross.max(axis=1) > 0)
 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
-    """Which cells in space are flat at a corner, and which turn inside out between two of their nodes."""
+    """Which cells in space are flat at a corner, and which are inverted between two of their nodes."""
     x = np.array([np.mean([cell.corners[c] for c in own], axis=0) for own in cell.nodes])
     jacobian = _jacobian(points, cells, cell, x)
     size = np.linalg.det(jacobian)

@@ -1,4 +1,4 @@
-"""Names of faces in a STEP file, which gmsh passes over: told by their vertices."""
+"""Names of faces in a STEP file, which gmsh ignores; faces are identified by their vertices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_0-9]+)\s*\(((?:[^;']|'(?:[^']|'')*')*)
 _REFERENCE = re.compile(r"#(\d+)")
 _NAME = re.compile(r"\s*'((?:[^']|'')*)'")
 _NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
-# What leads from a face to its vertices: edges, not the curves and surfaces that they are on.
+# Entities between a face and its vertices: edges, not the curves and surfaces that they are on.
 _ON_THE_WAY = ("FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP", "ORIENTED_EDGE", "EDGE_CURVE")
 # Vertices closer than this share of the body are the same.
 _NEAR = 1e-6
@@ -22,8 +22,8 @@ def names_of_faces(file: Path, corners: Mapping[int, Sequence[Sequence[float]]])
     """Which surfaces have a name in a STEP file.
 
     A face and a surface are the same if they have the same vertices; several that share all of them, as the halves of
-    a hole do, are taken in the order of the file.  A file whose parts have been moved into place, as in an assembly,
-    has other vertices than its faces, and no names.
+    a hole do, are taken in the order of the file.  In a file whose parts are moved into place, as in an assembly,
+    the vertices differ from those of its faces, and no names are found.
 
     Args:
         file: the file.
