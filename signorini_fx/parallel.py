@@ -125,6 +125,11 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.concatenate(comm.allgather(rows), axis=0)
 
 
+def rows_before(comm: MPI.Comm, count: int) -> int:
+    """How many rows the ranks before this one have, where each has ``count``; collective."""
+    return sum(comm.allgather(count)[: comm.rank])
+
+
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
     """Phase by phase the largest time over the ranks; the phases are the same on all ranks."""
     return {name: global_max(comm, value) for name, value in seconds.items()}

@@ -155,9 +155,9 @@ POLYGON_PEAK = 0.5
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
 # An error that falls by less than this from mesh to mesh is not believed to fall at all.  Choice.
 SLOWEST_DECREASE = 0.95
-# Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.  Tuned by
-# demos/studies/prediction.py.
-TIME_POWER, MEMORY_POWER = 1.2, 1.1
+# Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
+# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py.
+TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.5}, {2: 1.1, 3: 1.3}
 # Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.  Tuned by
 # the same.
 LEAST_GROWING_TIME = 0.25
@@ -171,7 +171,9 @@ SMOOTH_RATE = 2.0
 # Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
-FEWEST_MESHES = {"energy": 2, "pressure": 2, "force": 2}
+# By dimension: in space, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
+# were both wrong by a tenth (demos/studies/accuracy_in_space.py).
+FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "pressure": 2}}
 # No run was seen to need nearly as many.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
@@ -179,9 +181,10 @@ MOST_MESHES = 40
 SAFETY, SAFETY_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # What the regularisation may take of the error that is asked for.  Choice.
 REGULARISATION_SHARE = 0.2
-# A mesh is at most so many times finer than the one before: its contact state is a start, its rates are trusted.
-# Where meshes are compared it is at least so much finer: small changes tell little.  No record.
-LARGEST_JUMP, SMALLEST_JUMP = 4.0, 1.5
+# A mesh is at most so many times finer than the one before, by dimension: its contact state is a start, its rates are
+# trusted; twice as fine has eight times the unknowns in space.  Where meshes are compared the next one is at least so
+# much finer: small changes tell little.  No record.
+LARGEST_JUMP, SMALLEST_JUMP = {2: 4.0, 3: 2.0}, 1.5
 # The slowest that the pressure's error at a corner is taken to fall with h, and the divisions between two solves.
 # Settled on the random scenes, seed 1, with contact up to a corner.
 CORNER_RATE, CORNER_DIVISIONS = 0.25, 4
