@@ -16,11 +16,12 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error
-from signorini_fx.accuracy.price_list import fineness_of, predict, zone_change
+from signorini_fx.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import History, Status
@@ -210,14 +211,16 @@ def test_rows_of_the_price_list():
     assert following.pressure == pytest.approx(rows[0].pressure / 2**1.25)
 
 
-def test_change_of_the_contact_area():
-    """Relative to that of the finer mesh."""
+def test_the_contact_area():
+    """Its change, relative to that of the finer mesh; and the half of the pieces that it ends in."""
     tables = []
     for pressed in (4, 8):
         table = grid(np.arange(4.0), np.arange(4.0), "squares")
         table.columns["pressure"][:pressed] = 1.0
         tables.append(table)
     assert zone_change(*tables) == 0.5
+    # A row of three squares of nine, with four nodes or eight in contact.
+    assert [border_of(table) for table in tables] == pytest.approx([3 / 2 / 4, 3 / 2 / 8])
 
 
 def brick(**contact):
@@ -355,3 +358,40 @@ def test_own_meshes_that_cannot_be_divided():
     sphere = generate_mesh("half_sphere", {"size": 6.0, "contact_size": 3.0, "order": 2}, MPI.COMM_SELF)
     with pytest.raises(MeshError, match="straight sides"):
         refine(sphere)
+
+
+ROLLER = """SetFactory("OpenCASCADE");
+Cylinder(1) = {0, 0, 1, 0, 0.5, 0, 1}; Box(2) = {-1, 0, 0, 2, 0.5, 0.5};
+BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Physical Volume("body") = {3}; Physical Surface("all") = Surface{:};
+Mesh.MeshSizeMax = 0.3;
+"""
+
+
+def roller(file, **goal):
+    """The lower part of a cylinder, pressed onto a plane."""
+    lip = "x[0]**2 + (x[2] - 1)**2 - 0.99999"
+    return parse_scene(
+        {
+            "mesh": {"file": str(file), "boundaries": {"top": "x[2] - 0.499999", "lip": lip}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.02},
+            "contact": {"boundary": "lip", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
+            "accuracy": goal,
+        }
+    )
+
+
+def test_curved_bodies_from_files(tmp_path):
+    """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place are no way to it."""
+    drawing, straight = tmp_path / "roller.geo", tmp_path / "roller.msh"
+    drawing.write_text(ROLLER)
+    write_file(read_file(drawing, degree=1), straight)
+    with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
+        solve(roller(drawing, target=0.5, refinement="adaptive"), MPI.COMM_SELF)
+    met = solve(roller(drawing, target=0.6), MPI.COMM_SELF)
+    on_shape = met.table.columns
+    assert np.abs(on_shape["x"] ** 2 + (on_shape["z"] - 1) ** 2 - 1).max() < 1e-6
+    polygon = solve(roller(straight, target=0.2, of="pressure"), MPI.COMM_SELF, check=False)
+    assert polygon.status is Status.OUT_OF_REACH
+    assert any("straight facets" in event for event in polygon.history.events)

@@ -193,7 +193,7 @@ def price_list(
             if errors["peak"] is not None:
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
-            errors["zone"] = _border(level.table)
+            errors["zone"] = border_of(level.table)
         if grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
@@ -271,7 +271,7 @@ def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
     return float(np.abs(np.subtract(ends_f, ends_c)).max()) / length if comparable else None
 
 
-def _border(table: ContactTable) -> float | None:
+def border_of(table: ContactTable) -> float | None:
     """In space: half of the pieces that are pressed at some corners only, relative to the contact area.
 
     The contact ends within them, and nodes count about half of them.  The change of the area from mesh to mesh says
