@@ -156,8 +156,8 @@ FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
 # An error that falls by less than this from mesh to mesh is not believed to fall at all.  Choice.
 SLOWEST_DECREASE = 0.95
 # Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
-# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py.
-TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.5}, {2: 1.1, 3: 1.3}
+# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on the block of docs/accuracy.md.
+TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # Of the time at least so much is taken to grow: the mesh before may have begun cold, or on a busy machine.  Tuned by
 # the same.
 LEAST_GROWING_TIME = 0.25

@@ -202,7 +202,7 @@ def test_rows_of_the_price_list():
     assert all(len(level.force) == 6 for level in found[-1].levels)
 
     def mesh(dofs):
-        return replace(rows[0], dofs=dofs, seconds=0.1 + 1e-6 * dofs**1.5, memory=200 + 1e-3 * dofs**1.3)
+        return replace(rows[0], dofs=dofs, seconds=0.1 + 1e-6 * dofs**1.6, memory=200 + 1e-3 * dofs**1.3)
 
     following = predict([mesh(10_000), mesh(80_000)], 150.0, dimension=3)
     assert following.dofs == 640_000

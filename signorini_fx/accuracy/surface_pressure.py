@@ -29,8 +29,8 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     Args:
         surface: the contact surface.
         pressure: at its nodes, shape (rows,).
-        corners: whether to take the pieces at the rim for what they are; False: without them, for what does not depend
-            on so small a part of the surface.
+        corners: whether to take the pieces at the rim for what they are; False: without those where the pressure may be
+            singular, for what does not depend on so small a part of the surface.
         blur: length up to which the regularisation blurs the pressure at the rim; 0 without.
     """
     jumps = surface.jumps(pressure)
@@ -38,12 +38,11 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     squares = KINK_SHARE / 2 * kinks.sum(axis=1)
     on_rim = surface.rim_nodes & (pressure != 0)
     ends, others = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
-    beside = ends.any(axis=1)
+    # A pressure that grows towards the rim, ever faster, may be singular there; at a plane of symmetry it does not.
+    growing = np.where(~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
     if not corners:
-        return np.where(beside, 0.0, squares)
-    # A pressure that grows towards the rim, ever faster, may be singular there.
-    growing = np.where(~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1)
-    squares = np.where(beside, np.maximum(squares, CORNER_SHARE * growing), squares)
+        return np.where(CORNER_SHARE * growing > squares, 0.0, squares)
+    squares = np.maximum(squares, CORNER_SHARE * growing)
     pieces, sides = np.nonzero(surface.rim & ends & others)
     r, beneath = _profiles(surface, pressure, pieces, sides)
     for row, (piece, side) in enumerate(zip(pieces, sides, strict=True)):
