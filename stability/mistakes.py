@@ -1618,8 +1618,8 @@ MUTANTS = (
         "accuracy/surface_pressure",
         "jumps < 0",
         "jumps > 0",
-        "pressure in space: edges count where it falls towards them",
-        tests=("space_accuracy::test_a_pressure_that_grows_towards_the_rim",),
+        "pressure in space: edges count where it is concave",
+        tests=("space_accuracy::test_a_pressure_that_is_convex_at_the_rim",),
     ),
     Mutant(
         "accuracy/contact_surface",

@@ -234,6 +234,8 @@ def main() -> None:
     print(text)
     for of in QUANTITIES:
         seen = [row["effectivity"] for row in good if row["of"] == of and row["true"] > 1e-9 and row["effectivity"]]
+        if not seen:
+            continue
         print(f"{of}: {min(seen):.2f} to {max(seen):.2g}, median {np.median(seen):.2g}")
     converged = [row for row in met if row["status"] == "converged"]
     print(f"{len(converged)} of {len(met)} converged; of these {sum(row['met'] for row in converged)} have met it")

@@ -38,11 +38,11 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     squares = KINK_SHARE / 2 * kinks.sum(axis=1)
     on_rim = surface.rim_nodes & (pressure != 0)
     ends, others = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
-    # A pressure that grows towards the rim, ever faster, may be singular there; at a plane of symmetry it does not.
-    growing = np.where(~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
+    # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
+    convex = np.where(~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
     if not corners:
-        return np.where(CORNER_SHARE * growing > squares, 0.0, squares)
-    squares = np.maximum(squares, CORNER_SHARE * growing)
+        return np.where(CORNER_SHARE * convex > squares, 0.0, squares)
+    squares = np.maximum(squares, CORNER_SHARE * convex)
     pieces, sides = np.nonzero(surface.rim & ends & others)
     r, beneath = _profiles(surface, pressure, pieces, sides)
     for row, (piece, side) in enumerate(zip(pieces, sides, strict=True)):
