@@ -160,6 +160,11 @@ def _to_be_stacked(
     return np.ascontiguousarray(rows, dtype=dtype), np.empty((count, *row), dtype=dtype), numbers
 
 
+def rows_before(comm: MPI.Comm, count: int) -> int:
+    """How many rows the ranks before this one have, where each has ``count``; collective."""
+    return sum(comm.allgather(count)[: comm.rank])
+
+
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
     """The largest time of each phase over the ranks; the phases are the same on all ranks."""
     return {name: global_max(comm, value) for name, value in seconds.items()}

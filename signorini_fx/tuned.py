@@ -158,9 +158,9 @@ POLYGON_PEAK = 0.5
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
-# Sparse factors of plane bodies: time between n for all else and n^1.5, memory n log n.  Tuned by
-# demos/studies/prediction.py.
-TIME_POWER, MEMORY_POWER = 1.2, 1.1
+# Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
+# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on the block of docs/accuracy.md.
+TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
 LEAST_GROWING_TIME = 0.25
@@ -174,7 +174,9 @@ SMOOTH_RATE = 2.0
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
-FEWEST_MESHES = {"energy": 2, "pressure": 2, "force": 2}
+# By dimension: in space, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
+# were both wrong by a tenth (demos/studies/accuracy_in_space.py).
+FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "pressure": 2}}
 # No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
@@ -182,9 +184,10 @@ MOST_MESHES = 40
 SAFETY, SAFETY_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
-# A mesh is at most this many times finer than the previous one, whose contact state is its start and whose rates are
-# used.  Where meshes are compared it is at least this much finer, because small changes mean little.  No record.
-LARGEST_JUMP, SMALLEST_JUMP = 4.0, 1.5
+# By dimension: a mesh is at most this many times finer than the previous one, whose contact state is its start and
+# whose rates are used; twice as fine has eight times the unknowns in space.  Where meshes are compared it is at least
+# this much finer, because small changes mean little.  No record.
+LARGEST_JUMP, SMALLEST_JUMP = {2: 4.0, 3: 2.0}, 1.5
 # The smallest rate with which the pressure's error at a corner is taken to decrease with h, and the divisions between
 # two solves.  Fixed on the random scenes, seed 1, with contact up to a corner.
 CORNER_RATE, CORNER_DIVISIONS = 0.25, 4

@@ -32,7 +32,6 @@ FOOT = {"boundary": "bottom"}
 IN_SPACE = [
     ({"material": STRESSED}, "material[0].hypothesis", "plane stress and plane strain"),
     ({"contact": {**FOOT, "direction": [0.0, -1.0]}}, "contact[0].direction", "3 numbers, not 2"),
-    ({"accuracy": {"target": 0.1}}, "accuracy", "in the plane only"),
     ({"displacement": {**FOOT, "z": 0.0}}, "displacement[0]", "prescribes the normal displacement"),
     ({"element": {"degree": 2}, **TETRAHEDRA}, "element.degree", "quadratic tetrahedra"),
     ({"element": {"volumetric": "reduced"}, **TETRAHEDRA}, "element.volumetric", "linear tetrahedra"),

@@ -16,6 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import accuracy_in_space
 from cases import scene_of
 
 # Scene and the sizes of its cells, relative to those of the demo, coarse to fine.
@@ -23,6 +24,7 @@ SCENES = {
     "example1_coulomb": (4, 2, 1, 0.5, 0.25),
     "example2_tresca": (4, 2, 1, 0.5, 0.25),
     "hertz": (2, 1, 0.5, 0.25, 0.125),
+    **dict.fromkeys(("block, Q1", "block, P1", "block, Coulomb, Q1"), (4, 2, 1, 0.5)),
 }
 ROUNDS = 3
 ENOUGH = 1.5
@@ -36,7 +38,7 @@ def levels_of(name: str) -> None:
     from signorini_fx.accuracy.price_list import peak_memory
     from signorini_fx.mesh.hierarchy import scene_on
 
-    scene = scene_of(name)
+    scene = accuracy_in_space.SCENES[name]() if name in accuracy_in_space.SCENES else scene_of(name)
     # Forms are compiled, libraries loaded.
     one_after_the_other([scene_on(scene, SCENES[name][0])])
     base = peak_memory(MPI.COMM_SELF)
@@ -64,7 +66,8 @@ def measured(name: str) -> list[dict]:
         prices.append(Price(level=level, **effort, seconds=seconds, memory=memory, **nothing, **left))
     rows = []
     for level in range(2, len(prices)):
-        guess, real = predict(prices[:level], base), prices[level]
+        dimension = 3 if name in accuracy_in_space.SCENES else 2
+        guess, real = predict(prices[:level], base, dimension=dimension), prices[level]
         row = {"scene": name, "level": level, "dofs": real.dofs}
         for quantity in ("seconds", "memory"):
             ours, theirs = getattr(guess, quantity), getattr(real, quantity)
@@ -93,6 +96,7 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("results/prediction"), help="folder (default: %(default)s)")
+    parser.add_argument("--scene", choices=SCENES, action="append", help="only this one")
     parser.add_argument("--levels-of", choices=SCENES, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.levels_of:
@@ -101,7 +105,7 @@ def main() -> None:
     from signorini_fx.results.files import write_csv
 
     options.out.mkdir(parents=True, exist_ok=True)
-    rows = [row for name in SCENES for row in measured(name)]
+    rows = [row for name in options.scene or SCENES for row in measured(name)]
     write_csv(options.out / "prediction.csv", rows)
     text = table(rows)
     (options.out / "prediction.md").write_text(text + "\n", encoding="utf-8")

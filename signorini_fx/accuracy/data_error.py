@@ -15,10 +15,11 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import on_facets
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies
+from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies, vector_value
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
@@ -26,10 +27,10 @@ from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
 
-# Quadrature to compare with: 31 points along a facet, 100 in a cell.
-_FACET_DEGREE, _CELL_DEGREE = 60, 18
-# Points between two nodes.
-_POINTS = 32
+# Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in space 441 and 343.
+_FACET_DEGREE, _CELL_DEGREE = {2: 60, 3: 40}, {2: 18, 3: 12}
+# Points between two nodes, in the plane and along a side of a piece of the contact surface.
+_POINTS, _POINTS_ALONG = 32, 8
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,9 @@ class DataError:
     """The errors of the data.
 
     Attributes:
-        forces: error of loads and friction in each owned cell, force per thickness, shape (cells,).
+        forces: error of loads and friction in each owned cell, force (in the plane per thickness), shape (cells,).
         squares: squared energy norm of the error of the gap in each owned cell, shape (cells,).
-        total: size of all forces together, force per thickness.
+        total: size of all forces together, force (in the plane per thickness).
     """
 
     forces: Floats
@@ -56,12 +57,17 @@ def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
         step: the load step.
     """
     assert d.boundary is not None
-    friction, gap = _between_nodes(d, table)
     cells = contact_cells(d)
     forces = _missed_loads(d, step)
     squares = np.zeros_like(forces)
-    np.add.at(forces, cells, on_facets(d.boundary, table, friction))
-    np.add.at(squares, cells, d.scene.young * on_facets(d.boundary, table, [own**2 for own in gap]))
+    if table.facets is None:
+        friction, gap = _between_nodes(d, table)
+        missed = [on_facets(d.boundary, table, own) for own in (friction, [own**2 for own in gap])]
+    else:
+        surface = ContactSurface.of(table)
+        missed = [surface.of_rank(d.boundary, own) for own in _inside_pieces(d, table, surface)]
+    np.add.at(forces, cells, missed[0])
+    np.add.at(squares, cells, d.scene.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
     forces_of_step = sum(load.factors[step] * load.forces for load in d.applied)
     loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
@@ -75,22 +81,22 @@ def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
 
 
 def _missed_loads(d: Discretisation, step: int) -> Floats:
-    """The quadrature error of the loads in each owned cell, force per thickness, shape (cells,)."""
-    mesh = d.tagged.mesh
-    owned = mesh.topology.index_map(2).size_local
+    """The part of the loads that the quadrature of each owned cell misses, ``DataError.forces``, shape (cells,)."""
+    mesh, dim = d.tagged.mesh, d.tagged.dimension
+    owned = mesh.topology.index_map(dim).size_local
     loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and varies(load)]
     if not loads:
         return np.zeros(owned)
-    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (2,))))
+    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (dim,))))
     ds = measure(mesh, [d.tagged.facets(load.boundary) for load in loads if isinstance(load, SurfaceTraction)], {})
     number, terms = 0, []
     for load in loads:
         factor = fem.Constant(mesh, default_scalar_type((load.factors or (1.0,) * d.scene.steps)[step]))
-        value = ufl.as_vector([ufl_value(v, d.space) for v in (load.x, load.y)])
-        fine, coarse, dx = _CELL_DEGREE, load_degree(d.scene.element.degree), ufl.dx
+        value = vector_value(load, d.space)
+        fine, coarse, dx = _CELL_DEGREE[dim], load_degree(d.scene.element.degree), ufl.dx
         if isinstance(load, SurfaceTraction):
             number += 1
-            fine, coarse, dx = _FACET_DEGREE, traction_degree(load, d.scene.element.degree), ds(number)
+            fine, coarse, dx = _FACET_DEGREE[dim], traction_degree(load, d.scene.element.degree), ds(number)
             if not is_zero(load.pressure):
                 value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
         density = factor * ufl.inner(value, z)
@@ -99,7 +105,7 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
             -density * dx(metadata={"quadrature_degree": coarse}),
         ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
-    return np.asarray(np.linalg.norm(assemble(missed).getArray().reshape(-1, 2), axis=1))
+    return np.asarray(np.linalg.norm(assemble(missed).getArray().reshape(-1, dim), axis=1))
 
 
 def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
@@ -140,4 +146,43 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
             missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * length
             missed[~(sliding[:-1] | sliding[1:])] = 0.0
         friction.append(missed)
+    return friction, gaps
+
+
+def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
+    """In space, inside each piece of the contact surface: the friction that is missed, force, and what the gap misses,
+    length^3: its square over a body of the size of the piece, as an energy over Young's modulus.
+    """
+    c = table.columns
+    weights = surface.inside(_POINTS_ALONG)
+    friction, gaps = np.zeros(len(surface.part)), np.zeros(len(surface.part))
+    for index, effect in enumerate(d.scene.contact):
+        own = np.flatnonzero(surface.part == index)
+        if not own.size:
+            continue
+        corners = surface.corners[own]
+        inside = np.einsum("pk,nkd->dnp", weights, surface.x[corners])
+
+        def between(
+            value: Any, own: npt.NDArray[np.int64] = own, inside: Floats = inside, corners: Any = corners
+        ) -> tuple[Floats, Floats, Floats]:
+            """Values at the nodes, by how much those inside differ from them, and the second differences nearby."""
+            if isinstance(value, float):
+                return np.full(len(surface.x), value), np.zeros(inside.shape[1:]), np.zeros(len(own))
+            nodal = sample(value, surface.x.T)
+            points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
+            return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[own]
+
+        nodal, away, bend = between(effect.gap)
+        pressed = c["pressure"][corners] != 0
+        room = np.maximum(nodal - c["u_n"], 0.0)[corners] @ weights.T
+        missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1)
+        gaps[own] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0) ** 2 * np.sqrt(surface.area[own])
+        if isinstance(effect.friction, TrescaFriction | CoulombFriction):
+            law = effect.friction
+            _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
+            times = np.abs(c["pressure"][corners]).mean(axis=1) if isinstance(law, CoulombFriction) else 1.0
+            sliding = (c["friction"] == "slip")[corners].any(axis=1)
+            missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * surface.area[own]
+            friction[own] = np.where(sliding, missed, 0.0)
     return friction, gaps

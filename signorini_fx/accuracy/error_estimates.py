@@ -9,9 +9,12 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.data_error import contact_cells, data_error
 from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pressure_square
 from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.accuracy.surface_pressure import piece_squares
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import POLLUTION
@@ -74,8 +77,8 @@ def estimate_errors(
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
-            intervals = interval_squares(table, corners=corners, blur=compliance * d.scene.young)
-            np.add.at(squares, contact_cells(d), on_facets(d.boundary, table, intervals) / pressed)
+            own = _facet_squares(d.boundary, table, compliance * d.scene.young, corners=corners)
+            np.add.at(squares, contact_cells(d), own / pressed)
     local, rest = total(contact), total(inside)
     wholes = ((body, error**2), (inside, rest), (forces, data))
     shares: list[Floats] = [np.asarray(squares / whole) for squares, whole in wholes if whole > 0]
@@ -92,6 +95,14 @@ def estimate_errors(
             "force": sum(shares, np.zeros_like(body)),
         },
     )
+
+
+def _facet_squares(boundary: ContactBoundary, table: ContactTable, blur: float, *, corners: bool) -> Floats:
+    """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
+    if table.facets is None:
+        return on_facets(boundary, table, interval_squares(table, corners=corners, blur=blur))
+    surface = ContactSurface.of(table)
+    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners, blur=blur))
 
 
 def worst_of(steps: list[Errors]) -> Errors:

@@ -1,4 +1,7 @@
-"""How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements."""
+"""How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements.
+
+In the plane cells and elements that were found to be cheaper may take the place of the scene's; in space they stay.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,15 @@ from signorini_fx import compat
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.refinement import check_divisible
-from signorini_fx.mesh.tagged import STRAIGHT, curvature, curved_parameters, load_file, load_mesh, simplex_parameters
+from signorini_fx.mesh.tagged import (
+    STRAIGHT,
+    curvature,
+    curved_parameters,
+    generated_cell,
+    load_file,
+    load_mesh,
+    simplex_parameters,
+)
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
 
@@ -21,8 +32,8 @@ class Plan:
 
     Attributes:
         scene: with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells
-            are divided, or consists of triangles that are divided.
-        adaptive: whether triangles are divided where the error is large.
+            are divided, or consists of triangles or tetrahedra that are divided.
+        adaptive: whether triangles or tetrahedra are divided where the error is large.
         replaced: whether elements or cells differ from those of the scene.
         polygonal: whether straight facets stay although the shape may be curved.
         geometry: degree of the geometry of a file's mesh; None: as the file has it.
@@ -54,9 +65,14 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     tagged = load_mesh(scene, comm)
     check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
-    if goal.refinement != "auto" or goal.of not in LOCAL:
-        return Plan(scene, goal.refinement == "adaptive", replaced=False, polygonal=True)
+    if tagged.dimension == 3 or goal.refinement != "auto" or goal.of not in LOCAL:
+        return Plan(scene, _divides(goal, tagged.dimension == 3), replaced=False, polygonal=True)
     return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _divides(goal: Accuracy, able: bool) -> bool:
+    """Whether cells are divided where the error is: if that is asked for, or may be chosen and is possible."""
+    return goal.refinement == "adaptive" or (able and goal.refinement == "auto" and goal.of in LOCAL)
 
 
 def _of_degree_2(scene: Scene) -> Scene:
@@ -67,9 +83,15 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
     name, given = scene.mesh.generator, scene.mesh.parameters
     triangles = simplex_parameters(name, given)
+    cell = generated_cell(name, given)
+    if cell == "hexahedron" and goal.refinement == "adaptive":
+        message = "hexahedra cannot be divided one by one and stay conforming: use cell = 'tetrahedron', or 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
     if goal.refinement == "adaptive" and triangles is None:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
+    if cell in ("tetrahedron", "hexahedron"):
+        return Plan(scene, _divides(goal, cell == "tetrahedron" and triangles is not None), replaced=False)
     # Arcs: cells of degree 2 on them, and all of them smaller.
     parameters = curved_parameters(name, given) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
@@ -85,9 +107,9 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     tagged = load_file(file, comm, degree=2 if drawn else None)
     curved = curvature(tagged) > STRAIGHT * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
-    triangles = tagged.mesh.topology.cell_name() == "triangle"
-    better = goal.refinement == "auto" and (goal.of in LOCAL or curved)
-    if goal.refinement == "adaptive" or (better and goal.of in LOCAL and triangles and not curved):
+    simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+    better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    if _divides(goal, simplices and not curved):
         if curved:
             message = (
                 "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "

@@ -1,4 +1,4 @@
-"""The error of the contact pressure in L2(Gamma_c), and its distribution, estimated from its kinks at the nodes.
+"""The error of the contact pressure along a curve in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
 
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
 well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import (
@@ -67,7 +68,7 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
             squares[interval] = max(
                 squares[interval],
                 CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
-                _singular(np.abs(s[away] - s[corner]), pressure[away], blur),
+                singular_square(np.abs(s[away] - s[corner]), pressure[away], blur),
             )
         else:
             squares[[interval, beside]] = 0.0
@@ -94,7 +95,7 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
     return jumps
 
 
-def _singular(r: Floats, pressure: Floats, blur: float) -> float:
+def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
     """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away.
 
     Args:
@@ -172,22 +173,39 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
         modulus: stress per strain of the plane.
     """
     c = table.columns
-    turns = []
+    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
+    turns = _turns_of_curve(table) if table.facets is None else _turns_of_surface(table)
+    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if len(turns) and square > 0 else 0.0
+
+
+def _turns_of_curve(table: ContactTable) -> list[float]:
+    """Angles between the facets that are pressed, corners left out."""
+    c = table.columns
+    turns: list[float] = []
     for chain in table.chains:
         rows = slice(chain.start, chain.stop)
         angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
         near = pressed[1:-1] | pressed[:-2] | pressed[2:]
         turns += angle[near & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)].tolist()
-    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
-    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns and square > 0 else 0.0
+    return turns
+
+
+def _turns_of_surface(table: ContactTable) -> Floats:
+    """The same in space."""
+    surface = ContactSurface.of(table)
+    angle, pressed = surface.turns(), (table.columns["pressure"] != 0)[surface.corners].any(axis=1)
+    return np.asarray(angle[pressed[:, None] & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)])
 
 
 def peak_of(table: ContactTable) -> tuple[float, float]:
     """The largest pressure, and the spacing of the nodes there; (0, 0) without contact."""
-    pressure, s = table.columns["pressure"], table.columns["s"]
+    pressure = table.columns["pressure"]
     row = int(np.argmax(pressure)) if pressure.size else 0
+    if table.facets is not None and row < pressure.size and pressure[row] > 0:
+        return float(pressure[row]), float(np.sqrt(table.columns["weight"][row]))
     for chain in table.chains:
         if row in chain and pressure[row] > 0 and len(chain) > 1:
+            s = table.columns["s"]
             return float(pressure[row]), float(np.diff(s[max(row - 1, chain.start) : min(row + 2, chain.stop)]).min())
     return 0.0, 0.0
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import peak_of
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import (
@@ -47,7 +48,7 @@ class MeshCost:
 
     Attributes:
         level: its number, the coarsest is 0.
-        h: mean spacing of the contact nodes, length.
+        h: mean spacing of the contact nodes, length; in space the square root of the mean area that they stand for.
         dofs: unknowns.
         linear_solves: linear solves on this mesh.
         factorisations: of them with a new factorisation.
@@ -80,7 +81,7 @@ class LevelResult(MeshCost):
         pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
         table: the contact boundary.
-        force: contact and friction force on the body of all load steps, shape (4 steps,).
+        force: contact and friction force on the body of all load steps, shape (2 d steps,).
     """
 
     status: str
@@ -95,6 +96,11 @@ class LevelResult(MeshCost):
     force: npt.NDArray[np.float64]
     polygon: float = 0.0
 
+    @property
+    def dimension(self) -> int:
+        """Of the body, 2 or 3."""
+        return 2 if self.table.facets is None else 3
+
 
 @dataclass(frozen=True)
 class Price(MeshCost):
@@ -104,7 +110,7 @@ class Price(MeshCost):
         energy: error of the displacement, energy norm.
         pressure: error of the contact pressure, L2(Gamma_c).
         force: error of contact and friction force.
-        zone: error of the ends of the contact zones, relative to their length.
+        zone: error of the ends of the contact zones, relative to their length; in space of the contact area.
         peak: error of the largest pressure.
         regularisation: the part of ``energy`` due to gamma.
         iteration: the part due to the iteration.
@@ -179,13 +185,15 @@ def price_list(
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
         if index > 0:
-            fineness = [np.sqrt(level.dofs) for level in levels[: index + 1]]
+            fineness = [fineness_of(level.dofs, level.dimension) for level in levels[: index + 1]]
             errors = {
                 name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
             }
             errors["force"] = _force_error(levels[: index + 1])
             if errors["peak"] is not None:
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
+        if level.dimension == 3:
+            errors["zone"] = border_of(level.table)
         if grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
@@ -195,7 +203,12 @@ def price_list(
         own = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in own} | errors
         rows.append(Price(**row))
-    return [*rows, predict(rows, base_memory, rates=rates)]
+    return [*rows, predict(rows, base_memory, rates=rates, dimension=levels[-1].dimension)]
+
+
+def fineness_of(dofs: float, dimension: int) -> float:
+    """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many times finer."""
+    return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
 def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform: bool) -> float:
@@ -206,7 +219,7 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     """
     estimate = fine.pressure or 0.0
     if uniform:
-        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / 2) - 1)))
+        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
 
@@ -236,24 +249,59 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
     weight, pressure = f["weight"], f["pressure"]
     size = float(np.sqrt(np.dot(weight, pressure**2)))
     difference = pressure - interpolated(coarse.table, fine.table, "pressure")
-    ends_c, ends_f = zone_ends(coarse.table), zone_ends(fine.table)
-    length = float(sum(abs(b - a) for a, b in zip(ends_f[::2], ends_f[1::2], strict=True)))
-    comparable = len(ends_c) == len(ends_f) > 0 and length > 0
     force = float(np.linalg.norm(fine.force))
     return {
         "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
         "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
-        "zone": float(np.abs(np.subtract(ends_f, ends_c)).max()) / length if comparable else None,
+        "zone": zone_change(coarse.table, fine.table),
         "peak": abs(pressure.max() - c["pressure"].max()) / pressure.max() if pressure.max() > 0 else None,
     }
 
 
+def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
+    """Change of the ends of the contact zones, relative to their length; in space that of their area."""
+    if fine.facets is not None:
+        before, after = (
+            float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
+        )
+        return abs(after - before) / after if after > 0 else None
+    ends_c, ends_f = zone_ends(coarse), zone_ends(fine)
+    length = float(sum(abs(b - a) for a, b in zip(ends_f[::2], ends_f[1::2], strict=True)))
+    comparable = len(ends_c) == len(ends_f) > 0 and length > 0
+    return float(np.abs(np.subtract(ends_f, ends_c)).max()) / length if comparable else None
+
+
+def border_of(table: ContactTable) -> float | None:
+    """In space: half of the pieces that are pressed at some corners only, relative to the contact area.
+
+    The contact ends within them, and nodes count about half of them.  The change of the area from mesh to mesh says
+    less: it is zero where no node changes.
+    """
+    surface, pressed = ContactSurface.of(table), table.columns["pressure"] > 0
+    corners, area = pressed[surface.corners], float(np.sum(table.columns["weight"][pressed]))
+    border = corners.any(axis=1) & ~corners.all(axis=1)
+    return float(surface.area[border].sum()) / 2 / area if area > 0 else None
+
+
 def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
     """A column of the coarse table at the nodes of the fine one, interpolated along each piece of the boundary."""
+    if fine.facets is not None:
+        return _interpolated_in_space(coarse, fine, name)
     values = np.zeros(fine.columns["s"].size)
     for here, there in zip(fine.chains, coarse.chains, strict=False):
         rows, old = slice(here.start, here.stop), slice(there.start, there.stop)
         values[rows] = np.interp(fine.columns["s"][rows], coarse.columns["s"][old], coarse.columns[name][old])
+    return values
+
+
+def _interpolated_in_space(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
+    surface, c = ContactSurface.of(coarse), fine.columns
+    x = np.column_stack([c[axis] for axis in "xyz"])
+    values = np.zeros(len(x))
+    assert fine.nodes is not None
+    for part in np.unique(surface.part):
+        own = fine.nodes[:, 0] == part
+        values[own] = surface.at(x[own], coarse.columns[name][:, None], int(part))[:, 0]
     return values
 
 
@@ -303,13 +351,13 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
     return float(np.exp(np.mean(np.log(told))))
 
 
-def _finer(rows: Sequence[Price]) -> float:
-    """How many times finer the last mesh is than the previous one, on average over the body."""
-    return float(np.sqrt(rows[-1].dofs / rows[-2].dofs))
-
-
 def predict(
-    rows: list[Price], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, finer: float | None = None
+    rows: list[Price],
+    base_memory: float,
+    *,
+    rates: Mapping[str, float] = EXPECTED_RATES,
+    finer: float | None = None,
+    dimension: int = 2,
 ) -> Price:
     """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
 
@@ -317,12 +365,14 @@ def predict(
         rows: the rows of the solved meshes, coarsest first; at least two.
         base_memory: memory before the first mesh, MB.
         rates: how the errors are expected to decrease with h.
-        finer: how many times finer the next mesh is; None: as many times as the last one was.
+        finer: how many times finer the next mesh is, on average over the body; None: as many times as the last one was.
+        dimension: of the body.
     """
     last, before = rows[-1], rows[-2]
-    seen_growth, seen_finer = last.dofs / before.dofs, _finer(rows)
+    seen_growth = last.dofs / before.dofs
+    seen_finer = fineness_of(seen_growth, dimension)
     finer = seen_finer if finer is None else finer
-    growth = finer**2
+    growth = finer**dimension
 
     def next_error(name: str) -> float | None:
         value = getattr(last, name)
@@ -346,8 +396,8 @@ def predict(
         level=last.level + 1,
         h=last.h / finer,
         dofs=round(last.dofs * growth),
-        seconds=grown("seconds", TIME_POWER, 0.0, LEAST_GROWING_TIME),
-        memory=grown("memory", MEMORY_POWER, base_memory, 0.0),
+        seconds=grown("seconds", TIME_POWER[dimension], 0.0, LEAST_GROWING_TIME),
+        memory=grown("memory", MEMORY_POWER[dimension], base_memory, 0.0),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),

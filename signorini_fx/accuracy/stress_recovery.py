@@ -47,8 +47,8 @@ class StressRecovery:
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
         sigma = stress(self._displacement, *d.lame)
-        raw = _voigt(sigma)
-        density = _compliance(self._recovered - raw, *d.lame) * cellwise
+        raw = voigt(sigma)
+        density = compliance(self._recovered - raw, *d.lame) * cellwise
         # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
         scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
@@ -220,8 +220,8 @@ def _fill(function: fem.Function, x: PETSc.Vec) -> None:
     function.x.scatter_forward()
 
 
-def _compliance(tau: Any, lame: Any, mu: Any) -> Any:
-    """C^-1 tau : tau for a stress tau as ``_voigt`` has it."""
+def compliance(tau: Any, lame: Any, mu: Any) -> Any:
+    """C^-1 tau : tau for a stress tau as ``voigt`` has it."""
     dim = 2 if len(tau) == 3 else 3
     trace = sum((tau[k] for k in range(1, dim)), tau[0])
     square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
@@ -229,7 +229,7 @@ def _compliance(tau: Any, lame: Any, mu: Any) -> Any:
     return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
 
 
-def _voigt(sigma: Any) -> Any:
+def voigt(sigma: Any) -> Any:
     """The components of a symmetric tensor: xx, yy, xy in the plane, xx, yy, zz, xy, xz, yz in space."""
     dim = sigma.ufl_shape[0]
     return ufl.as_vector(

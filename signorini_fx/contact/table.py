@@ -30,11 +30,14 @@ class ContactTable:
         chains: the connected pieces of the boundary, as ranges of rows; in space none.
         nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
             table that belongs to no mesh.
+        facets: in space the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
+            for nodes that are no contact nodes, shape (facets, nodes of a facet); None in the plane.
     """
 
     columns: dict[str, npt.NDArray[Any]]
     chains: list[range]
     nodes: npt.NDArray[np.int64] | None = None
+    facets: npt.NDArray[np.int64] | None = None
 
     def __repr__(self) -> str:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
@@ -92,11 +95,13 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     }
     rows = parallel.gather_rows(boundary.comm, np.column_stack((*scalars.values(), *vectors.values())))
     x = rows[:, len(scalars) : len(scalars) + dim]
+    segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        segments = parallel.gather_rows(boundary.comm, boundary.segments)
         pieces, order = chains(numbers, segments, x)
+        facets = None
     else:
         pieces, order = [], _by_position(numbers[:, 0], x)
+        facets = _rows_of(numbers[order], segments)
     rows, part = rows[order], numbers[order, 0]
     ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
     of = dict(zip(scalars, rows.T, strict=False))
@@ -119,7 +124,16 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
         "weight": of["weight"],
     }
-    return ContactTable(columns, pieces, numbers[order])
+    return ContactTable(columns, pieces, numbers[order], facets)
+
+
+def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """``ContactTable.facets`` from the part and the global number of each row and ``ContactBoundary.segments``."""
+    base = int(segments[:, 1:].max(initial=0)) + 1
+    known, wanted = numbers[:, 0] * base + numbers[:, 1], segments[:, :1] * base + segments[:, 1:]
+    order = np.argsort(known)
+    place = order[np.minimum(np.searchsorted(known[order], wanted), known.size - 1)]
+    return np.where(known[place] == wanted, place, -1)
 
 
 def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:

@@ -87,7 +87,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
         fine.topology.create_connectivity(*pair)
     # dolfinx's own transfer refuses meshes with ghost cells.  A child knows its parent by its place before reordering.
     place = fine.topology.original_cell_index
-    first = mesh.comm.exscan(len(parent_cell)) or 0
+    first = parallel.rows_before(mesh.comm, len(parent_cell))
     children = np.arange(len(parent_cell), dtype=np.int32)
     parents = parent_cell[place[children] - first]
     sides = parent_facet.reshape(-1, dim + 1)[place[children] - first]

@@ -237,6 +237,14 @@ def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     return None if simplices is None else simplices(dict(parameters))
 
 
+def generated_cell(name: str, parameters: Mapping[str, Any]) -> str:
+    """The kind of the cells that the generator ``name`` makes, such as "triangle"."""
+    cell: str = parameters.get(
+        "cell", inspect.signature(_generator(name, parameters).generate).parameters["cell"].default
+    )
+    return cell
+
+
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """The parameters with which the generator ``name`` uses cells of degree 2 on its arcs; None if it has no arcs.
 

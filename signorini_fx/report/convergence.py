@@ -110,7 +110,7 @@ _QUANTITIES = {
     "energy": ("displacement (energy)", INK, "o", "-"),
     "pressure": ("contact pressure", BLUE, "s", "--"),
     "peak": ("largest pressure", ORANGE, "^", "-."),
-    "zone": ("ends of the contact zone", MUTED, "D", ":"),
+    "zone": ("contact zone", MUTED, "D", ":"),
 }
 
 

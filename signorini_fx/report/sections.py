@@ -238,8 +238,9 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
     shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
     caption = "Estimated relative errors against the time of each mesh; open: the next mesh, predicted."
     note = (
-        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones; "
-        "peak: largest pressure; the parts of the energy error due to regularisation and iteration. Memory in MB."
+        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
+        "in space the contact area; peak: largest pressure; the parts of the energy error due to regularisation and "
+        "iteration. Memory in MB."
     )
     classes = ["predicted" if row["predicted"] else "" for row in rows]
     return joined(

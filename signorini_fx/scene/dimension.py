@@ -49,12 +49,6 @@ def _in_space(scene: Scene) -> Iterator[tuple[str, str]]:
         if "hypothesis" in material.model_fields_set:
             reason = f"{_SPACE}: plane stress and plane strain have no meaning, leave the hypothesis out"
             yield f"material[{index}].hypothesis", reason
-    if scene.accuracy is not None:
-        reason = (
-            "errors are estimated in the plane only (the estimates of pressure and zones follow a boundary curve): "
-            "compare meshes of your own"
-        )
-        yield "accuracy", f"{_SPACE}: {reason}"
 
 
 def _tables(node: Any, path: str) -> Iterator[tuple[str, BaseModel]]:

@@ -121,8 +121,6 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
     found: list[Errors] = []
 
     def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
-        if d.tagged.dimension == 3:  # the estimates of the contact pressure follow a boundary curve
-            return
         assert step.contact is not None
         table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
         data = outcome.problem.data
@@ -184,9 +182,10 @@ def _level_result(
         regularisation = model.distance / size
         pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
     change = solution.history.outer[-1].change
+    dimension = solution.discretisation.tagged.dimension
     return LevelResult(
         level=level,
-        h=float(table.columns["weight"].mean()),
+        h=float(table.columns["weight"].mean() ** (1 / (dimension - 1))),
         dofs=solution.discretisation.dofs,
         linear_solves=len(own),
         factorisations=sum(record.factorised for record in own),

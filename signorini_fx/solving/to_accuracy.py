@@ -23,6 +23,7 @@ from signorini_fx.accuracy.price_list import (
     LevelResult,
     Price,
     expected_rates,
+    fineness_of,
     grows_for_ever,
     peak_memory,
     predict,
@@ -141,7 +142,7 @@ def solve_to_accuracy(
         )
         safety = SAFETY.get((goal.of, meshes.degree), SAFETY_OF_OTHERS)
         error = inf if estimate is None else estimate * safety
-        enough = len(levels) >= FEWEST_MESHES.get(goal.of, 3)
+        enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
@@ -152,11 +153,12 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
-            jump = meshes.jump(excess, rates.get(goal.of) or _seen_rate(levels), compared=goal.of not in FEWEST_MESHES)
+            compared, rate = goal.of not in LOCAL, rates.get(goal.of) or _seen_rate(levels)
+            jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
             if enough:
-                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump):
+                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump, level.dimension):
                     jump = max(jump / 2, SMALLEST_JUMP)
-                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump):
+                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump, level.dimension):
                     return replace(solution, status=Status.BUDGET)
             on_level(solution)
             meshes.refine(solved, excess, jump)
@@ -169,10 +171,12 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
     table = levels[-1].table
     if goal.of == "peak" and grows_for_ever(levels):
         row = int(np.argmax(table.columns["pressure"]))
-        x, y = (round(float(table.columns[name][row]) / size, 9) * size for name in "xy")  # round-off is no position
+        axes = [name for name in "xyz" if name in table.columns]
+        place = [round(float(table.columns[name][row]) / size, 9) * size for name in axes]  # round-off is no position
+        at = ", ".join(f"{value:.6g}" for value in place)
         return (
-            f"the largest pressure has no finite value: it grows with every refinement at ({x:.6g}, {y:.6g}); ask for "
-            "the pressure, a force or the energy, or round off the corner"
+            f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
+            f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
     bare = replace(levels[-1], energy=0.0, pressure=0.0, data=0.0)
     polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * safety
@@ -191,9 +195,11 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
     return ""
 
 
-def _beyond(goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float) -> bool:
+def _beyond(
+    goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float, dimension: int
+) -> bool:
     """Whether a mesh ``jump`` times finer would exceed the budget."""
-    following = predict(rows[:-1], base_memory, finer=jump)
+    following = predict(rows[:-1], base_memory, finer=jump, dimension=dimension)
     spent = parallel.global_max(comm, time.perf_counter() - begin)
     late = goal.seconds is not None and spent + following.seconds > goal.seconds
     return late or (goal.memory is not None and following.memory > 1024 * goal.memory)
@@ -203,7 +209,7 @@ def _seen_rate(levels: list[LevelResult]) -> float:
     """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
     if len(levels) < 2 or not levels[-1].energy < levels[-2].energy:
         return 1.0
-    finer = np.sqrt(levels[-1].dofs / levels[-2].dofs)
+    finer = fineness_of(levels[-1].dofs / levels[-2].dofs, levels[-1].dimension)
     return float(np.clip(np.log(levels[-2].energy / levels[-1].energy) / np.log(finer), 0.5, 2.0))
 
 
@@ -213,7 +219,7 @@ class Meshes:
     Attributes:
         scene: the scene on the mesh that is to be solved next.
         degree: of the displacement.
-        adaptive: whether triangles are divided where the error is large.
+        adaptive: whether triangles or tetrahedra are divided where the error is large.
         polygonal: whether straight facets stay although the shape may be curved.
         replaced: what replaces the scene's elements; "": they stay.
         seconds: time of the last refinement; 0 where the mesh is made with the solve.
@@ -286,14 +292,14 @@ class Meshes:
                 return solved
             raise
 
-    def jump(self, excess: float, rate: float, *, compared: bool) -> float:
+    def jump(self, excess: float, rate: float, *, compared: bool, dimension: int) -> float:
         """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
         if self.adaptive or not self._generated:
-            return float(np.sqrt(2)) if self.adaptive else 2.0
+            return fineness_of(2.0, dimension) if self.adaptive else 2.0
         if excess == inf:
             return 2.0
         smallest = SMALLEST_JUMP if compared else 1.0
-        return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP))
+        return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
     def refine(self, solved: Solved, excess: float, jump: float) -> None:
         """Make the next mesh."""
@@ -312,7 +318,7 @@ class Meshes:
                 squares = solved.errors.squares[self._of]
                 cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
             tagged = refine(solved.solution.discretisation.tagged, cells)
-            if self._of == "pressure" and self.adaptive:
+            if self._of == "pressure" and self.adaptive and tagged.dimension == 2:
                 tagged = self._divide_corners(tagged, solved, excess)
             self.scene = self.scene.model_copy(update={"mesh": tagged})
         self.seconds = time.perf_counter() - begin

@@ -16,8 +16,8 @@ from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.accuracy.price_list import interpolated, zone_ends
-from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.accuracy.price_list import interpolated, zone_change
+from signorini_fx.accuracy.stress_recovery import StressRecovery, compliance, voigt
 from signorini_fx.body.material import stress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
@@ -82,7 +82,7 @@ class Reference:
             )
 
         self._points = np.zeros((cells.size * len(points), 3))
-        self._points[:, :2] = at_points(ufl.SpatialCoordinate(mesh))
+        self._points[:, : mesh.geometry.dim] = at_points(ufl.SpatialCoordinate(mesh))
         self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
         lame = at_points(ufl.as_vector(d.lame))
         self._lame, self._mu = lame.T
@@ -108,8 +108,6 @@ class Reference:
         weight, pressure = fine.columns["weight"], fine.columns["pressure"]
         difference = interpolated(table, fine, "pressure") - pressure
         size = float(np.sqrt(np.dot(weight, pressure**2)))
-        ends, true_ends = zone_ends(table), zone_ends(fine)
-        length = float(sum(abs(b - a) for a, b in zip(true_ends[::2], true_ends[1::2], strict=True)))
         assert solution.contact is not None
         assert self.solution.contact is not None
         force, true_force = (np.concatenate(s.contact.forces) for s in (solution, self.solution) if s.contact)
@@ -118,23 +116,19 @@ class Reference:
             "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
             "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
             "peak": float(abs(table.columns["pressure"].max() / peak - 1)) if peak > 0 else None,
-            "zone": float(np.abs(np.subtract(ends, true_ends)).max()) / length
-            if len(ends) == len(true_ends) > 0 and length > 0
-            else None,
+            "zone": zone_change(table, fine),
             "force": float(np.linalg.norm(force - true_force) / np.linalg.norm(true_force)),
         }
 
     def _energy_norm(self, tau: Floats) -> float:
-        """The square root of the integral of C^-1 tau : tau for tau = (xx, yy, xy) at the points."""
-        xx, yy, xy = tau.T
-        lame, mu = self._lame, self._mu
-        density = (xx**2 + yy**2 + 2 * xy**2 - lame / (2 * (lame + mu)) * (xx + yy) ** 2) / (2 * mu)
+        """The square root of the integral of C^-1 tau : tau for the components of tau at the points."""
+        density = compliance(tau.T, self._lame, self._mu)
         return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
 
     def _stress_of(self, solution: Solution, key: Any) -> Floats:
         """Stress of another solution at the points of the reference."""
         mesh = solution.discretisation.tagged.mesh
-        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (3,)))
+        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (self._stress.shape[1],)))
         function = fem.Function(space)
         points = compat.interpolation_points(space.element)
         function.interpolate(fem.Expression(_stress(solution), points))
@@ -160,9 +154,8 @@ class Reference:
 
 
 def _stress(solution: Solution) -> Any:
-    """Stress (xx, yy, xy) as UFL."""
-    sigma = stress(solution.displacement, *solution.discretisation.lame)
-    return ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1]))
+    """The components of the stress as UFL."""
+    return voigt(stress(solution.displacement, *solution.discretisation.lame))
 
 
 def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:

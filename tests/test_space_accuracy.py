@@ -1,0 +1,400 @@
+"""Errors of bodies in space: estimated against known, from one mesh to the next, and as small as is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from scenes import table_of
+from spaces import block, box, friction_of
+from test_ranks import same_on_all_ranks
+from test_space_manufactured import YOUNG, made_up, stress
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.contact_surface import ContactSurface
+from signorini_fx.accuracy.data_error import data_error
+from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error
+from signorini_fx.accuracy.price_list import border_of, fineness_of, predict, zone_change
+from signorini_fx.accuracy.surface_pressure import piece_squares
+from signorini_fx.body.assembly import facet_vertices
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.records import History, Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import _solve_nested, solve, solve_level
+from signorini_fx.studies.reference import Reference
+from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
+
+WORLD = MPI.COMM_WORLD
+
+
+def grid(x, y, cells, z=0.0):
+    """The table of a surface over a grid of points, in squares or in triangles; no pressure."""
+    points = np.array([(a, b) for b in y for a in x])
+    corner = np.array([j * len(x) + i for j in range(len(y) - 1) for i in range(len(x) - 1)])
+    a, b, c, d = corner, corner + 1, corner + len(x), corner + len(x) + 1
+    facets = np.column_stack((a, b, c, d))  # in the order of basix
+    if cells == "triangles":
+        facets = np.concatenate((np.column_stack((a, b, d)), np.column_stack((a, c, d))))
+    columns = {"x": points[:, 0], "y": points[:, 1], "z": np.broadcast_to(z, len(points)).astype(float)}
+    columns |= {"pressure": np.zeros(len(points)), "weight": np.full(len(points), 1.0)}
+    numbers = np.column_stack((np.zeros(len(points), dtype=np.int64), np.arange(len(points))))
+    return ContactTable(columns, [], numbers, facets)
+
+
+CELLS = pytest.mark.parametrize("cells", ["squares", "triangles"])
+
+
+@CELLS
+def test_a_pressure_along_one_direction_is_that_of_a_curve(cells):
+    """The same error as in the plane times the width, on unequal intervals."""
+    x = np.linspace(-1.0, 1.0, 21) ** 3
+    table = grid(x, np.linspace(0.0, 0.5, 6), cells)
+    along = (1 - x**2) ** 3
+    weight = np.ones_like(x)
+    curve = ContactTable({"s": x + 1, "pressure": along, "weight": weight}, [range(x.size)])
+    (expected,) = interval_squares(curve)
+    surface = ContactSurface.of(table)
+    squares = piece_squares(surface, (1 - table.columns["x"] ** 2) ** 3)
+    middle = np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 0.25) < 0.15  # not at the rim
+    assert squares.sum() == pytest.approx(0.5 * expected.sum(), rel=1e-9)
+    assert squares[middle].sum() == pytest.approx(0.3 * expected.sum(), rel=1e-9)
+
+
+@CELLS
+def test_a_linear_pressure_has_no_kink_on_a_distorted_surface(cells):
+    """In any plane; every side but those at the rim has a neighbour."""
+    rng = np.random.default_rng(0)
+    table = grid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5), cells)
+    for name in "xy":
+        table.columns[name] = table.columns[name] + 0.05 * rng.uniform(-1, 1, 25)
+    table.columns["z"] = 0.3 * table.columns["x"] - 0.2 * table.columns["y"]
+    surface, c = ContactSurface.of(table), table.columns
+    assert np.abs(surface.jumps(2 + c["x"] - 3 * c["y"] + c["z"])).max() < 1e-12
+    assert np.abs(surface.jumps(np.abs(c["x"] - 0.5))).max() > 0.5
+    assert surface.rim.sum() == 16
+
+
+def test_a_pressure_that_is_convex_at_the_rim():
+    """The pieces there have the share of a corner, of which nothing is left without them; else no more than others."""
+    table = grid(np.arange(6.0), np.arange(6.0), "squares")
+    surface, x = ContactSurface.of(table), table.columns["x"]
+    first = np.isclose(surface.x[surface.corners].mean(axis=1)[:, 0], 0.5)
+    inner = first & (np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 2.5) < 1)
+    convex, concave = (piece_squares(surface, 10 + sign * (5 - x) ** 2) for sign in (1.0, -0.1))
+    np.testing.assert_allclose(convex[inner], CORNER_SHARE * 2.0**2)
+    np.testing.assert_allclose(concave[inner], KINK_SHARE / 2 * 0.2**2)
+    without = piece_squares(surface, 10 + (5 - x) ** 2, corners=False)
+    assert not without[inner].any()
+    np.testing.assert_allclose(without[convex < 1], convex[convex < 1])
+    np.testing.assert_allclose(piece_squares(surface, 10 - 0.1 * (5 - x) ** 2, corners=False), concave)
+
+
+@pytest.mark.parametrize("a", [0.2, 0.4])
+def test_a_pressure_that_is_singular_at_the_rim(a):
+    """Of r^-a, averaged as a finite element solution averages it, the estimate is within a factor of two."""
+    n = 16
+    table = grid(np.arange(n + 1.0), np.arange(7.0), "squares")
+    surface, x = ContactSurface.of(table), table.columns["x"]
+    # The best piecewise linear function with mass lumping at the first node.
+    power = np.where(x > 0, np.maximum(x, 1.0) ** -a, 2 / ((1 - a) * (2 - a)))
+    squares = piece_squares(surface, power)
+    start, h = 2 / ((1 - a) * (2 - a)), np.linspace(0, 1, 200_001)[1:]
+    true = 1 / (1 - 2 * a) - 2 * np.mean(h**-a * (start + (1 - start) * h)) + np.mean((start + (1 - start) * h) ** 2)
+    row = np.abs(surface.x[surface.corners].mean(axis=1) - (0.5, 2.5, 0.0)).max(axis=1) < 0.1
+    assert 0.5 < np.sqrt(squares[row].sum() / true) < 2
+
+
+@CELLS
+def test_values_between_the_nodes(cells):
+    """Linear functions exactly, also above the surface; beside it a place on the rim counts."""
+    table = grid(np.linspace(0.0, 2.0, 7), np.linspace(0.0, 1.0, 4), cells)
+    surface, c = ContactSurface.of(table), table.columns
+    points = np.column_stack((*np.random.default_rng(1).uniform(0, 1, (2, 50)), np.full(50, 0.1)))
+    values = np.column_stack((c["x"], 3 * c["y"]))
+    np.testing.assert_allclose(surface.at(points, values, 0), points[:, :2] * (1, 3), atol=1e-12)
+    ((x, y),) = surface.at(np.array([[2.1, 0.5, 0.0]]), values, 0)
+    assert x == pytest.approx(2.0)
+    assert y == pytest.approx(1.5, abs=0.2)
+
+
+def test_a_facet_of_degree_2_is_four_pieces():
+    """They cover it, see a kink in its middle, and are added up for it; without its middle nodes it is one piece."""
+    points = [(0, 0), (2, 0), (0, 2), (2, 2), (1, 0), (0, 1), (2, 1), (1, 2), (1, 1)]  # as basix has them
+    x, y = np.array(points, dtype=float).T
+    columns = {"x": x, "y": y, "z": 0 * x, "pressure": 0 * x, "weight": 1 + 0 * x}
+    numbers = np.column_stack((np.zeros(9, dtype=np.int64), np.arange(9)))
+    table = ContactTable(columns, [], numbers, np.arange(9)[None])
+    surface = ContactSurface.of(table)
+    np.testing.assert_allclose(surface.area, 1.0)
+    assert np.count_nonzero(surface.jumps(np.abs(x - 1))) == 4
+    assert surface.rim.sum() == 8
+    corners_only = replace(table, facets=np.array([[0, 1, 2, 3, -1, -1, -1, -1, -1]]))
+    assert ContactSurface.of(corners_only).area == pytest.approx(4.0)
+
+
+def test_facets_instead_of_a_curved_surface():
+    """Facets of a cylinder turn by the same angle everywhere, and the error follows it as in the plane."""
+    angle = np.linspace(-0.2, 0.2, 9)
+    table = grid(np.sin(angle), np.linspace(0.0, 1.0, 3), "squares", z=np.tile(1 - np.cos(angle), 3))
+    surface = ContactSurface.of(table)
+    turns = surface.turns()
+    assert np.allclose(turns[turns > 1e-6], 0.05)
+    columns = {**table.columns, "pressure": np.full(27, 4.0)}
+    assert polygon_error(replace(table, columns=columns), 100.0) == pytest.approx(100 * 0.05 / 4)
+    assert polygon_error(grid(np.arange(3.0), np.arange(3.0), "squares"), 100.0) == 0.0
+
+
+def true_energy_error(solution):
+    """Of the made-up solution, relative."""
+    mesh = solution.discretisation.tagged.mesh
+    exact = stress(mesh)
+    wrong = YOUNG * ufl.sym(ufl.grad(solution.displacement)) - exact
+
+    def norm(tau):
+        return fem.assemble_scalar(fem.form(ufl.inner(tau, tau) * ufl.dx(metadata={"quadrature_degree": 6})))
+
+    return np.sqrt(norm(wrong) / norm(exact))
+
+
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_energy_of_a_known_solution(cells):
+    """Within a tenth of the truth, on two meshes: nu = 0, and the stress is smooth but for the rim of the disc."""
+    for n in (4, 8):
+        solved = solve_level(made_up(cells, n), MPI.COMM_SELF, History(), None, 0)
+        assert solved.level.energy == pytest.approx(true_energy_error(solved.solution), rel=0.1)
+
+
+LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_estimates_of_the_block(law):
+    """With the safety of an asked-for accuracy none is below 0.7 of what a finer mesh says, and few are far above.
+
+    The largest pressure has no limit with Coulomb friction, and after two refinements none is given.
+    """
+    reference = Reference(solve(block(24, gamma=1e8, **LAWS[law]), MPI.COMM_SELF))
+    for cells in ("hexahedra", "tetrahedra"):
+        found = []
+        meshes = [block(n, cells, gamma=1e8, **LAWS[law]) for n in (3, 6, 12)]
+        found.append(_solve_nested(meshes, MPI.COMM_SELF, History(), found.append))
+        for solution, level, row in list(zip(found, found[-1].levels, found[-1].price_list, strict=False))[1:]:
+            true = reference.errors(solution)
+            assert 0.7 < 1.7 * level.energy / true["energy"] < 2.5
+            assert 0.7 < 2 * row.pressure / true["pressure"] < 9
+            if true["force"] > 1e-9:
+                assert 2 * row.force > 0.7 * true["force"]
+            assert row.zone > 0.7 * true["zone"]
+
+
+def test_rows_of_the_price_list():
+    """Unknowns grow eightfold, time and memory by the powers of space; h is a length."""
+    found = []
+    found.append(_solve_nested([block(n) for n in (3, 6, 12)], MPI.COMM_SELF, History(), found.append))
+    rows = found[-1].price_list
+    assert rows[-1].dofs == pytest.approx(rows[-2].dofs ** 2 / rows[-3].dofs, rel=1e-3)
+    assert rows[2].h == pytest.approx(np.sqrt(3.0 / (13 * 5)))
+    assert rows[-1].h == pytest.approx(rows[2].h / fineness_of(rows[2].dofs / rows[1].dofs, 3))
+    assert all(len(level.force) == 6 for level in found[-1].levels)
+
+    def mesh(dofs):
+        return replace(rows[0], dofs=dofs, seconds=0.1 + 1e-6 * dofs**1.6, memory=200 + 1e-3 * dofs**1.3)
+
+    following = predict([mesh(10_000), mesh(80_000)], 150.0, dimension=3)
+    assert following.dofs == 640_000
+    assert following.seconds == pytest.approx(mesh(640_000).seconds)
+    assert following.memory == pytest.approx(mesh(640_000).memory)
+    assert following.pressure == pytest.approx(rows[0].pressure / 2**1.25)
+
+
+def test_the_contact_area():
+    """Its change, relative to that of the finer mesh; and the half of the pieces that it ends in."""
+    tables = []
+    for pressed in (4, 8):
+        table = grid(np.arange(4.0), np.arange(4.0), "squares")
+        table.columns["pressure"][:pressed] = 1.0
+        tables.append(table)
+    assert zone_change(*tables) == 0.5
+    # A row of three squares of nine, with four nodes or eight in contact.
+    assert [border_of(table) for table in tables] == pytest.approx([3 / 2 / 4, 3 / 2 / 8])
+
+
+def brick(**contact):
+    """A brick on its foundation, pressed and pushed, in 4 by 4 by 2 cells of half a length."""
+    return parse_scene(
+        {
+            "mesh": box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": 1.5, "pressure": 10.0},
+            "displacement": [{"boundary": "right", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+            "contact": {"boundary": "bottom", **contact},
+        }
+    )
+
+
+def missed(scene, state="stick"):
+    """What is missed of its data if all of the boundary is in this state."""
+    solution = solve(scene, MPI.COMM_SELF)
+    table = table_of(solution)
+    columns = {**table.columns, "friction": np.full(table.columns["x"].size, state)}
+    return data_error(solution.discretisation, replace(table, columns=columns), 0)
+
+
+def test_friction_that_the_nodes_miss():
+    """A bound that jumps within a row of facets is missed where the body slides; a smooth one is not."""
+    scene = brick(friction=friction_of(bound="5 if x[0] < 0.75 else 4"))
+    assert not missed(scene, "stick").forces.any()
+    errors = missed(scene, "slip")
+    # In four facets, a quarter away from a plane in the mean; so much as a ninth of the second difference is let pass.
+    assert np.sort(errors.forces)[-4:] == pytest.approx(4 * [(1 / 4 - 1 / 9) * 0.25], rel=1e-6)
+    assert np.count_nonzero(errors.forces) == 4
+    smooth = brick(friction=friction_of(bound="5 * (1 + x[0]**2 + x[1]**2)"))
+    assert missed(smooth, "slip").forces.max() < 1e-12
+
+
+def test_a_bump_that_the_nodes_miss():
+    """Of the gap in contact, as an energy over a body of the size of the facet; a smooth gap has none."""
+    bump = "-0.001 if abs(x[0] - 0.75) < 0.1 and abs(x[1] - 0.75) < 0.1 else 0"
+    errors = missed(brick(gap=bump))
+    assert errors.squares.sum() == pytest.approx(1000 * 0.001**2 * 0.5)
+    assert np.count_nonzero(errors.squares) == 1
+    assert not missed(brick(gap="0.0001 * (x[0]**2 + x[1]**2)")).squares.any()
+    assert errors.total == pytest.approx(46.0, rel=1e-6)
+
+
+SIDES = {"left": 1.0, "right": 1.0, "front": 3.0, "back": 3.0, "bottom": 3.0, "top": 3.0}
+
+
+def areas(tagged):
+    """Area of every named boundary."""
+    found = {}
+    for name in SIDES:
+        x = facet_vertices(tagged.mesh, tagged.facets(name))
+        own = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1).sum() / 2 if len(x) else 0.0
+        found[name] = float(parallel.global_sum(tagged.mesh.comm, own))
+    return found
+
+
+@pytest.mark.mpi
+def test_names_of_refined_tetrahedra_are_kept():
+    """Marked and all, twice: boundaries are whole and nothing else."""
+    tagged = box("tetrahedra", (6, 2, 2), comm=WORLD)
+    cells = [tagged.mesh.topology.index_map(3).size_global]
+    for marked in (np.arange(2, dtype=np.int32), None):
+        tagged = refine(tagged, marked)
+        assert areas(tagged) == pytest.approx(SIDES)
+        cells.append(tagged.mesh.topology.index_map(3).size_global)
+    assert cells[2] == 8 * cells[1] > 8 * cells[0]
+
+
+def asked(cell, law="none", nx=12, comm=MPI.COMM_SELF, **goal):
+    """The block from the generator, with gamma left to the program, asked for an accuracy."""
+    mesh = {"generator": "box", "parameters": {"nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": cell}}
+    scene = block(mesh=mesh, gamma="auto", **LAWS[law])
+    return solve(scene.model_copy(update={"accuracy": Accuracy(**goal)}), comm, check=False)
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """The block without friction on a fine mesh."""
+    return Reference(solve(block(24, gamma="auto", algorithm="exact"), MPI.COMM_SELF))
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.parametrize(("of", "target"), [("energy", 0.5), ("pressure", 0.5)])
+def test_asked_for(fine, cell, of, target):
+    """Met by tetrahedra that are divided where the error is, and by hexahedra that are all made smaller."""
+    solution = asked(cell, target=target, of=of)
+    assert solution.status is Status.CONVERGED
+    assert fine.errors(solution)[of] <= target
+    assert solution.discretisation.tagged.mesh.topology.cell_name() == cell
+    assert solution.discretisation.dofs < 12_000
+    assert isinstance(solution.scene.mesh, TaggedMesh) == (cell == "tetrahedron")
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_every_number_of_ranks_meets_it(cell):
+    """All ranks together come to the estimates that one comes to; divided meshes differ a little."""
+    goal = {"target": 0.6, "of": "energy"}
+    together, alone = (asked(cell, "tresca", comm=comm, **goal) for comm in (WORLD, MPI.COMM_SELF))
+    assert same_on_all_ranks(together.status) is alone.status is Status.CONVERGED
+    assert same_on_all_ranks([level.dofs for level in together.levels]) == [level.dofs for level in alone.levels]
+    for ours, theirs in zip(together.levels, alone.levels, strict=True):
+        assert ours.energy == pytest.approx(theirs.energy, rel=1e-4)
+        assert ours.pressure == pytest.approx(theirs.pressure, rel=1e-4)
+
+
+def test_no_finite_largest_pressure():
+    """Coulomb friction at an edge: the largest pressure is not promised, and the message says where it grows."""
+    solution = asked("hexahedron", "coulomb", target=0.02, of="peak", seconds=60.0)
+    assert solution.status is Status.OUT_OF_REACH
+    assert any("no finite value" in event and "round off the edge" in event for event in solution.history.events)
+
+
+REFUSED = [
+    ("box", {"cell": "hexahedron"}, "hexahedra cannot be divided one by one"),
+    ("half_sphere", {"size": 6.0, "contact_size": 2.0}, "the arcs of half_sphere"),
+]
+
+
+@pytest.mark.parametrize(("generator", "parameters", "reason"), REFUSED)
+def test_what_cannot_be_divided(generator, parameters, reason):
+    """Said before anything is solved."""
+    scene = block(mesh={"generator": generator, "parameters": parameters}, gamma="auto")
+    goal = Accuracy(target=0.1, refinement="adaptive")
+    with pytest.raises(SceneError, match=reason):
+        solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
+
+
+def test_own_meshes_that_cannot_be_divided():
+    """Hexahedra of one's own, and curved tetrahedra."""
+    with pytest.raises(MeshError, match="only tetrahedra"):
+        refine(box("hexahedra", (1, 1, 1)))
+    sphere = generate_mesh("half_sphere", {"size": 6.0, "contact_size": 3.0, "order": 2}, MPI.COMM_SELF)
+    with pytest.raises(MeshError, match="straight sides"):
+        refine(sphere)
+
+
+ROLLER = """SetFactory("OpenCASCADE");
+Cylinder(1) = {0, 0, 1, 0, 0.5, 0, 1}; Box(2) = {-1, 0, 0, 2, 0.5, 0.5};
+BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Physical Volume("body") = {3}; Physical Surface("all") = Surface{:};
+Mesh.MeshSizeMax = 0.3;
+"""
+
+
+def roller(file, **goal):
+    """The lower part of a cylinder, pressed onto a plane."""
+    lip = "x[0]**2 + (x[2] - 1)**2 - 0.99999"
+    return parse_scene(
+        {
+            "mesh": {"file": str(file), "boundaries": {"top": "x[2] - 0.499999", "lip": lip}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.02},
+            "contact": {"boundary": "lip", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
+            "accuracy": goal,
+        }
+    )
+
+
+def test_curved_bodies_from_files(tmp_path):
+    """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place are no way to it."""
+    drawing, straight = tmp_path / "roller.geo", tmp_path / "roller.msh"
+    drawing.write_text(ROLLER)
+    write_file(read_file(drawing, degree=1), straight)
+    with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
+        solve(roller(drawing, target=0.5, refinement="adaptive"), MPI.COMM_SELF)
+    met = solve(roller(drawing, target=0.6), MPI.COMM_SELF)
+    on_shape = met.table.columns
+    assert np.abs(on_shape["x"] ** 2 + (on_shape["z"] - 1) ** 2 - 1).max() < 1e-6
+    polygon = solve(roller(straight, target=0.2, of="pressure"), MPI.COMM_SELF, check=False)
+    assert polygon.status is Status.OUT_OF_REACH
+    assert any("straight facets" in event for event in polygon.history.events)
