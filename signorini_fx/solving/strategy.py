@@ -269,8 +269,8 @@ def _either_way(
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
     ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
-    # The monolithic tangent is unsymmetric, and knows neither a cap nor a pressure of either sign.
-    if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
+    # The monolithic method knows neither a cap nor a pressure of either sign.
+    if law.cap is None and begun.data.bilateral is None:
         ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
     # A fixed point is the fall-back of Newton's method anyway: that is what the setting says.
