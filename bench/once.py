@@ -26,7 +26,7 @@ _WARM = 96  # cells along the bottom of the solve that loads and compiles everyt
 
 
 @contextmanager
-def _stopwatch() -> Iterator[list[float]]:
+def stopwatch() -> Iterator[list[float]]:
     """The seconds that each mesh takes to be made."""
     make, seconds = one_mesh.load_mesh, []
 
@@ -61,7 +61,7 @@ def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
         settings["coulomb"] = what
     # Nested iteration makes its meshes itself, which does not count; the other kind gets its mesh.
     mesh = example1.tagged_mesh(nx, comm) if levels == 1 else nx
-    with _stopwatch() as making:
+    with stopwatch() as making:
         start, before = time.perf_counter(), peak_memory(MPI.COMM_SELF)
         solution = solve(example1.scene(law, mesh, **settings), comm, check=False)
         seconds = time.perf_counter() - start - sum(making)

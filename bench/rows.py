@@ -17,6 +17,7 @@ import clock
 import contestants
 import example1
 import numpy as np
+import space
 from clock import Key, Sample
 
 from signorini_fx import solve
@@ -68,12 +69,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Cells along the bottom: two for ratios, a small one for growth, a large one that must just be solved."""
+    """Cells along the bottom: two for ratios, a small one for growth, a large one that must just be solved.
+
+    Attributes:
+        space: cells along the block in space, from one mesh to one with eight times as many cells.
+    """
 
     small: int
     middle: int
     large: int
     huge: int
+    space: tuple[int, int] = (12, 24)
 
     def name(self, nx: int) -> str:
         """As in 480x160."""
@@ -132,6 +138,7 @@ GROUPS = (
     "ranks",
     "counts",
     "large",
+    "space",
     "import",
 )
 # The largest mesh is no matter of small differences.
@@ -331,6 +338,50 @@ def huge(sizes: Sizes, repeats: int, default: str, say: Say) -> list[Row]:
     return rows
 
 
+# A gamma for the times, and all for which the counts must hold.
+_SPACE_GAMMA, _SPACE_GAMMAS, _SPACE_LEVELS = 1e7, (1e5, 1e7, 1e9), 3
+
+
+def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
+    """Krylov steps on the finest of three meshes, and whole solves, over one linear solve in space."""
+    rows = []
+    for cell in space.CELLS:
+        once = {nx: space.linear(nx, cell) for nx in sizes.space}
+        for law in space.LAWS:
+            most: dict[int, list[int]] = {}
+            for nx in sizes.space:
+                runs = []
+                for gamma in _SPACE_GAMMAS:
+                    say(f"space, {law}, {cell} {nx}, gamma = {gamma:.0e}")
+                    runs.append(space.package(law, nx, cell, gamma, _SPACE_LEVELS))
+                name = f"{cell} {nx}"
+                most[nx] = [run.steps for run in runs]
+                note = f"{[run.steps for run in runs]} over {once[nx].steps}, {runs[0].dofs} unknowns; {runs[1].note}"
+                ratio = [max(run.steps if run.converged else np.inf for run in runs) / once[nx].steps]
+                what = f"Krylov steps on the finest mesh over a linear solve, {law}, worst gamma"
+                rows.append(Row("space", what, name, ratio, 2.5, note=note))
+                set_ups = [max(run.set_ups for run in runs)]
+                what = f"multigrid hierarchies on {_SPACE_LEVELS} meshes, {law}"
+                rows.append(Row("space", what, name, set_ups, float(_SPACE_LEVELS), unit="set-ups"))
+            coarse, fine = (most[nx] for nx in sizes.space)
+            what = f"growth of the steps, {law}, worst gamma"
+            growth = [max(np.divide(fine, coarse))]
+            rows.append(Row("space", what, f"{cell} {sizes.space[0]} to {sizes.space[1]}", growth, 1.3))
+        rows += _in_space_timed(sizes.space[-1], cell, repeats, say)
+    return rows
+
+
+def _in_space_timed(nx: int, cell: str, repeats: int, say: Say) -> list[Row]:
+    seconds: dict[str, list[float]] = {law: [] for law in space.LAWS}
+    for repeat in range(repeats):
+        say(f"space, times, {cell} {nx}, round {repeat + 1} of {repeats}")
+        unit = space.linear(nx, cell).seconds
+        for law, found in seconds.items():
+            found.append(space.package(law, nx, cell, _SPACE_GAMMA, _SPACE_LEVELS).seconds / unit)
+    what = "whole solve in space over a linear solve, CG with GAMG"
+    return [Row("space", f"{what}, {law}", f"{cell} {nx}", found, 1.8) for law, found in seconds.items()]
+
+
 _HEAVY = ("dolfinx", "petsc4py", "mpi4py", "ufl", "basix", "gmsh", "matplotlib")
 
 
@@ -381,6 +432,7 @@ def run(
         "ranks": lambda: ranks(sizes, levels, repeats, say),
         "counts": lambda: counts(sizes, levels, say),
         "large": lambda: huge(sizes, min(repeats, _FEW_REPEATS), default, say),
+        "space": lambda: in_space(sizes, repeats, say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:

@@ -23,7 +23,7 @@ import rows
 from clock import Sample
 from petsc4py import PETSc
 
-_FULL = rows.Sizes(240, 480, 960, 1734)
+_FULL = rows.Sizes(240, 480, 960, 1734, (48, 96))
 _QUICK = rows.Sizes(60, 120, 240, 480)
 
 

@@ -82,6 +82,12 @@ FEWEST_CONDENSED_UNKNOWNS = 4_000
 SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
 # In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
+# From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
+# ends.  Source: docs/performance.md, "Three dimensions".
+FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
+# Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
+# twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/spaces.py.
+LARGEST_MULTIGRID_POISSON = 0.49
 # Up to this number of ranks minimum degree, which is quick to compute, beats the orderings with less fill.
 # Source: docs/performance.md.  Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
 RANKS_WITH_MINIMUM_DEGREE = 4
@@ -92,9 +98,15 @@ LAGGED_NODES, LAGGED_STEPS = 4, 20
 # Residual of such a solve relative to the forces: far enough below the tolerance of Newton's method that the choice of
 # units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units (stability/units.py).
 LAGGED_SHARE = 1e-13
-# Relative residuals of a Krylov solve: once the sets repeat, and while they change (inexact Newton).
-# Source: docs/performance.md.  Tuned on Example 1, 480 x 160: 538 iterations of CG instead of 1193.
-KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 1e-3
+# What a Krylov solve leaves of the forces once the sets stay, and of its residual while they change (inexact Newton).
+# Source: docs/performance.md.
+KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 0.03
+# Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
+KRYLOV_STEPS = 1000
+# A direction in which contact adds more than this share of a node's own stiffness is held on coarse levels too.
+HELD_STIFFNESS = 0.5
+# Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.
+SMOOTHED_SPECTRUM = (0.1, 1.1)
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -213,9 +225,11 @@ FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
 # Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
 BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
-# Dense Cholesky, operations per second, and seconds of the smallest step; a solve by CG with algebraic multigrid,
-# seconds per unknown.  No record.
-DENSE_SPEED, DENSE_STEP_SECONDS, KRYLOV_SECONDS = 2e10, 1e-4, 1e-5
+# Dense Cholesky, operations a second, and seconds of the least step.  No record.
+DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
+# Seconds per unknown: to set up multigrid, and of a solve, of which few are exact.  What multigrid holds over the
+# stiffness matrix.  Tuned on the block of tests/spaces.py, 6,075 and 42,483 unknowns; see docs/performance.md.
+MULTIGRID_SECONDS, KRYLOV_SECONDS, MULTIGRID_SHARE = 1.5e-5, 6e-6, 1.2
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
 # the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}

@@ -88,7 +88,7 @@ def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
     assert graph["body.forms"] == {"body.material"}
-    assert {"scene.model", "mesh.tagged", "linalg.full"} <= graph["solving.one_mesh"]
+    assert {"scene.model", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
         f"{module} imports {other}"

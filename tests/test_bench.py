@@ -32,6 +32,7 @@ GROUPS = {
     "counts",
     "import",
     "large",
+    "space",
 }
 
 

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.linalg import full
+from signorini_fx.linalg import krylov
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Status, Timings
 from signorini_fx.scene.model import PrescribedDisplacement
@@ -17,13 +17,13 @@ from signorini_fx.scene.model import PrescribedDisplacement
 def iterations(monkeypatch):
     """Counts the CG iterations."""
     count = [0]
-    configure = full.FullSystem.configure
+    configure = krylov.KrylovSystem.configure
 
-    def watched(self, ksp, *, symmetric):
-        configure(self, ksp, symmetric=symmetric)
+    def watched(self, ksp, **how):
+        configure(self, ksp, **how)
         ksp.setMonitor(lambda _ksp, number, _norm: count.__setitem__(0, count[0] + (number > 0)))
 
-    monkeypatch.setattr(full.FullSystem, "configure", watched)
+    monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
     return count
 
 
@@ -32,7 +32,7 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
     scene = example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov")
     direct = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))
     loose, used = alone(scene), iterations[0]
-    monkeypatch.setattr(full, "INEXACT_TOLERANCE", full.KRYLOV_TOLERANCE)
+    monkeypatch.setattr(krylov, "INEXACT_TOLERANCE", 0.0)
     iterations[0] = 0
     exact = alone(scene)
     assert used < 0.6 * iterations[0]
@@ -45,7 +45,7 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
 
 def test_cycles_of_loose_solves_are_none(monkeypatch):
     """Where loose solves make the sets come back, exact ones go on from there, and their outcome counts."""
-    monkeypatch.setattr(full, "INEXACT_TOLERANCE", 0.1)
+    monkeypatch.setattr(krylov, "INEXACT_TOLERANCE", 0.1)
     scene = example1(bound=1.5, nx=60, ny=20, fallbacks=False, linear_algebra="krylov")
     ours = alone(scene, check=False)
     assert ours.status is Status.CONVERGED
@@ -55,9 +55,14 @@ def test_cycles_of_loose_solves_are_none(monkeypatch):
 
 def test_far_too_loose_is_no_solution(monkeypatch):
     """Solves that are hardly any do not end in a wrong answer."""
-    monkeypatch.setattr(full, "INEXACT_TOLERANCE", 0.9)
-    solution = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov", max_iterations=20), check=False)
-    assert solution.status is Status.MAX_ITERATIONS
+    scene = example1(bound=1.5, nx=60, ny=20, linear_algebra="krylov")
+    wanted = alone(scene)
+    monkeypatch.setattr(krylov, "INEXACT_TOLERANCE", 0.9)
+    loose = alone(scene)
+    residuals = [[record.residual for record in solution.history.iterations] for solution in (loose, wanted)]
+    assert residuals[0][0] > 1.5 * residuals[1][0]
+    largest = wanted.contact.pressure.max()
+    np.testing.assert_allclose(loose.contact.pressure, wanted.contact.pressure, rtol=0, atol=1e-9 * largest)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -69,7 +74,7 @@ def test_multigrid_knows_the_rigid_motions(cell):
         held = PrescribedDisplacement(boundary="left", x=0.0, y=0.0)
         scene = scene.model_copy(update={"displacement": (held,), "contact": ()})
         discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-        system = full.FullSystem.of(discretisation, krylov=True)
+        system = krylov.KrylovSystem.of(discretisation)
         if not motions:
             system.matrix.setNearNullSpace(PETSc.NullSpace())
         ksp = PETSc.KSP().create(system.comm)

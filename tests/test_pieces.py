@@ -185,7 +185,8 @@ def test_a_piece_that_nothing_holds(linear_algebra, algorithm, gap):
     solution = solve(scene, WORLD, check=False)
     assert solution.status is Status.NOT_HELD
     assert solution.history.linear_solves == 0
-    assert solution.linear_algebra.startswith("full")  # the interior of such a body has no inverse
+    kind = "krylov" if linear_algebra == "krylov" else "full"
+    assert solution.linear_algebra.startswith(kind)  # the interior of such a body has no inverse
     (warning,) = [f.message for f in solution.findings if f.level == "warning"]
     assert warning.startswith("nothing holds piece 2 of 2 (16 cells, x[0] 0.5 to 1.5, x[1] 0 to 1)")
     assert "translations and rotations" in warning

@@ -103,8 +103,8 @@ class SemismoothNewton:
         """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
         problem = self.problem
         problem.assemble_jacobian(snes, x, jacobian)
-        moved = problem.moved if self._may_keep or problem.moved == 0 else None
-        self._factorised = not problem.system.keep_factor(snes.getKSP(), moved, problem.force_scale)
+        ksp, forces = snes.getKSP(), problem.force_scale
+        self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=not self._may_keep)
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
@@ -304,7 +304,8 @@ class SemismoothNewton:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
                 return self._stop(Status.CYCLING)
-        self._seen[fingerprint] = max(law, snes.getTolerances()[0])
+        # How near the law was with the sets of the start is not known.
+        self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf
         if problem.next.escapes is not None:
             return self._stop(problem.next.escapes)
         return int(_SNES.CONVERGED_ITERATING)

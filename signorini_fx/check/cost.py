@@ -21,11 +21,12 @@ from signorini_fx.tuned import (
     CONDENSING,
     DENSE_SPEED,
     DENSE_STEP_SECONDS,
-    FACTOR_ENTRIES,
     FACTOR_SECONDS,
     KRYLOV_SECONDS,
     MEMORY_SHARE,
     MORE_SOLVES,
+    MULTIGRID_SECONDS,
+    MULTIGRID_SHARE,
     ROW_ENTRIES,
     SOLVES_OF_FINER_MESH,
     SOLVES_OF_LATER_STEP,
@@ -40,9 +41,9 @@ class Cost:
     Attributes:
         unknowns: displacement components that are not prescribed.
         contact_nodes: nodes of all contact boundaries.
-        linear_algebra: ``full`` or ``condensed``, and why.
+        linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
         linear_solves: from and to, of all load steps.
-        factorisation_seconds: of one sparse factorisation.
+        factorisation_seconds: of one sparse factorisation, whether one is made or not.
         factorisation_bytes: its factor.
         seconds: linear algebra of the whole solve, from and to.
         memory_bytes: of the whole process.
@@ -87,39 +88,39 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
 
 
 def estimated_cost(d: Body) -> Cost:
-    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three."""
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
+    of both.
+    """
     comm = d.comm
     n = d.dofs
     nodes = contact_nodes(d)
     dim = d.tagged.dimension
-    least, slope, offset = FACTOR_ENTRIES[dim]
-    entries = n * max(least, slope * (math.log2(n) - offset) if dim == 2 else slope * n**offset)
+    entries = choice.factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
-    kind = friction_kind(d.scene, d.scene.contact)
-    solves = linear_solves(d.scene, kind, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
-    setting, dense = d.scene.solver.linear_algebra, 0
-    reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
-    if setting == "krylov":
-        reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
-    elif d.boundary is not None:
-        against = choice.against_condensing(d, dim * nodes)
-        if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
-            dense = dim * nodes
-            step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
-            reason, once, each = "condensed", CONDENSING * factorisation, step
-        else:
-            reason, once, each = f"full: {against or 'set by the scene'}", 0.0, factorisation
-    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
+    friction = friction_kind(d.scene, d.scene.contact)
+    solves = linear_solves(d.scene, friction, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
     matrix = 12.0 * ROW_ENTRIES[dim] * n
+    kind, reason = choice.choose_kind(d, d.scene.solver.linear_algebra)
+    dense, held = 0, 12.0 * entries
+    if kind == "krylov":
+        once, each, held = MULTIGRID_SECONDS * n, KRYLOV_SECONDS * n, MULTIGRID_SHARE * matrix
+    elif kind == "condensed":
+        dense = dim * nodes
+        once, each = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+    elif d.boundary is None:
+        reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
+    else:
+        once, each = 0.0, factorisation
+    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     return Cost(
         unknowns=free,
         contact_nodes=nodes,
-        linear_algebra=reason,
+        linear_algebra=f"{kind}: {reason}",
         linear_solves=solves,
         factorisation_seconds=factorisation,
         factorisation_bytes=9.0 * entries,
         seconds=(once + solves[0] * each, once + solves[1] * each),
-        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + 12.0 * entries + 24.0 * dense**2,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2,
     )
 
 

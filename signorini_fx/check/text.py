@@ -33,10 +33,12 @@ def _wrapped(text: str) -> list[str]:
 def _estimate(cost: Cost) -> str:
     low, high = cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
+    multigrid = cost.linear_algebra.startswith("krylov")
+    one = "a sparse factorisation would take" if multigrid else "one sparse factorisation"
     return (
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
-        f"one sparse factorisation {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
+        f"{one} {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
         f"altogether {' to '.join(dict.fromkeys(map(_seconds, cost.seconds)))} and {_bytes(cost.memory_bytes)}"
     )
 

@@ -45,20 +45,21 @@ class ElasticSystem(Protocol):
         """PETSc options (without prefix) that apply during the solve unless the user has set them."""
 
     @property
-    def unsymmetric(self) -> bool:
-        """Whether its linear solver accepts an unsymmetric tangent."""
-
-    @property
     def inexact(self) -> bool:
         """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks; its operators are set already.
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+        """Set the default linear solver for A plus contact blocks.
 
         The user's options are applied later and take precedence.
+
+        Args:
+            ksp: the linear solver; it has its operators already, so far A alone.
+            symmetric: whether they will be.
+            turned: Q, where they are in unknowns x~ with x = Q x~; None: in those of this system.
         """
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Decide whether the last factorisation can be used for the new matrix too, and set the solver accordingly.
 
         Args:
@@ -66,6 +67,7 @@ class ElasticSystem(Protocol):
             moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
                 there is none, or too many to tell.
             forces: size of the acting forces, which the tolerance of a solve is relative to.
+            exact: whether the solve must have full accuracy.
         """
 
     def set_step(self, step: int, scale: float = 1.0) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,41 +13,98 @@ from signorini_fx.body.discretisation import Body, Discretisation
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
-from signorini_fx.tuned import FEWEST_CONDENSED_UNKNOWNS, MOST_CONDENSED_UNKNOWNS, SPARSE_OPERATIONS
+from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.tuned import (
+    FACTOR_ENTRIES,
+    FEWEST_CONDENSED_UNKNOWNS,
+    FEWEST_KRYLOV_UNKNOWNS,
+    LARGEST_MULTIGRID_POISSON,
+    MEMORY_SHARE,
+    MOST_CONDENSED_UNKNOWNS,
+    SPARSE_OPERATIONS,
+)
+
+_KINDS: dict[str, Callable[[Discretisation], ElasticSystem]] = {
+    "full": FullSystem.of,
+    "krylov": KrylovSystem.of,
+    "condensed": CondensedSystem.of,
+}
 
 
 def choose_system(discretisation: Discretisation, requested: str) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind.
 
     Args:
-        discretisation: the assembled body with a contact boundary.
+        discretisation: the assembled body.
         requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
     """
-    d = discretisation
-    assert d.boundary is not None
-    nodes = np.array(np.unique(d.boundary.nodes).size)
-    retained = d.tagged.dimension * int(parallel.global_sum(d.boundary.comm, nodes))
-    everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
-    if requested != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):
-        return FullSystem.of(d), "full: the contact does not reach every piece of the body that supports do not hold"
-    reason = against_condensing(d, retained)
-    if requested == "condensed" and d.boundary.comm.size == 1 and has_package("mumps"):
-        return CondensedSystem.of(d), "condensed: as asked for"
+    kind, reason = choose_kind(discretisation, requested)
+    return _KINDS[kind](discretisation), f"{kind}: {reason}"
+
+
+def choose_kind(d: Body, requested: str) -> tuple[str, str]:
+    """``full``, ``krylov`` or ``condensed``, and the reason; collective.
+
+    Args:
+        d: the body; without contact there is nothing to condense onto.
+        requested: as for ``choose_system``.
+    """
     if requested == "krylov":
-        return FullSystem.of(d, krylov=True), "full, Krylov: as asked for"
-    if not can_factorise(d.boundary.comm):
-        return FullSystem.of(d, krylov=True), "full, Krylov: PETSc has no factorisation for more than one rank"
-    if requested == "full" or reason is not None:
-        return FullSystem.of(d), f"full: {reason or 'set by the scene'}"
+        return "krylov", "as asked for"
+    reached = d.boundary is not None
+    if d.boundary is not None:
+        everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
+        reached = d.motions.held_by(d.boundary, everywhere, everywhere)
+        if not reached:
+            return "full", "the contact does not reach every piece of the body that supports do not hold"
+    retained = retained_unknowns(d)
+    if requested == "condensed" and reached and d.comm.size == 1 and has_package("mumps"):
+        return "condensed", "as asked for"
+    if not can_factorise(d.comm):
+        return "krylov", "PETSc has no factorisation for more than one rank"
+    against = against_condensing(d, retained)
+    if requested == "full":
+        return "full", against or "set by the scene"
+    if (multigrid := for_multigrid(d)) is not None:
+        return "krylov", multigrid
+    if against is not None:
+        return "full", against
     memory = 3 * 8 * retained**2 / 2**20
-    return CondensedSystem.of(
-        d
-    ), f"condensed: {retained} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
+    return "condensed", f"{retained} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
+
+
+def retained_unknowns(d: Body) -> int:
+    """Displacement components on all contact boundaries; collective."""
+    if d.boundary is None:
+        return 0
+    return d.tagged.dimension * int(parallel.global_sum(d.comm, np.array(np.unique(d.boundary.nodes).size)))
+
+
+def for_multigrid(d: Body) -> str | None:
+    """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
+    if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
+        return None
+    factor = 12.0 * factor_entries(d.dofs, d.tagged.dimension)
+    size = f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB"
+    if factor > MEMORY_SHARE * parallel.machine_memory(d.comm):
+        return f"{size}, more than this machine has"
+    compressible = max(material.poisson for material in d.scene.material) <= LARGEST_MULTIGRID_POISSON
+    large = d.dofs >= FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
+    return size if large and compressible else None
+
+
+def factor_entries(unknowns: int, dimension: int) -> float:
+    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
+    least, slope, offset = FACTOR_ENTRIES[dimension]
+    growing = slope * (math.log2(unknowns) - offset) if dimension == 2 else slope * unknowns**offset
+    return unknowns * max(least, growing)
 
 
 def against_condensing(d: Body, retained: int) -> str | None:
     """Why the system is not condensed onto ``retained`` unknowns of the contact boundary; None if it is."""
-    if d.tagged.mesh.comm.size > 1:
+    if retained == 0:
+        return "there is no contact"
+    if d.comm.size > 1:
         return "more than one rank"
     if not has_package("mumps"):
         return "PETSc has no MUMPS"

@@ -36,7 +36,6 @@ class CondensedSystem:
     interior: tuple[PETSc.Vec, ...]
     condensed: npt.NDArray[np.float64]
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    unsymmetric: bool = True
 
     @classmethod
     def of(cls, discretisation: Discretisation) -> CondensedSystem:
@@ -86,12 +85,12 @@ class CondensedSystem:
         """Never: dense."""
         return False
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
         """A dense factorisation by LAPACK."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
 

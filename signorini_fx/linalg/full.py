@@ -1,28 +1,16 @@
-"""The elastic system with all displacement dofs: sparse, any number of ranks."""
+"""The elastic system with all displacement dofs and a sparse factorisation, on any number of ranks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import LoadCase, load_resultant
-from signorini_fx.body.rigid import rigid_modes
-from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import options
-from signorini_fx.tuned import (
-    INEXACT_TOLERANCE,
-    KRYLOV_TOLERANCE,
-    LAGGED_NODES,
-    LAGGED_SHARE,
-    LAGGED_STEPS,
-    RANKS_WITH_MINIMUM_DEGREE,
-)
+from signorini_fx.linalg.assembled import AssembledSystem
+from signorini_fx.tuned import LAGGED_NODES, LAGGED_SHARE, LAGGED_STEPS, RANKS_WITH_MINIMUM_DEGREE
 
 
 @cache
@@ -63,62 +51,15 @@ _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "
 
 
 @dataclass
-class FullSystem:
-    """See ``ElasticSystem``: x holds the displacement dofs themselves.
+class FullSystem(AssembledSystem):
+    """See ``ElasticSystem``: x holds the displacement dofs themselves."""
 
-    Attributes:
-        krylov: solve by a Krylov method with algebraic multigrid instead of a factorisation.
-        inexact: whether the last solve was inexact.
-    """
-
-    comm: MPI.Comm
-    matrix: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
-    resultant: npt.NDArray[np.float64]
-    fixed: npt.NDArray[np.bool_]
-    contact: ContactMap
-    cases: tuple[LoadCase, ...]
-    krylov: bool = False
     inexact: bool = False
 
-    @property
-    def unsymmetric(self) -> bool:
-        """Multigrid does not converge with the large unsymmetric blocks of the monolithic tangent."""
-        return not self.krylov
-
-    @classmethod
-    def of(cls, discretisation: Discretisation, *, krylov: bool = False) -> FullSystem:
-        """The system as it was assembled, at the first load step."""
-        d = discretisation
-        load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        contact = ContactMap.of_nodes(d.boundary, None, d.fixed, d.stiffness)
-        resultant = np.zeros(d.motions.free.shape[0])
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
-        if krylov:
-            d.stiffness.setBlockSize(d.tagged.dimension)
-            d.stiffness.setNearNullSpace(_rigid_modes(d))
-        system.set_step(0)
-        return system
-
-    def set_step(self, step: int, scale: float = 1.0) -> None:
-        """The loads and prescribed displacements times their factors."""
-        self.load.set(0.0)
-        self.start.set(0.0)
-        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
-        for case in self.cases:
-            self.load.axpy(scale * case.factors[step], case.load)
-            self.start.axpy(scale * case.factors[step], case.start)
-
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """A direct factorisation, Cholesky if the matrix is symmetric; or CG or GMRES with algebraic multigrid."""
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+        """A direct factorisation, Cholesky if the matrix is symmetric."""
         pc = ksp.getPC()
         self._symmetric = symmetric
-        if self.krylov:
-            ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
-            ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=1000)
-            pc.setType(PETSc.PC.Type.GAMG)
-            return
         ksp.setType(PETSc.KSP.Type.PREONLY)
         pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
         pc.setFactorSolverType(factorisation_package(self.comm, symmetric=symmetric))
@@ -126,20 +67,14 @@ class FullSystem:
     @property
     def solver_defaults(self) -> dict[str, str]:
         """For MUMPS and CHOLMOD, which read their options when they factorise."""
-        if self.krylov:
-            return {}
         ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
         return {**_FACTOR_DEFAULTS, **ordering}
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""
         if options.user_sets("ksp_") or options.user_sets("pc_"):
             return moved == 0
-        if self.krylov:
-            self.inexact = moved is not None and moved > 0
-            ksp.setTolerances(rtol=INEXACT_TOLERANCE if self.inexact else KRYLOV_TOLERANCE)
-            return moved == 0
-        retained = moved is not None and moved <= LAGGED_NODES
+        retained = moved == 0 or (not exact and moved is not None and moved <= LAGGED_NODES)
         if retained and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
             # The residual itself, relative to the forces: the preconditioned norm does not decide whether Newton ends.
@@ -151,24 +86,3 @@ class FullSystem:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.setNormType(PETSc.KSP.NormType.NONE)
         return retained
-
-    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """X itself."""
-        return x
-
-
-def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Translations and rotations, orthonormal: the near-null space, which multigrid must represent on coarse levels.
-
-    Multigrid coarsens locally, where the motions of a piece are those of the whole body.
-    """
-    d = discretisation
-    owned = d.space.dofmap.index_map.size_local
-    modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
-    vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
-    for k, vector in enumerate(vectors):
-        vector.getArray()[:] = modes[:, :, k].ravel()
-        for other in vectors[:k]:
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-    return PETSc.NullSpace().create(vectors=vectors, comm=d.tagged.mesh.comm)

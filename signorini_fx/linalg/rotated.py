@@ -23,6 +23,10 @@ class RotatedSystem(TransformedSystem):
 
     rotation: PETSc.Mat
 
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+        """As the inner system, in unknowns that are turned."""
+        self.inner.configure(ksp, symmetric=symmetric, turned=self.rotation)
+
     def set_step(self, step: int, scale: float = 1.0) -> None:
         """As the inner system, rotated."""
         self.inner.set_step(step, scale)

@@ -35,11 +35,6 @@ class TransformedSystem:
         return self.inner.resultant
 
     @property
-    def unsymmetric(self) -> bool:
-        """As the inner system."""
-        return self.inner.unsymmetric
-
-    @property
     def solver_defaults(self) -> dict[str, str]:
         """As the inner system."""
         return self.inner.solver_defaults
@@ -49,10 +44,10 @@ class TransformedSystem:
         """As the inner system."""
         return self.inner.inexact
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
         """As the inner system."""
-        self.inner.configure(ksp, symmetric=symmetric)
+        self.inner.configure(ksp, symmetric=symmetric, turned=turned)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """As the inner system."""
-        return self.inner.keep_factor(ksp, moved, forces)
+        return self.inner.keep_factor(ksp, moved, forces, exact=exact)

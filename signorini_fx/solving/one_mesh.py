@@ -22,7 +22,7 @@ from signorini_fx.contact.resting_place import Rest, resting_place
 from signorini_fx.contact.state import ContactState, functionals
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.choice import choose_system
-from signorini_fx.linalg.full import FullSystem, can_factorise
+from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, Timings
@@ -164,10 +164,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     """A scene without contact: one factorisation, one solve per load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        krylov = discretisation.scene.solver.linear_algebra == "krylov" or not can_factorise(
-            discretisation.tagged.mesh.comm
-        )
-        system = FullSystem.of(discretisation, krylov=krylov)
+        system, linear_algebra = choose_system(discretisation, discretisation.scene.solver.linear_algebra)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
         ksp.setOperators(system.matrix)
@@ -181,7 +178,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
                     ksp.solve(system.load, x)
-                failed = Status.LINEAR_SOLVER if krylov else Status.SINGULAR
+                failed = Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
         with timings.phase("certify"):
             displacement = discretisation.function(x)
@@ -204,6 +201,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         certificate=certificate,
         steps=tuple(steps),
         history=history,
+        linear_algebra=linear_algebra,
         findings=tuple(_findings(discretisation, steps)),
         timings=timings,
     )

@@ -270,8 +270,8 @@ def _either_way(
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
     ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
-    # The monolithic tangent is unsymmetric, and allows neither for a cap nor for a pressure of either sign.
-    if law.cap is None and begun.data.bilateral is None and task.system.unsymmetric:
+    # The monolithic method allows neither for a cap nor for a pressure of either sign.
+    if law.cap is None and begun.data.bilateral is None:
         ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
     ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
     # The fixed-point iteration is the documented fall-back of Newton's method, even without further fall-backs.

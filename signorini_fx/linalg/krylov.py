@@ -1,0 +1,127 @@
+"""The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any number of ranks.
+
+Nothing of the size of the mesh is factorised.  See ``multigrid`` for the preconditioner, which is set up once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.rigid import rigid_modes
+from signorini_fx.linalg import options
+from signorini_fx.linalg.assembled import AssembledSystem
+from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
+from signorini_fx.linalg.petsc_c import call
+from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
+
+
+@dataclass
+class KrylovSystem(AssembledSystem):
+    """See ``ElasticSystem``: x holds the displacement dofs themselves.
+
+    Attributes:
+        inexact: whether the last solve was a loose one.
+    """
+
+    inexact: bool = False
+    _forces: float = 0.0
+
+    @classmethod
+    def of(cls, discretisation: Discretisation) -> Self:
+        """The system as it was assembled, at the first load step; multigrid gets to know the rigid motions."""
+        d = discretisation
+        d.stiffness.setBlockSize(d.tagged.dimension)
+        d.stiffness.setNearNullSpace(_rigid_modes(d))
+        return super().of(d)
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """None."""
+        return {}
+
+    @cached_property
+    def hierarchy(self) -> Hierarchy:
+        """Of A, set up when it is first asked for; collective."""
+        return Hierarchy.of(self.matrix)
+
+    @cached_property
+    def _touched(self) -> npt.NDArray[np.int64]:
+        """The unknowns of this rank that contact can act on, ascending; prescribed ones left out."""
+        operator = self.contact.operator
+        _, columns, values = operator.getValuesCSR()
+        mark = operator.createVecRight()
+        mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+        mark.assemble()
+        return np.flatnonzero((mark.getArray(readonly=True) > 0) & ~self.fixed)
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+        """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
+        matrix = ksp.getOperators()[0]
+        ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
+        if not options.user_sets("ksp_"):  # another method may not know this norm
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.GAMG)
+        contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
+        if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
+            return
+        size = self.matrix.getBlockSize()
+        preconditioner = ContactPreconditioner(
+            self.hierarchy, matrix, turned, self._touched, self.fixed, size, symmetric=symmetric
+        )
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(preconditioner)
+        ksp.setInitialGuessNonzero(True)
+        ksp.setPreSolve(self._begin, kargs={"preconditioner": preconditioner})
+        # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
+        call("KSPConvergedDefaultSetUIRNorm", ksp)
+
+    def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec, *, preconditioner: ContactPreconditioner) -> None:
+        """Solve for the contact unknowns, so that they have no residual, and say how much of the rest may be left.
+
+        The penalty is in the residual no more.  What a loose solve may leave follows Eisenstat & Walker (1996): the
+        share that the residual has of the forces, so that Newton's method converges as fast as with exact solves.
+        """
+        ksp.setUp()  # PETSc calls this before
+        preconditioner.solve_contact(b, x)
+        if options.user_sets("ksp_"):
+            return
+        residual = b.duplicate()
+        ksp.getOperators()[0].mult(x, residual)
+        residual.aypx(-1.0, b)
+        size = residual.norm()
+        least = KRYLOV_TOLERANCE * self._forces
+        share = min(INEXACT_TOLERANCE, size / self._forces) if self._forces > 0 else INEXACT_TOLERANCE
+        ksp.setTolerances(rtol=1e-15, atol=max(least, share * size) if self.inexact else least)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """For the same matrix; where it is another one, the solve need not be exact."""
+        if not options.user_sets("ksp_"):
+            self._forces, self.inexact = forces, moved != 0 and not exact
+        return moved == 0
+
+
+def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
+    """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
+
+    Multigrid coarsens locally, where the motions of a piece are those of the whole body.
+    """
+    d = discretisation
+    owned = d.space.dofmap.index_map.size_local
+    modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
+    vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
+    for k, vector in enumerate(vectors):
+        vector.getArray()[:] = np.where(d.fixed, 0.0, modes[:, :, k].ravel())
+        for other in vectors[:k]:
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+    return PETSc.NullSpace().create(vectors=vectors, comm=d.tagged.mesh.comm)

@@ -1,0 +1,387 @@
+"""Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds the body.
+
+The hierarchy is that of smoothed aggregation for A, the stiffness without contact; it never changes.  Contact adds
+C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
+is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest
+interpolation P becomes (I - E) P and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber
+1994; Graeser & Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary,
+
+    A_1' = A_1 - X^T W - W^T X + X^T A_cc X + Y^T C Y,   X = E P_c,  Y = P_c - X,  W = (A P)_c,
+
+and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So a V-cycle V never sees gamma.  Around it the contact unknowns are
+solved for exactly, F = (A + C)_cc^-1, before and after, which makes a symmetric multiplicative preconditioner: AMG with
+filtering (Petrides et al. 2025, arXiv:2505.18576).  The residual is zero on c from then on.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.linalg import options
+from signorini_fx.linalg.full import can_factorise, factorisation_package
+from signorini_fx.linalg.petsc_c import call
+from signorini_fx.tuned import HELD_STIFFNESS, SMOOTHED_SPECTRUM
+
+Array = npt.NDArray[np.float64]
+# Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
+# smallest eigenvalue of a coarse matrix, far above its round-off.
+_SHIFT = 1e-10
+_ESTIMATING_STEPS = 10
+# Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.
+_SAME_PLACE, _SAME_STIFFNESS = 1e-3, 0.1
+_SUBSET, _DIFFERENT = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Levels of A from smoothed aggregation, the finest first.
+
+    Attributes:
+        interpolations: P_0, P_1, ..., from each level to the finer one.
+        coarse: A_1 = P_0^T A P_0, A_2 = P_1^T A_1 P_1, ...
+        largest: the largest eigenvalue of A over its diagonal, as CG sees it in a few steps.
+    """
+
+    interpolations: tuple[PETSc.Mat, ...]
+    coarse: tuple[PETSc.Mat, ...]
+    largest: float
+
+    @classmethod
+    def of(cls, matrix: PETSc.Mat) -> Hierarchy:
+        """Set up GAMG once and keep what it has found; collective.
+
+        Args:
+            matrix: A, with the size of its blocks and its near null space.
+        """
+        gamg = PETSc.PC().create(matrix.comm)
+        gamg.setOptionsPrefix(options.PREFIX)
+        gamg.setOperators(matrix)
+        gamg.setType(PETSc.PC.Type.GAMG)
+        gamg.setFromOptions()
+        gamg.setUp()
+        finest = gamg.getMGLevels() - 1
+        interpolations = tuple(gamg.getMGInterpolation(level) for level in range(finest, 0, -1))
+        solvers = [gamg.getMGSmoother(level) for level in range(finest - 1, 0, -1)]
+        if finest:
+            solvers.append(gamg.getMGCoarseSolve())
+        coarse = tuple(solver.getOperators()[0] for solver in solvers)
+        for level in coarse:
+            level.setOption(PETSc.Mat.Option.SPD, True)
+        return cls(interpolations, coarse, _largest_eigenvalue(matrix))
+
+
+def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
+    """The largest eigenvalue of A over its diagonal that CG finds; collective."""
+    ksp = PETSc.KSP().create(matrix.comm)
+    ksp.setOperators(matrix)
+    ksp.setType(PETSc.KSP.Type.CG)
+    ksp.getPC().setType(PETSc.PC.Type.JACOBI)
+    ksp.setTolerances(rtol=1e-12, max_it=_ESTIMATING_STEPS)
+    ksp.setComputeEigenvalues(True)
+    x, b = matrix.createVecs()
+    first, last = b.getOwnershipRange()
+    # The same on any number of ranks, and no smooth function of the place.
+    b.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
+    ksp.solve(b, x)
+    return float(np.max(ksp.computeEigenvalues().real, initial=1.0))
+
+
+class ContactPreconditioner:
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+
+    Args:
+        hierarchy: of A.
+        matrix: A in the unknowns of the tangent.
+        turned: Q, where these are x~ with x = Q x~ in those of the hierarchy; None: the same.
+        unknowns: the contact unknowns of this rank, in the local part of x, ascending.
+        fixed: the prescribed unknowns of this rank.
+        size: unknowns per node.
+        symmetric: whether the tangent is.
+    """
+
+    def __init__(
+        self,
+        hierarchy: Hierarchy,
+        matrix: PETSc.Mat,
+        turned: PETSc.Mat | None,
+        unknowns: npt.NDArray[np.int64],
+        fixed: npt.NDArray[np.bool_],
+        size: int,
+        *,
+        symmetric: bool,
+    ) -> None:
+        self._comm = matrix.comm.tompi4py()
+        self._hierarchy = hierarchy
+        self._symmetric = symmetric
+        self._unknowns = unknowns
+        first = matrix.getOwnershipRange()[0]
+        self._places = PETSc.IS().createGeneral((first + unknowns).astype(PETSc.IntType), comm=matrix.comm)
+        # All that is needed of A: its rows at the contact unknowns, and its diagonal.
+        rows = matrix.createSubMatrix(self._places, None)
+        self._elastic = matrix.createSubMatrix(self._places, self._places)
+        self._diagonal = matrix.getDiagonal()
+        self._fixed = fixed
+        self._prescribed = self._diagonal.getArray(readonly=True)[fixed]
+        finest = hierarchy.interpolations[0]
+        self._interpolation = finest if turned is None else turned.transposeMatMult(finest)
+        self._product = rows.matMult(self._interpolation)
+        self._nodes = _NodalBlocks(self._elastic, unknowns, size)
+        # P_c, with room for what a projection of its nodes may mix.
+        self._at_contact = self._interpolation.createSubMatrix(self._places, None)
+        mixed = self._nodes.matrix(np.zeros(self._nodes.shape)).matMult(self._at_contact)
+        self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
+        self._coarse: list[PETSc.Mat] = []
+        self._truncated_at: tuple[Array, Array] | None = None
+        self._contact_rows: PETSc.Mat | None = None
+        self._contact: PETSc.Mat | None = None
+        self._create_cycle(matrix)
+        self._solver = self._create_solver()
+        self._right, self._left = self._elastic.createVecs()
+        self._residual = matrix.createVecLeft()
+
+    def _create_solver(self) -> PETSc.PC:
+        """A direct solver for the contact unknowns; their graph is that of a surface."""
+        solver = PETSc.PC().create(self._comm)
+        if can_factorise(self._comm):
+            solver.setType(PETSc.PC.Type.CHOLESKY if self._symmetric else PETSc.PC.Type.LU)
+            solver.setFactorSolverType(factorisation_package(self._comm, symmetric=self._symmetric))
+        else:
+            solver.setType(PETSc.PC.Type.REDUNDANT)
+        return solver
+
+    def _create_cycle(self, matrix: PETSc.Mat) -> None:
+        """A V-cycle with Chebyshev's iteration on each level, Jacobi inside."""
+        levels = self._hierarchy
+        depth = len(levels.interpolations)
+        cycle = PETSc.PC().create(matrix.comm)
+        cycle.setOptionsPrefix(options.PREFIX)
+        cycle.setOperators(matrix)
+        cycle.setType(PETSc.PC.Type.MG)
+        cycle.setMGLevels(depth + 1)
+        self._truncated = self._interpolation.copy()
+        self._truncated.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        for level, interpolation in enumerate((self._truncated, *levels.interpolations[1:])):
+            cycle.setMGInterpolation(depth - level, interpolation)
+        self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
+        self._smoothers.append(cycle.getMGCoarseSolve())
+        for smoother in self._smoothers[:-1]:
+            smoother.getPC().setType(PETSc.PC.Type.JACOBI)
+        # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may change that.
+        finest = cycle.getMGSmoother(depth)
+        finest.setOptionsPrefix(f"{options.PREFIX}mg_finest_")
+        finest.setType(PETSc.KSP.Type.CHEBYSHEV)
+        finest.getPC().setType(PETSc.PC.Type.MAT)
+        low, high = (share * levels.largest for share in SMOOTHED_SPECTRUM)
+        call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
+        self._finest, self._cycle = finest, cycle
+
+    def setUp(self, pc: PETSc.PC) -> None:
+        """For a new tangent: factorise it at the contact unknowns, and truncate where the directions held are others.
+
+        Collective.
+        """
+        tangent = pc.getOperators()[0]
+        self._contact_rows = tangent.createSubMatrix(self._places, None, self._contact_rows)
+        self._contact = tangent.createSubMatrix(self._places, self._places, self._contact)
+        if self._symmetric:
+            self._contact.setOption(PETSc.Mat.Option.SPD, True)
+        self._solver.setOperators(self._contact)
+        self._solver.setUp()
+        held, soft = self._nodes.split(self._contact, self._contact_rows)
+        if parallel.any_rank(self._comm, self._differs(held, soft)):
+            self._truncated_at = held, soft
+            self._truncate(held, soft)
+        self._finest.setOperators(tangent, self._inverse)
+        self._cycle.setOperators(tangent)
+        self._cycle.setUp()
+
+    def _differs(self, held: Array, soft: Array) -> bool:
+        """Whether the levels are to be truncated anew on account of this rank."""
+        if self._truncated_at is None:
+            return True
+        known = self._truncated_at
+        return not (np.allclose(held, known[0], atol=_SAME_PLACE) and np.allclose(soft, known[1], rtol=_SAME_STIFFNESS))
+
+    def _truncate(self, held: Array, soft: Array) -> None:
+        """(I - E) P, D^-1 and the coarse matrices; collective."""
+        moved = self._nodes.matrix(held).matMult(self._at_contact)
+        left = self._at_contact.copy()
+        left.axpy(-1.0, moved, structure=_SUBSET)
+        rows = self._places.getIndices()
+        if rows.size:
+            starts, columns, values = left.getValuesCSR()
+            self._truncated.setValuesIJV(starts, columns, values, rowmap=rows)
+        self._truncated.assemble()
+        self._inverse = self._inverse_diagonal(held, soft)
+        half = moved.transposeMatMult(self._product)
+        change = self._elastic.ptap(moved)
+        change.axpy(1.0, self._nodes.matrix(soft).ptap(left), structure=_DIFFERENT)
+        change.axpy(-1.0, half, structure=_DIFFERENT)
+        change.axpy(-1.0, half.transpose(PETSc.Mat()), structure=_DIFFERENT)
+        below = (*self._hierarchy.interpolations[1:], None)
+        # PCMG keeps the matrices that it was first given, so that these change in place.
+        new = not self._coarse
+        for place, (level, interpolation) in enumerate(zip(self._hierarchy.coarse, below, strict=True)):
+            if new:
+                self._coarse.append(level.copy())
+            coarse, diagonal = self._coarse[place], level.getDiagonal()
+            if not new:
+                coarse.zeroEntries()
+                coarse.axpy(1.0, level, structure=_SUBSET)
+            coarse.axpy(1.0, change, structure=_DIFFERENT if new else _SUBSET)
+            diagonal.scale(_SHIFT)
+            coarse.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+            coarse.setOption(PETSc.Mat.Option.SPD, True)
+            self._smoothers[place].setOperators(coarse)
+            if interpolation is not None:
+                change = change.ptap(interpolation)
+
+    def _inverse_diagonal(self, held: Array, soft: Array) -> PETSc.Mat:
+        """D^-1 of the directions that are free to move."""
+        nodes, unknowns = self._nodes, self._unknowns
+        first, last = self._diagonal.getOwnershipRange()
+        others = np.ones(last - first, dtype=bool)
+        others[unknowns] = False
+        counts = np.ones(last - first, dtype=np.int64)
+        counts[unknowns] = np.diff(nodes.starts)
+        starts = np.concatenate(([0], np.cumsum(counts)))
+        columns, values = np.empty(starts[-1], dtype=np.int64), np.empty(starts[-1])
+        columns[starts[:-1][others]] = first + np.flatnonzero(others)
+        values[starts[:-1][others]] = 1.0 / self._diagonal.getArray(readonly=True)[others]
+        place = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(nodes.columns.size)
+        columns[place] = first + unknowns[nodes.columns]
+        values[place] = nodes.values(nodes.inverse(held, soft))
+        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
+        sizes = self._diagonal.getSizes()
+        return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
+
+    def solve_contact(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """X = F b, zero elsewhere; collective."""
+        self._right.getArray()[:] = right.getArray(readonly=True)[self._unknowns]
+        self._solver.apply(self._right, self._left)
+        x.set(0.0)
+        x.getArray()[self._unknowns] = self._left.getArray(readonly=True)
+
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the columns, which does not
+        matter, as the right-hand sides of a Krylov method that begins with F are zero there.
+        """
+        assert self._contact_rows is not None
+        unknowns = self._unknowns
+        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns]
+        self._solver.apply(self._right, self._left)
+        before = self._left.getArray(readonly=True).copy()
+        self._contact_rows.multTranspose(self._left, self._residual)
+        self._residual.aypx(-1.0, right)
+        self._residual.getArray()[self._fixed] = 0.0
+        self._cycle.apply(self._residual, x)
+        # Prescribed unknowns have rows of their own; the least of what the coarse levels move there would be a motion.
+        x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
+        x.getArray()[unknowns] += before
+        self._contact_rows.mult(x, self._left)
+        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._left.getArray(readonly=True)
+        self._solver.apply(self._right, self._left)
+        x.getArray()[unknowns] += self._left.getArray(readonly=True)
+
+
+class _NodalBlocks:
+    """The blocks that contact matrices have at the nodes of this rank.
+
+    A node has those of its unknowns that are contact unknowns; blocks are of shape (nodes, size, size), with zeros for
+    the others.
+
+    Args:
+        elastic: A_cc.
+        unknowns: the contact unknowns of this rank, in the local part of x, ascending.
+        size: unknowns per node.
+
+    Attributes:
+        starts, columns: the rows of this rank of a matrix with these blocks, columns by their place in ``unknowns``.
+    """
+
+    def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
+        self._comm, self._sizes = elastic.comm, elastic.getSizes()
+        self._first = elastic.getOwnershipRange()[0]
+        nodes, node = np.unique(unknowns // size, return_inverse=True)
+        self.shape = (nodes.size, size, size)
+        self._node, self._component = node.ravel(), unknowns % size
+        counts = np.bincount(self._node, minlength=nodes.size)[self._node]
+        self.starts = np.concatenate(([0], np.cumsum(counts)))
+        begins = np.searchsorted(self._node, self._node)
+        self._rows = np.repeat(np.arange(unknowns.size), counts)
+        self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
+        self._elastic = self._blocks(elastic)
+        there = self._components()
+        trace = np.trace(self._elastic, axis1=1, axis2=2)
+        self._scale = np.divide(trace, there.sum(axis=1), out=np.ones_like(trace), where=there.any(axis=1))
+
+    def _components(self) -> npt.NDArray[np.bool_]:
+        there = np.zeros(self.shape[:2], dtype=bool)
+        there[self._node, self._component] = True
+        return there
+
+    def values(self, blocks: Array) -> Array:
+        """The entries of blocks in the order of ``columns``."""
+        node, row, column = self._node[self._rows], self._component[self._rows], self._component[self.columns]
+        return np.asarray(blocks[node, row, column])
+
+    def matrix(self, blocks: Array) -> PETSc.Mat:
+        """The matrix with these blocks; collective."""
+        csr = (
+            self.starts.astype(PETSc.IntType),
+            (self._first + self.columns).astype(PETSc.IntType),
+            self.values(blocks),
+        )
+        return PETSc.Mat().createAIJ(self._sizes, csr=csr, comm=self._comm)
+
+    def _blocks(self, matrix: PETSc.Mat) -> Array:
+        """Those of a matrix like A_cc."""
+        starts, columns, values = matrix.getValuesCSR()
+        row, column = np.repeat(np.arange(self._node.size), np.diff(starts)), columns - self._first
+        own = (column >= 0) & (column < self._node.size)
+        row, column, values = row[own], column[own], values[own]
+        same = self._node[row] == self._node[column]
+        row, column = row[same], column[same]
+        blocks = np.zeros(self.shape)
+        blocks[self._node[row], self._component[row], self._component[column]] = values[same]
+        return blocks
+
+    def split(self, contact: PETSc.Mat, rows: PETSc.Mat) -> tuple[Array, Array]:
+        """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it.
+
+        Args:
+            contact: (A + C)_cc; where a constraint is put in, its row and column are empty but for the diagonal.
+            rows: the rows of A + C at the contact unknowns.
+        """
+        added = (self._blocks(contact) - self._elastic) / self._scale[:, None, None]
+        starts, _, values = rows.getValuesCSR()
+        constrained = np.zeros(self.shape[:2], dtype=bool)
+        entries = np.add.reduceat(np.append(values != 0, False), starts[:-1]) if self._node.size else np.zeros(0)
+        constrained[self._node, self._component] = entries <= 1
+        added[constrained[:, :, None] | constrained[:, None, :]] = 0.0
+        node, component = np.nonzero(constrained)
+        added[node, component, component] = 1.0 / np.finfo(float).eps
+        # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
+        _, stiffness, directions = np.linalg.svd(added)
+        stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
+        held = stiff.transpose(0, 2, 1) @ stiff
+        free = np.eye(self.shape[1]) - held
+        rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]
+        return held, rest
+
+    def inverse(self, held: Array, soft: Array) -> Array:
+        """Of the diagonal of A and what contact adds softly, on the directions that are not held."""
+        size = self.shape[1]
+        there = self._components()
+        diagonal = np.diagonal(self._elastic + soft, axis1=1, axis2=2)
+        diagonal = np.where(there, diagonal, self._scale[:, None])
+        free = np.eye(size) - held
+        block = free @ (diagonal[:, :, None] * free)
+        scale = self._scale[:, None, None]
+        return np.asarray(np.linalg.inv(block + scale * held) - held / scale)

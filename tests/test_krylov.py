@@ -1,0 +1,257 @@
+"""A Krylov method with multigrid gives the answers of a factorisation, for the price of about one linear solve."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import alone, example1
+from spaces import block, friction_of
+from test_linalg import turned
+from test_ranks import same_on_all_ranks
+from test_space_ranks import brick
+
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.check.checks import check_scene
+from signorini_fx.linalg import choice, krylov, multigrid
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.model import PrescribedDisplacement
+from signorini_fx.solving.solver import _solve_nested, solve
+from signorini_fx.solving.sweep import sweep
+
+WORLD = MPI.COMM_WORLD
+LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}
+
+
+@pytest.fixture
+def steps(monkeypatch):
+    """Each Krylov solve: unknowns, kinds of the solver and its preconditioner, steps."""
+    found = []
+    configure = krylov.KrylovSystem.configure
+
+    def watched(self, ksp, **how):
+        def note(solver, b, _x):
+            found.append((b.getSize(), solver.getType(), solver.getPC().getType(), solver.getIterationNumber()))
+
+        configure(self, ksp, **how)
+        ksp.setPostSolve(note)
+
+    monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
+    return found
+
+
+@pytest.fixture
+def set_ups(monkeypatch):
+    """Counts how many multigrid hierarchies are set up, by their unknowns."""
+    sizes = []
+    create = multigrid.Hierarchy.of
+
+    def counted(matrix):
+        sizes.append(matrix.getSize()[0])
+        return create(matrix)
+
+    monkeypatch.setattr(multigrid.Hierarchy, "of", counted)
+    return sizes
+
+
+def agree(ours, theirs, share=1e-8):
+    """Status, sets, displacement and tractions of two solutions of one rank."""
+    assert ours.status is theirs.status is Status.CONVERGED
+    assert ours.certificate.holds
+    wanted = theirs.displacement.x.array
+    np.testing.assert_allclose(ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max())
+    found, wanted = ours.contact, theirs.contact
+    np.testing.assert_array_equal(found.in_contact, wanted.in_contact)
+    size = max(np.abs(wanted.pressure).max(), np.abs(wanted.shear).max())
+    for name in ("pressure", "shear"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name)
+
+
+def leaning(comm=MPI.COMM_SELF, **solver):
+    """A brick that friction alone holds on a foundation whose normal is along no axis."""
+    friction = friction_of(coefficient=0.5)
+    contact = {"boundary": "bottom", "direction": [0.1, -0.2, -1.0], "friction": friction}
+    return brick(comm, contact=contact, solver=solver)
+
+
+def glued(**solver):
+    """A brick that its foundation does not let go, pulled up and aside."""
+    contact = {"boundary": "bottom", "kind": "bilateral", "friction": friction_of(bound=5.0)}
+    load = {"boundary": "top", "x": 0.4, "z": 5.0}
+    return brick(MPI.COMM_SELF, contact=contact, traction=load, solver=solver)
+
+
+SCENES = {
+    **{f"hexahedra, {law}": lambda law=law, **s: block(12, gamma=1e8, **LAWS[law], **s) for law in LAWS},
+    **{f"tetrahedra, {law}": lambda law=law, **s: block(12, "tetrahedra", gamma=1e5, **LAWS[law], **s) for law in LAWS},
+    "small gamma": lambda **s: block(12, bound=1.5, gamma=1e3, **s),
+    "plane": lambda **s: example1(bound=1.5, nx=60, ny=20, **s),
+    "plane, fixed point": lambda **s: example1(coefficient=0.5, nx=60, ny=20, **s),
+    "nested": lambda **s: example1(coefficient=0.5, nx=60, ny=20, levels=3, **s),
+    "bilateral": glued,
+    "held by contact alone": lambda **s: brick(MPI.COMM_SELF, solver=s),
+    "tilted, held by contact alone": turned,
+    "leaning": leaning,
+    "leaning, exact": lambda **s: leaning(algorithm="exact", **s),
+    "exact": lambda **s: block(12, bound=1.5, gamma="auto", algorithm="exact", **s),
+    "exact, monolithic": lambda **s: block(12, gamma="auto", algorithm="exact", **LAWS["coulomb"], **s),
+    "augmented": lambda **s: block(12, bound=1.5, gamma=1e6, algorithm="alm", **s),
+    "quadratic": lambda **s: example1(bound=1.5, nx=30, ny=10, degree=2, **s),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_same_answer_as_a_factorisation(name, set_ups):
+    """To 1e-8 of the largest, with one hierarchy for each mesh, whatever contact does on it."""
+    ours, theirs = (alone(SCENES[name](linear_algebra=kind)) for kind in ("krylov", "full"))
+    assert ours.linear_algebra.startswith("krylov")
+    agree(ours, theirs)
+    assert len(set_ups) == (3 if name == "nested" else 1)
+    assert sorted(set(set_ups)) == sorted(set_ups)
+
+
+def linear_solve(scene, steps):
+    """Steps of CG for the same body held where it may touch, with multigrid set up for that, to the same residual."""
+    held = (*scene.displacement, PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0, z=0.0))
+    alone(scene.model_copy(update={"displacement": held, "contact": ()}))
+    return steps.pop()[3]
+
+
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_about_one_linear_solve(cells, steps):
+    """On the finer of two meshes at most twice as many, whatever gamma is and whatever the law; and from one mesh
+    to the next, eight times as large, they hardly grow.
+    """
+    for law in LAWS:
+        for gamma in (1e5, 1e9):
+            spent = []
+            for nx in (12, 24):
+                steps.clear()
+                scenes = [block(n, cells, gamma=gamma, linear_algebra="krylov", **LAWS[law]) for n in (nx // 2, nx)]
+                assert _solve_nested(scenes, MPI.COMM_SELF, History()).converged
+                finest = max(size for size, *_ in steps)
+                spent.append(sum(count for size, *_, count in steps if size == finest))
+                once = linear_solve(scenes[-1], steps)
+                assert spent[-1] <= 2.0 * once
+            assert spent[1] <= 1.3 * spent[0]
+
+
+def test_the_monolithic_method(steps):
+    """Its tangent is unsymmetric, with entries as large as gamma; FGMRES takes few steps, and Newton few solves."""
+    ours, theirs = (alone(block(12, gamma=1e9, linear_algebra=kind, **LAWS["coulomb"])) for kind in ("krylov", "full"))
+    assert ours.algorithm == theirs.algorithm == "coulomb-newton"
+    assert ours.history.events == []
+    assert ours.history.linear_solves <= theirs.history.linear_solves + 4
+    monolithic = [count for _, method, _, count in steps if method == "fgmres"]
+    assert len(monolithic) >= 4
+    assert max(monolithic) <= 15
+
+
+def test_constraints_cost_no_more(steps):
+    """Constrained unknowns are held on all levels, so that the limit without regularisation takes as few steps."""
+    for name in ("exact", "exact, monolithic", "leaning, exact"):
+        solution = alone(SCENES[name](linear_algebra="krylov"))
+        assert solution.history.events == []
+    assert max(count for *_, count in steps) <= 20
+
+
+def test_soft_contact_is_on_all_levels(steps):
+    """With a small gamma contact holds nothing by itself, and alone holds the body: coarse levels must know of it."""
+    alone(block(12, bound=1.5, gamma=1e3, linear_algebra="krylov"))
+    assert max(count for *_, count in steps) <= 25
+
+
+def test_one_hierarchy_for_sweeps_and_load_steps(set_ups):
+    """Nothing of the mesh changes with the load, the friction coefficient or gamma."""
+    scene = example1(coefficient=0.3, nx=24, ny=8, linear_algebra="krylov")
+    assert [point.status for point in sweep(scene, MPI.COMM_SELF, loads=[1.0, 0.5])] == [Status.CONVERGED] * 2
+    assert len(set_ups) == 1
+    follow = example1(bound=1.5, nx=24, ny=8, gamma="auto", algorithm="path-following", linear_algebra="krylov")
+    assert alone(follow).converged
+    assert len(set_ups) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "method", "kind"),
+    [
+        ({}, "cg", "python"),
+        ({"ksp_type": "minres"}, "minres", "python"),
+        ({"pc_type": "gamg"}, "cg", "gamg"),
+        ({"ksp_rtol": "1e-13"}, "cg", "python"),
+        ({"pc_type": "cholesky", "ksp_type": "preonly"}, "preonly", "cholesky"),
+    ],
+)
+def test_options_of_the_user_win(options, method, kind, steps):
+    """The method, the preconditioner, the tolerance; the answer is that of a factorisation."""
+    scene = block(6, bound=1.5, gamma=1e6, linear_algebra="krylov")
+    reference = alone(scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})}))
+    table = PETSc.Options("sfx_")
+    try:
+        for name, value in options.items():
+            table[name] = value
+        steps.clear()
+        solution = alone(scene)
+    finally:
+        for name in options:
+            table.delValue(name)
+    assert {(found, preconditioner) for _, found, preconditioner, _ in steps} == {(method, kind)}
+    agree(solution, reference, share=1e-7)
+    if "ksp_rtol" in options:  # no solve is loose
+        assert min(count for *_, count in steps) >= 8
+
+
+def test_chosen_for_large_bodies_in_space(monkeypatch):
+    """By the number of unknowns in space, by memory anywhere; not near incompressibility, and not against the user."""
+
+    def kind(scene):
+        cost = check_scene(scene, MPI.COMM_SELF).cost
+        assert cost.linear_algebra == choice.choose_system(assembled(scene), scene.solver.linear_algebra)[1]
+        return cost.linear_algebra.partition(":")[0]
+
+    def assembled(scene):
+        return discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+
+    plane, solid = example1(nx=96, ny=32), block(6, linear_algebra="auto")
+    rubber = solid.model_copy(update={"material": (solid.material[0].model_copy(update={"poisson": 0.499}),)})
+    assert [kind(scene) for scene in (plane, solid, rubber)] == ["condensed", "full", "full"]
+    monkeypatch.setattr(choice, "FEWEST_KRYLOV_UNKNOWNS", {3: 100})
+    assert [kind(scene) for scene in (plane, solid, rubber)] == ["condensed", "krylov", "full"]
+    assert kind(block(6, linear_algebra="full")) == "full"
+    table = PETSc.Options("sfx_")
+    table["pc_type"] = "lu"
+    try:
+        assert kind(solid) == "full"
+    finally:
+        table.delValue("pc_type")
+    monkeypatch.setattr(choice, "MEMORY_SHARE", 1e-9)
+    assert [kind(scene) for scene in (plane, solid, rubber)] == ["krylov", "krylov", "krylov"]
+
+
+RANKED = {
+    "hexahedra": lambda comm: block(9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]),
+    "tetrahedra": lambda comm: block(6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]),
+    "held by contact": lambda comm: brick(comm, solver={"linear_algebra": "krylov"}),
+    "plane": lambda comm: example1(bound=1.5, nx=30, ny=10, linear_algebra="krylov"),
+    "leaning, exact": lambda comm: leaning(comm, algorithm="exact", linear_algebra="krylov"),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", RANKED)
+def test_one_rank_or_many(name, steps):
+    """As many solves but for one, as many steps but for a fifth, and the same answer to 1e-8.
+
+    What multigrid puts together at the borders of the parts differs, and so does what a loose solve leaves.
+    """
+    together = solve(RANKED[name](WORLD), WORLD)
+    ours = same_on_all_ranks([count for *_, count in steps])
+    steps.clear()
+    single = solve(RANKED[name](MPI.COMM_SELF), MPI.COMM_SELF)
+    theirs = [count for *_, count in steps]
+    assert abs(len(ours) - len(theirs)) <= 1
+    assert sum(ours) == pytest.approx(sum(theirs), rel=0.2)
+    table, wanted = together.table.columns, single.table.columns
+    for group in (("u_n",), ("pressure", "shear")):
+        size = max(np.abs(wanted[one]).max() for one in group)
+        for one in group:
+            np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
