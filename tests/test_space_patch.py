@@ -16,7 +16,7 @@ PRESSURE, SHEAR, GAP, GAMMA = 20.0, 4.0, 0.002, 1e6
 OBLIQUE = np.radians(37.0)
 SIZE = (1.5, 1.2, 1.0)
 ROUND_OFF = 1e-10
-ELEMENTS = {"P1": ("tetrahedra", 1), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
+ELEMENTS = {"P1": ("tetrahedra", 1), "P2": ("tetrahedra", 2), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
 TURNS = {"upright": (0.0, (0.0, 0.0, 1.0)), "turned": (0.9, (0.3, -0.8, 0.5))}
 SIDES = {
     "left": (0, -1.0),
@@ -161,6 +161,29 @@ def test_stick(element, turn, law):
         turn,
         traction=state.tractions(turn, "top", "left", "right", "front", "back"),
         contact=contact(friction=friction_of(**law)),
+    )
+    assert solution.converged
+    assert_displacement(solution, state, turn)
+    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
+
+
+@each_element
+@each_turn
+def test_tilted_plane(element, turn):
+    """A foundation that is not parallel to the bottom: the body turns until the pressure is constant."""
+    state, slope = pressed(SHEAR, OBLIQUE), np.array([0.002, -0.001])
+    state.slope[2, :2] -= slope
+    state.slope[:2, 2] += slope
+    back = rotation(*TURNS[turn])
+    solution = run(
+        element,
+        turn,
+        traction=state.tractions(turn, "top", "left", "right", "front", "back"),
+        contact={
+            "boundary": "bottom",
+            "gap": lambda x: GAP + (x.T @ back)[:, :2] @ slope,
+            "friction": friction_of(**LAWS[0]),
+        },
     )
     assert solution.converged
     assert_displacement(solution, state, turn)

@@ -3,6 +3,7 @@
 With the nodal rule of ``forms.py`` the products on Gamma_c are sums over nodes,
 (lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
 rank may own none of the facets around it.  A node of two contact boundaries is two entries here, one for each normal.
+Where the nodes have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from mpi4py import MPI
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 
 Nodal = npt.NDArray[np.float64]
 
@@ -41,10 +43,11 @@ class ContactBoundary:
         weight: w_i, the area (in the plane: length) that the node stands for, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
-        free: which displacement components are not prescribed, shape (n, d).
-        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + nodes of a facet); in the
+        free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
+        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
             plane in order along the facet, in space as basix has them.
         global_nodes: global number of the node, shape (n,).
+        averages: how each point averages the displacement around it; None: it takes that of its node.
     """
 
     comm: MPI.Comm
@@ -56,11 +59,24 @@ class ContactBoundary:
     free: npt.NDArray[np.bool_]
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
+    averages: Averages | None = None
 
     @property
     def size(self) -> int:
         """Number of contact nodes on this rank."""
         return int(self.nodes.size)
+
+    @cached_property
+    def centre(self) -> Nodal:
+        """Where the force of each point acts on a rigid body, length, shape (n, d)."""
+        return self.x if self.averages is None else np.asarray(self.averages.shares @ self.averages.x)
+
+    @property
+    def reached(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes that the displacement at the points is made of, shape (m,): their own, or those
+        of ``averages``.
+        """
+        return self.global_nodes if self.averages is None else self.averages.nodes
 
     @cached_property
     def tangents(self) -> Nodal:
@@ -80,6 +96,11 @@ class ContactBoundary:
     def frames(self) -> Nodal:
         """(n, T) of each node, one direction per column, shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
+
+    @property
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Which displacement components are prescribed, shape (n, d); where points average, at any node."""
+        return ~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)
 
     @property
     def immovable(self) -> npt.NDArray[np.bool_]:
@@ -109,7 +130,7 @@ class ContactBoundary:
         A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
         and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
         """
-        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        supported = (np.abs(self.normal) * self.held).max(axis=1, initial=0.0) > _ALONG
         free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
         return self.norm(free) or self.norm(values)
 
@@ -138,7 +159,8 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
-    return ContactBoundary(parts[0].comm, **fields)
+    averages = [part.averages for part in parts if part.averages is not None]
+    return ContactBoundary(parts[0].comm, **fields, averages=Averages.joined(averages) if averages else None)
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
@@ -152,38 +174,52 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
 
 def contact_part(
     space: fem.FunctionSpace,
-    form: fem.Form,
+    form: fem.Form | AveragingForms,
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
     direction: tuple[float, ...] | None,
 ) -> ContactBoundary:
-    """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
+    """Points, weights and normals of one contact boundary from the assembled unit contact form."""
     dim = space.mesh.geometry.dim
-    moments = assemble(form).getArray().reshape(-1, dim)
-    weight = np.linalg.norm(moments, axis=1)
-    nodes = np.flatnonzero(weight > 0).astype(np.int32)
-    normal = moments[nodes] / weight[nodes, None]
+    averages = None
+    if isinstance(form, AveragingForms):
+        nodes, weight, moments, averages = averaged_points(space, form, fixed)
+        normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
+        free = averages.any_of(~averages.fixed)
+    else:
+        every = assemble(form).getArray().reshape(-1, dim)
+        size = np.linalg.norm(every, axis=1)
+        nodes = np.flatnonzero(size > 0).astype(np.int32)
+        weight, normal = size[nodes], every[nodes] / size[nodes, None]
+        free = ~fixed.reshape(-1, dim)[nodes]
     if direction is not None:
         normal = np.tile(np.asarray(direction) / np.hypot.reduce(direction), (nodes.size, 1))
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
         x=space.tabulate_dof_coordinates()[nodes, :dim],
-        weight=weight[nodes],
+        weight=weight,
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
-        free=~fixed.reshape(-1, dim)[nodes],
-        segments=_segments(space, facets, index),
+        free=free,
+        segments=_segments(space, facets, index, vertices=averages is not None),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
+        averages=averages,
     )
 
 
-def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
-    """The part and the global node numbers of each facet, see ``ContactBoundary.segments``."""
+def _segments(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
+) -> npt.NDArray[np.int64]:
+    """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
+    ``ContactBoundary.segments``.
+    """
     layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
     # Vertices come first, then what is inside the facet: along a facet of the plane the second vertex is the last node.
     closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
+    if vertices:
+        closures = closures[:, : side + 1]  # of triangles: no other facets average
     if side == 1:
         closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
     entities = facet_entities(space.mesh, facets)

@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
+from signorini_fx.body.averages import averaging, averaging_forms
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.loads import AppliedLoad, LoadCase, applied_load, check_finite, load_case, load_groups
 from signorini_fx.body.material import lame_parameters
@@ -117,7 +118,6 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
     """
     facets = boundary_facets(scene, tagged)
     pieces = find_pieces(tagged.mesh)
-    check_nodal_rule(scene, tagged)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
     lame = lame_coefficients(scene, tagged)
     reduced = reduced_degree(scene, tagged.mesh)
@@ -131,7 +131,9 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
             for factors, loads in load_groups(scene).items()
         ]
         contact_forms = [
-            inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
+            averaging_forms(space, facets[e.boundary], inventory, f"contact {e.boundary}")
+            if averaging(scene, tagged)
+            else inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
             for e in scene.contact
         ]
         check_finite(tagged.mesh.comm, applied)
@@ -176,17 +178,6 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
         )
     known = {field.name: getattr(body, field.name) for field in fields(body)}
     return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases)
-
-
-def check_nodal_rule(scene: Scene, tagged: TaggedMesh) -> None:
-    """Whether the contact integrals have a rule at the nodes with positive weights.
-
-    Raises:
-        SceneError: quadratic tetrahedra, whose vertices have no weight.
-    """
-    if scene.contact and scene.element.degree == 2 and tagged.mesh.topology.cell_name() == "tetrahedron":
-        message = "quadratic tetrahedra have no weight at their vertices: use degree = 1, or hexahedra with degree = 2"
-        raise SceneError([("element.degree", message)])
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

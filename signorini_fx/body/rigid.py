@@ -59,10 +59,12 @@ class RigidMotions:
         dim = self.x.shape[1]
         return dim * (dim + 1) // 2
 
-    def at(self, nodes: npt.NDArray[np.int32]) -> _Floats:
-        """The free motions at nodes of this rank, shape (n, d, k)."""
-        own = self.free.reshape(self.pieces.count, self.each, -1)[self.piece[nodes]]
-        moved: _Floats = self._modes(nodes) @ own
+    def at(self, boundary: ContactBoundary) -> _Floats:
+        """The free motions at contact points of this rank, shape (n, d, k)."""
+        piece = self.piece[boundary.nodes]
+        own = self.free.reshape(self.pieces.count, self.each, -1)[piece]
+        modes = rigid_modes(boundary.centre, self.centre[piece], self.length[piece])
+        moved: _Floats = boundary.free[:, :, None] * (modes @ own)
         return moved
 
     def displacement(self, motion: _Floats) -> _Floats:
@@ -107,7 +109,7 @@ class RigidMotions:
         unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
         if self.free.shape[1] == 0:
             return unresisted
-        modes = self.at(boundary.nodes) * boundary.free[:, :, None]
+        modes = self.at(boundary)
         tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
         found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
         if turned is not None and turned.shape[1] > 1:

@@ -22,7 +22,7 @@ def choose_system(discretisation: Discretisation, requested: str) -> tuple[Elast
     """
     d = discretisation
     assert d.boundary is not None
-    nodes = np.array(np.unique(d.boundary.nodes).size)
+    nodes = np.array(np.unique(d.boundary.reached).size)
     retained = d.tagged.dimension * int(parallel.global_sum(d.boundary.comm, nodes))
     everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
     if requested != "krylov" and not d.motions.held_by(d.boundary, everywhere, everywhere):

@@ -92,12 +92,13 @@ class FullSystem:
         """The system as it was assembled, at the first load step."""
         d = discretisation
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        contact = ContactMap.of_nodes(d.boundary, None, d.fixed, d.stiffness)
+        contact = ContactMap.of_points(d.boundary, None, d.fixed, d.stiffness)
         resultant = np.zeros(d.motions.free.shape[0])
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases, krylov)
+        matrix = contact.admitted(d.stiffness)
+        system = cls(d.tagged.mesh.comm, matrix, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
-            d.stiffness.setBlockSize(d.tagged.dimension)
-            d.stiffness.setNearNullSpace(_rigid_modes(d))
+            matrix.setBlockSize(d.tagged.dimension)
+            matrix.setNearNullSpace(_rigid_modes(d))
         system.set_step(0)
         return system
 

@@ -45,8 +45,12 @@ def check_rotation(boundary: ContactBoundary) -> None:
     """Whether every contact node can be turned into its normal and tangent; collective.
 
     Raises:
-        SceneError: a contact node has two normals, or a prescribed component and a normal along no axis.
+        SceneError: contact points average, a contact node has two normals, or a prescribed component and a normal along
+            no axis.
     """
+    if boundary.averages is not None:
+        reason = "contact points of quadratic tetrahedra average over several nodes, of which none can be tied"
+        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
     crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
     mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & ~boundary.free.all(axis=1)).any()))

@@ -30,10 +30,11 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces, hooke
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
-from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
 
@@ -54,8 +55,6 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 _ROUND_OFF = 1e-8
 # Contact stresses below this share of the mean stress in the body are not told from zero.
 _FAINT = 1e-3
-# A direction has a component along an axis if it is larger than this.
-_ALONG = 1e-8
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,9 +173,10 @@ def certify(
     }
     if tractions is None:
         return Certificate(equilibrium=_share(_norm(comm, residual[~fixed]), force), **found, **rest)
-    nodes = _ContactNodes.of(scene, forces, x, tractions)
+    nodes = ContactNodes.of(scene, forces, x, tractions)
     pressure, shear = nodes.pressure, nodes.shear
-    np.add.at(residual, nodes.nodes, nodes.forces())
+    reached, contact_forces, area = nodes.forces()
+    np.add.at(residual, reached, contact_forces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
@@ -187,7 +187,7 @@ def certify(
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
     if before is not None:  # what is added to it has its round-off
-        last = _ContactNodes.of(scene, forces, x, before.tractions)
+        last = ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
         stress = max(
             stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
@@ -196,17 +196,17 @@ def certify(
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
-    unbalanced = np.where(fixed, 0.0, residual)[nodes.nodes] / nodes.weight[:, None]
+    unbalanced = np.where(fixed, 0.0, residual)[reached] / area[:, None]
     equilibrium = max(
         _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
     )
-    u_n, u_t = nodes.traces(y)
+    u_n, u_t = nodes.traces(every)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
     if before is not None:
         slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, dim))[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
-            slip = slip + _ContactNodes.of(scene, forces, x, elastic).shear
+            slip = slip + ContactNodes.of(scene, forces, x, elastic).shear
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
@@ -231,97 +231,6 @@ def certify(
     }
     found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
     return Certificate(equilibrium=equilibrium, **found, **rest)
-
-
-@dataclass(frozen=True)
-class _ContactNodes:
-    """The contact nodes of this rank, from the scene and the mesh, with the tractions at them.
-
-    Attributes:
-        nodes: local number of the node.
-        weight: area (in the plane: length) that the node stands for.
-        normal: outward unit normal, or the direction that the scene gives.
-        gap: d, length.
-        bound: F g of the friction law at the pressure at hand, stress.
-        bilateral: whether contact cannot open.
-        pressure: lambda.
-        shear: mu, shape (n, d).
-    """
-
-    nodes: npt.NDArray[np.int64]
-    weight: Nodal
-    normal: Nodal
-    gap: Nodal
-    bound: Nodal
-    bilateral: npt.NDArray[np.bool_]
-    pressure: Nodal
-    shear: Nodal
-
-    @classmethod
-    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> _ContactNodes:
-        columns: list[tuple[Any, ...]] = []
-        unmatched = False
-        for part, effect in enumerate(scene.contact):
-            moment = forces.moments(effect.boundary)
-            weight = np.linalg.norm(moment, axis=1)
-            nodes = np.flatnonzero(weight > 0)
-            normal = moment[nodes] / weight[nodes, None]
-            if effect.direction is not None:
-                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
-            here = np.flatnonzero(np.asarray(tractions.part) == part)
-            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
-            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
-            pressure, shear = (
-                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
-                for values in (tractions.pressure, tractions.shear)
-            )
-            points = in_space(x[nodes])
-            columns.append(
-                (
-                    nodes,
-                    weight[nodes],
-                    normal,
-                    sample(effect.gap, points),
-                    _friction_bound(effect.friction, points, pressure),
-                    np.full(nodes.size, isinstance(effect, BilateralContact)),
-                    pressure,
-                    shear,
-                )
-            )
-        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
-            raise ValueError("the tractions are not those of the contact nodes of the scene")
-        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y), the latter as a vector, shape (n, d)."""
-        here = y[self.nodes]
-        normal = np.sum(here * self.normal, axis=1)
-        return normal, here - normal[:, None] * self.normal
-
-    def forces(self) -> Nodal:
-        """W (lambda n + mu), shape (n, d)."""
-        return self.weight[:, None] * (self.pressure[:, None] * self.normal + self.shear)
-
-    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Nodes where a support takes a part of the normal force."""
-        return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
-
-    def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Nodes that cannot move along their normal, because what is free at them is across it."""
-        return np.asarray(np.max(np.abs(self.normal) * free[self.nodes], axis=1, initial=0.0) <= _ALONG)
-
-
-def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
-    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
-    if not friction_acts(friction):
-        return np.zeros(pressure.size)
-    match friction:
-        case TrescaFriction(bound=bound):
-            return sample(bound, points)
-        case CoulombFriction(coefficient=coefficient, cap=cap):
-            bound = sample(coefficient, points) * np.abs(pressure)
-            return bound if cap is None else np.minimum(bound, sample(cap, points))
-    raise TypeError(f"no friction law: {friction!r}")
 
 
 def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
