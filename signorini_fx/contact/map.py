@@ -72,8 +72,8 @@ class ContactMap:
             shares = boundary.averages.shares.tocoo()
             point, nodes = shares.row, nodes[shares.col]
             values = shares.data[:, None, None] * values[point]
-            every = dim * np.repeat(np.bincount(point, minlength=count), dim).astype(PETSc.IntType)
-            room = (np.minimum(every, columns).astype(PETSc.IntType), every)
+            most = dim * int(np.bincount(point, minlength=count).max(initial=1))
+            room = (min(most, columns), most)
         operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
         if point.size:
             rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
