@@ -958,6 +958,41 @@ MUTANTS = (
         "space: moments with the wrong sign",
         tests=("space_results",),
     ),
+    Mutant(
+        "contact/data",
+        "np.asarray(shares @ found)",
+        "sample(value, in_space(boundary.x[here]))",
+        "averages: the gap at the vertex",
+        tests=("space_patch::test_tilted_plane",),
+    ),
+    Mutant(
+        "body/contact_boundary",
+        "np.asarray(self.averages.shares @ self.averages.x)",
+        "self.x",
+        "averages: forces act at the vertex",
+        tests=("space_results::test_moment_of_a_push",),
+    ),
+    Mutant(
+        "problem/tangent",
+        "self._operator.diagonalScale(R=free)",
+        "pass",
+        "averages: supports move in the Jacobian",
+        tests=("space_block::test_linear_solves_on_quadratic_tetrahedra",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "gap / weight[nodes]",
+        "sample(effect.gap, points)",
+        "certificate: the gap at the vertex",
+        tests=("space_patch::test_tilted_plane",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "abs(products).sum(axis=0)",
+        "products.sum(axis=0)",
+        "certificate: nodes whose basis function integrates to zero left out",
+        tests=("space_block::test_linear_solves_on_quadratic_tetrahedra",),
+    ),
     # --- rigid motions, statics --------------------------------------------------------------------------------------
     Mutant("body/rigid", "-arm[:, second]", "arm[:, second]", "rotation is a shear"),
     Mutant(

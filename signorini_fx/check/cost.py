@@ -102,9 +102,10 @@ def estimated_cost(d: Body) -> Cost:
     if setting == "krylov":
         reason, once, each, entries = "Krylov", 0.0, KRYLOV_SECONDS * n, 0.0
     elif d.boundary is not None:
-        against = choice.against_condensing(d, dim * nodes)
+        retained = dim * np.unique(d.boundary.reached).size  # on one rank: else it is not asked for
+        against = choice.against_condensing(d, retained)
         if comm.size == 1 and setting != "full" and (against is None or setting == "condensed"):
-            dense = dim * nodes
+            dense = retained
             step = dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
             reason, once, each = "condensed", CONDENSING * factorisation, step
         else:
