@@ -859,6 +859,13 @@ MUTANTS = (
     ),
     Mutant(
         "rotated",
+        "_in_place(blocks, system.fixed[unknowns])",
+        "blocks",
+        "prescribed unknowns of turned nodes in the wrong place",
+        tests=("space_patch::test_in_the_limit_beside_a_support",),
+    ),
+    Mutant(
+        "rotated",
         "first + unknowns[off]",
         "0 * first + unknowns[off]",
         "rotation in the rows of the first rank",
