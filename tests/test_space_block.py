@@ -67,6 +67,22 @@ def test_linear_solves(cells, law):
         assert done <= 14
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("gamma", GAMMAS)
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_linear_solves_on_a_fine_mesh(cells, gamma):
+    """The same limits on 42 000 unknowns, and half of the fixed point's solves for the monolithic method."""
+    taken = {}
+    for law in ({}, {"bound": 1.5}, {"coefficient": 0.3, "coulomb": "newton"}, {"coefficient": 0.3, "coulomb": "fp"}):
+        solution = alone(block(48, cells, gamma=gamma, **law))
+        settled, done = solves_until(solution)
+        assert solution.history.events == []
+        assert settled <= 12
+        assert done <= 14
+        taken[law.get("coulomb")] = solution.history.linear_solves
+    assert 2 * taken["newton"] <= taken["fp"]
+
+
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3, "coulomb": "newton"}])
 def test_linear_solves_on_quadratic_tetrahedra(law):
     """The same limits, and the displacement under the load near that of the finest mesh of other programs."""
