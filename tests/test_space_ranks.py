@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from spaces import block, box, friction_of
 from test_ranks import same_on_all_ranks
+from test_space_patch import rotation
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import tag_boundaries
@@ -51,6 +52,23 @@ def foot(comm, cells, degree=1):
     )
 
 
+def between_walls(comm, cells, degree=1):
+    """A brick turned in space between two walls that are across no axis, pushed along both of them."""
+    back = rotation(0.9, (0.3, -0.8, 0.5))
+    tagged = box(cells, (4, 3, 3), size=(1.5, 1.2, 1.0), comm=comm)
+    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ back.T
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": degree},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}],
+            "traction": {"boundary": "top", **dict(zip("xyz", map(float, back @ [1.0, 2.0, -10.0]), strict=True))},
+            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.3)},
+        }
+    )
+
+
 SCENES = {
     "frictionless": lambda comm: block(12, comm=comm),
     "tresca": lambda comm: block(12, bound=1.5, comm=comm),
@@ -61,6 +79,8 @@ SCENES = {
     "quadratic, monolithic": lambda comm: block(
         6, "tetrahedra", coefficient=0.3, coulomb="newton", degree=2, comm=comm
     ),
+    "walls across no axis": lambda comm: between_walls(comm, "hexahedra"),
+    "walls across no axis, quadratic": lambda comm: between_walls(comm, "tetrahedra", degree=2),
     "three facets": lambda comm: block(3, bound=1.5, comm=comm),
     "one facet": lambda comm: foot(comm, "hexahedra"),
     "two facets": lambda comm: foot(comm, "tetrahedra"),

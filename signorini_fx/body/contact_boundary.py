@@ -24,6 +24,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.body.turned_supports import TurnedNodes
 
 Nodal = npt.NDArray[np.float64]
 
@@ -48,6 +49,8 @@ class ContactBoundary:
             plane in order along the facet, in space as basix has them.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it; None: it takes that of its node.
+        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
+            axes of space.
     """
 
     comm: MPI.Comm
@@ -60,6 +63,7 @@ class ContactBoundary:
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
     averages: Averages | None = None
+    axes: Nodal | None = None
 
     @property
     def size(self) -> int:
@@ -87,8 +91,10 @@ class ContactBoundary:
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            here = ~self.free[:, axis] & (np.abs(self.normal[:, axis]) <= _ALONG)
+            here = ~self.free[:, axis] & (self._components[:, axis] <= _ALONG)
             along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
+            if self.axes is not None:
+                along = self.axes[here, :, axis]
             tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
         return tangents
 
@@ -98,9 +104,27 @@ class ContactBoundary:
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
     @property
+    def frames_in_axes(self) -> Nodal:
+        """``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
+        return self.frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, self.frames)
+
+    @property
     def held(self) -> npt.NDArray[np.bool_]:
         """Which displacement components are prescribed, shape (n, d); where points average, at any node."""
         return ~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)
+
+    @property
+    def _components(self) -> Nodal:
+        """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
+        normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
+        return np.abs(normal)
+
+    def freed(self, vectors: Nodal) -> Nodal:
+        """Vectors at the points, one per column, without what is prescribed, shape (n, d, k)."""
+        if self.axes is None:
+            return self.free[:, :, None] * vectors
+        own = np.einsum("ijk,ijl->ikl", self.axes, vectors)
+        return np.einsum("ijk,ikl->ijl", self.axes, self.free[:, :, None] * own)
 
     @property
     def immovable(self) -> npt.NDArray[np.bool_]:
@@ -108,7 +132,7 @@ class ContactBoundary:
 
         What the contact does to them there, the support takes.
         """
-        return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
+        return np.asarray((self._components * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
@@ -130,7 +154,7 @@ class ContactBoundary:
         A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
         and it is no measure for what the body feels.  Of all nodes where there is nothing elsewhere.
         """
-        supported = (np.abs(self.normal) * self.held).max(axis=1, initial=0.0) > _ALONG
+        supported = (self._components * self.held).max(axis=1, initial=0.0) > _ALONG
         free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
         return self.norm(free) or self.norm(values)
 
@@ -160,7 +184,13 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
     averages = [part.averages for part in parts if part.averages is not None]
-    return ContactBoundary(parts[0].comm, **fields, averages=Averages.joined(averages) if averages else None)
+    axes = [part.axes for part in parts if part.axes is not None]
+    return ContactBoundary(
+        parts[0].comm,
+        **fields,
+        averages=Averages.joined(averages) if averages else None,
+        axes=np.concatenate(axes) if axes else None,
+    )
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
@@ -179,6 +209,7 @@ def contact_part(
     index: int,
     fixed: npt.NDArray[np.bool_],
     direction: tuple[float, ...] | None,
+    turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
     """Points, weights and normals of one contact boundary from the assembled unit contact form."""
     dim = space.mesh.geometry.dim
@@ -206,6 +237,7 @@ def contact_part(
         segments=_segments(space, facets, index, vertices=averages is not None),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
+        axes=None if turned is None else turned.frames_at(nodes),
     )
 
 

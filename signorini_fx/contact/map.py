@@ -21,6 +21,8 @@ from petsc4py import PETSc
 from signorini_fx.body.contact_boundary import ContactBoundary
 
 Nodal = npt.NDArray[np.float64]
+# Below it a component of a unit vector is round-off.
+_ROUND_OFF = 1e-14
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,15 @@ class ContactMap:
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         return ContactMap(self.operator.matMult(change), self.dimension, self.weight, fixed, self.averaging)
+
+    def turned(self, rotation: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
+        """The map in unknowns x~ with y = Q x~, in which supports along no axis are components; collective.
+
+        What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
+        """
+        found = self.after(rotation, fixed)
+        found.operator.chop(_ROUND_OFF)
+        return found
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""

@@ -59,6 +59,9 @@ class CondensedSystem:
         )
         fixed = d.fixed[retained]
         contact = ContactMap.of_points(d.boundary, position.ravel(), fixed, matrix)
+        if d.rotation is not None:
+            kept = PETSc.IS().createGeneral(retained, comm=d.boundary.comm)
+            contact = contact.turned(d.rotation.createSubMatrix(kept, kept), fixed)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,

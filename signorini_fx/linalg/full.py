@@ -94,6 +94,8 @@ class FullSystem:
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
         contact = ContactMap.of_points(d.boundary, None, d.fixed, d.stiffness)
         resultant = np.zeros(d.motions.free.shape[0])
+        if d.rotation is not None:
+            contact = contact.turned(d.rotation, d.fixed)
         matrix = contact.admitted(d.stiffness)
         system = cls(d.tagged.mesh.comm, matrix, load, start, resultant, d.fixed, contact, d.cases, krylov)
         if krylov:
@@ -169,6 +171,8 @@ def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
     vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
     for k, vector in enumerate(vectors):
         vector.getArray()[:] = modes[:, :, k].ravel()
+        if d.rotation is not None:
+            d.rotation.multTranspose(vector.copy(), vector)
         for other in vectors[:k]:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

@@ -38,7 +38,7 @@ class RotatedSystem(TransformedSystem):
 
 def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
     """Nodes whose normal or tangents are along no axis, shape (n,)."""
-    return np.asarray((1.0 - np.abs(boundary.frames).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
+    return np.asarray((1.0 - np.abs(boundary.frames_in_axes).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
 
 
 def check_rotation(boundary: ContactBoundary) -> None:
@@ -54,7 +54,7 @@ def check_rotation(boundary: ContactBoundary) -> None:
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
     crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
     # A prescribed component may stay an unknown of its own: then it is along the normal or a tangent.
-    apart = (~boundary.free & (1.0 - np.abs(boundary.frames).max(axis=2) >= _ALONG_AXIS)).any(axis=1)
+    apart = (~boundary.free & (1.0 - np.abs(boundary.frames_in_axes).max(axis=2) >= _ALONG_AXIS)).any(axis=1)
     mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & apart).any()))
     if crossed or mixed:
         reason = "a contact node has two normals" if crossed else "a contact node is prescribed askew to its normal"

@@ -33,7 +33,7 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces, hooke
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
-from signorini_fx.scene.expressions import sample
+from signorini_fx.results.supports import Supports
 from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
@@ -153,7 +153,7 @@ def certify(
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :dim]
     internal, external = forces.internal(every), forces.external(step, scale)
-    fixed, prescribed = _supports(forces, step, scale)
+    supports = Supports.of(forces, step, scale)
     energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
     strain_energy = max(0.0, float(energy) / 2)
     modulus = max(a + b for a, b in map(hooke, scene.material))
@@ -163,7 +163,7 @@ def certify(
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     residual = internal - external
     found: dict[str, Any] = {
-        "supports": _share(_largest(comm, np.abs(y - prescribed)[fixed]), length),
+        "supports": _share(_largest(comm, supports.missed(y)), length),
         "displacement": far / tagged.size,
     }
     rest: dict[str, Any] = {
@@ -172,7 +172,7 @@ def certify(
         "potential_energy": strain_energy - float(work),
     }
     if tractions is None:
-        return Certificate(equilibrium=_share(_norm(comm, residual[~fixed]), force), **found, **rest)
+        return Certificate(equilibrium=_share(_norm(comm, supports.left(residual)), force), **found, **rest)
     nodes = ContactNodes.of(scene, forces, x, tractions)
     pressure, shear = nodes.pressure, nodes.shear
     reached, contact_forces, area = nodes.forces()
@@ -183,7 +183,7 @@ def certify(
     # A support may press a node into the foundation: what the penalty makes of that is no measure for the others.
     sheared = np.linalg.norm(shear, axis=1)
     tractions_at = np.maximum(np.abs(pressure), sheared)
-    free = ~nodes.supported(fixed)
+    free = ~nodes.supported(supports)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
     if before is not None:  # what is added to it has its round-off
@@ -196,9 +196,11 @@ def certify(
     # Where everything sticks, nothing moves but for round-off of what the stresses could move.
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
-    unbalanced = np.where(fixed, 0.0, residual)[reached] / area[:, None]
+    residual = supports.left(residual)
+    unbalanced = residual[reached] / area[:, None]
     equilibrium = max(
-        _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
+        _share(_norm(comm, residual), force),
+        _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress),
     )
     u_n, u_t = nodes.traces(every)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
@@ -211,7 +213,7 @@ def certify(
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
         # Where the supports decide on the distance, a penetration is the scene's own.
-        entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
+        entered = np.where(nodes.immovable(supports), np.minimum(entered, 0.0), entered)
     bilateral = nodes.bilateral
     distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
     slipped = np.linalg.norm(xi, axis=1)
@@ -231,29 +233,6 @@ def certify(
     }
     found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
     return Certificate(equilibrium=equilibrium, **found, **rest)
-
-
-def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
-    """Which components are prescribed, and to what, shape (owned nodes, d) both; a later effect wins; collective."""
-    scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
-    shape = (owned, forces.dimension)
-    fixed, value = np.zeros(shape, dtype=bool), np.zeros(shape)
-    x = space.tabulate_dof_coordinates()
-    dim = tagged.mesh.topology.dim - 1
-    for effect in scene.displacement:
-        nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
-        nodes = nodes[nodes < owned]
-        factor = scale * (1.0 if effect.factors is None else effect.factors[step])
-        prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
-        if effect.normal is not None:
-            outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
-            axis = int(np.argmax(np.abs(outward)))
-            prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
-        for component, given, sign in prescribed:
-            if given is not None:
-                fixed[nodes, component] = True
-                value[nodes, component] = sign * factor * sample(given, x[nodes].T)
-    return fixed, value
 
 
 def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:

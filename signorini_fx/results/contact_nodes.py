@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.supports import Supports
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
 
@@ -138,13 +139,21 @@ class ContactNodes:
         nodes, forces, area = (np.concatenate(column) for column in zip(*found, strict=True))
         return nodes, forces, area
 
-    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Points where a support takes a part of the normal force; ``fixed`` are components of the owned nodes."""
-        return np.asarray(np.max(np.abs(self.normal) * self._any_of(fixed), axis=1, initial=0.0) > _ALONG)
+    def supported(self, supports: Supports) -> npt.NDArray[np.bool_]:
+        """Points where a support takes a part of the normal force."""
+        if self.spread is None:
+            held = self.normal - supports.left(self.normal, self.nodes)
+        else:
+            held = self.normal * self._any_of(supports.touched())
+        return np.asarray(np.max(np.abs(held), axis=1, initial=0.0) > _ALONG)
 
-    def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def immovable(self, supports: Supports) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them is across it."""
-        return np.asarray(np.max(np.abs(self.normal) * self._any_of(free), axis=1, initial=0.0) <= _ALONG)
+        if self.spread is None:
+            movable = supports.left(self.normal, self.nodes)
+        else:
+            movable = self.normal * self._any_of(~supports.fixed)
+        return np.asarray(np.max(np.abs(movable), axis=1, initial=0.0) <= _ALONG)
 
     def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point averages over has a flag, shape (n, d)."""
