@@ -46,12 +46,22 @@ def friction_of(bound=None, coefficient=None, **more):
 
 
 def block(
-    nx=12, cells="hexahedra", *, bound=None, coefficient=None, gamma=1e6, comm=MPI.COMM_SELF, mesh=None, **solver
+    nx=12,
+    cells="hexahedra",
+    *,
+    bound=None,
+    coefficient=None,
+    gamma=1e6,
+    comm=MPI.COMM_SELF,
+    mesh=None,
+    degree=1,
+    **solver,
 ):
     """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along x[1]."""
     return parse_scene(
         {
             "mesh": mesh or box(cells, (nx, nx // 3, nx // 3), comm=comm),
+            "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.4},
             "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
             "traction": {

@@ -49,6 +49,39 @@ def test_hertz():
     np.testing.assert_allclose(columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak)
 
 
+def test_hertz_on_curved_quadratic_tetrahedra():
+    """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the sphere."""
+    young, poisson, radius = 1000.0, 0.3, 8.0
+    parameters = {"radius": radius, "size": 3.0, "contact_size": 0.15, "part": "quarter", "order": 2}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "half_sphere", "parameters": parameters},
+            "element": {"degree": 2},
+            "material": {"young": young, "poisson": poisson},
+            "displacement": [
+                {"boundary": "symmetry_x", "normal": 0.0},
+                {"boundary": "symmetry_y", "normal": 0.0},
+                {"boundary": "top", "z": -0.1},
+            ],
+            "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
+        }
+    )
+    solution = alone(scene)
+    columns = solution.table.columns
+    force = 4 * columns["weight"] @ columns["pressure"]
+    assert force == pytest.approx(4 * solution.contact.forces[0][2])
+    a = (3 * force * radius * (1 - poisson**2) / (4 * young)) ** (1 / 3)
+    peak = 3 * force / (2 * np.pi * a**2)
+    r = np.hypot(columns["x"], columns["y"])
+    mean = np.average(r, weights=columns["weight"] * columns["pressure"])
+    assert 16 / (3 * np.pi) * mean == pytest.approx(a, rel=0.01)
+    assert columns["pressure"].max() == pytest.approx(peak, rel=0.01)
+    inside = r < 0.5 * a
+    assert inside.sum() > 10
+    expected = peak * np.sqrt(1 - (r[inside] / a) ** 2)
+    np.testing.assert_allclose(columns["pressure"][inside], expected, rtol=0, atol=0.02 * peak)
+
+
 @pytest.mark.parametrize("share", [0.9, 1.3, 2.0, 4.0])
 def test_torsion(share):
     """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).

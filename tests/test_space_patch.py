@@ -16,8 +16,12 @@ PRESSURE, SHEAR, GAP, GAMMA = 20.0, 4.0, 0.002, 1e6
 OBLIQUE = np.radians(37.0)
 SIZE = (1.5, 1.2, 1.0)
 ROUND_OFF = 1e-10
-ELEMENTS = {"P1": ("tetrahedra", 1), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
-TURNS = {"upright": (0.0, (0.0, 0.0, 1.0)), "turned": (0.9, (0.3, -0.8, 0.5))}
+ELEMENTS = {"P1": ("tetrahedra", 1), "P2": ("tetrahedra", 2), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
+TURNS = {
+    "upright": (0.0, (0.0, 0.0, 1.0)),
+    "turned": (0.9, (0.3, -0.8, 0.5)),
+    "leaning": (0.6, (0.0, 1.0, 0.0)),
+}
 SIDES = {
     "left": (0, -1.0),
     "right": (0, 1.0),
@@ -28,7 +32,7 @@ SIDES = {
 }
 
 each_element = pytest.mark.parametrize("element", ELEMENTS)
-each_turn = pytest.mark.parametrize("turn", TURNS)
+each_turn = pytest.mark.parametrize("turn", ["upright", "turned"])
 
 
 def rotation(angle, axis):
@@ -169,6 +173,29 @@ def test_stick(element, turn, law):
 
 @each_element
 @each_turn
+def test_tilted_plane(element, turn):
+    """A foundation that is not parallel to the bottom: the body turns until the pressure is constant."""
+    state, slope = pressed(SHEAR, OBLIQUE), np.array([0.002, -0.001])
+    state.slope[2, :2] -= slope
+    state.slope[:2, 2] += slope
+    back = rotation(*TURNS[turn])
+    solution = run(
+        element,
+        turn,
+        traction=state.tractions(turn, "top", "left", "right", "front", "back"),
+        contact={
+            "boundary": "bottom",
+            "gap": lambda x: GAP + (x.T @ back)[:, :2] @ slope,
+            "friction": friction_of(**LAWS[0]),
+        },
+    )
+    assert solution.converged
+    assert_displacement(solution, state, turn)
+    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
+
+
+@each_element
+@each_turn
 @pytest.mark.parametrize("coulomb", ["tresca", "fp", "newton"])
 def test_slip(element, turn, coulomb):
     """The top is moved farther than friction can hold, at 37 degrees: everything slips, the shear is at its bound."""
@@ -217,3 +244,24 @@ def test_two_foundations(element, turn):
     for name, value in (("bottom", PRESSURE), ("left", -CONFINED)):
         here = columns["boundary"] == name
         np.testing.assert_allclose(columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE)
+
+
+@pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_in_the_limit_beside_a_support(element, linear_algebra):
+    """Without regularisation, on a slope, between two walls across x[1], whose nodes are turned as well."""
+    state = State((CONFINED, CONFINED, -PRESSURE, 0.0, SHEAR, 0.0), (0.0, 0.0, -GAP))
+    solution = run(
+        element,
+        "leaning",
+        displacement=[{"boundary": name, "y": 0.0} for name in ("front", "back")],
+        traction=state.tractions("leaning", "top", "left", "right"),
+        contact=contact(friction=friction_of(coefficient=SHEAR / 0.9 / PRESSURE)),
+        solver={"algorithm": "exact", "tolerance": 1e-12, "linear_algebra": linear_algebra},
+    )
+    assert_displacement(solution, state, "leaning")
+    inside = np.abs(solution.table.columns["y"] - SIZE[1] / 2) < 0.4 * SIZE[1]
+    assert inside.any()
+    np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
+    # What friction takes beside a wall the wall may take as well.
+    np.testing.assert_allclose(solution.table.columns["shear"][inside], SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)

@@ -5,8 +5,10 @@ import pytest
 from mpi4py import MPI
 from spaces import block, box, friction_of
 from test_ranks import same_on_all_ranks
+from test_space_patch import rotation
 
 from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -29,13 +31,60 @@ def brick(comm, **effects):
     )
 
 
+def foot(comm, cells, degree=1):
+    """Three cells in a row, of which the middle one stands on the foundation: by one square, or two triangles."""
+    mesh = box(cells, (3, 1, 1), comm=comm)
+    tagged = tag_boundaries(
+        mesh.mesh,
+        {
+            "top": lambda x: np.abs(x[2] - 1) < 1e-9,
+            "foot": lambda x: (np.abs(x[2]) < 1e-9) & (np.abs(x[0] - 1.5) < 0.5 + 1e-9),
+        },
+    )
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": degree},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": 1.0, "x": 0.1, "y": 0.05},
+            "contact": {"boundary": "foot", "friction": friction_of(coefficient=0.5)},
+        }
+    )
+
+
+def between_walls(comm, cells, degree=1):
+    """A brick turned in space between two walls that are across no axis, pushed along both of them."""
+    back = rotation(0.9, (0.3, -0.8, 0.5))
+    tagged = box(cells, (4, 3, 3), size=(1.5, 1.2, 1.0), comm=comm)
+    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ back.T
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": degree},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}],
+            "traction": {"boundary": "top", **dict(zip("xyz", map(float, back @ [1.0, 2.0, -10.0]), strict=True))},
+            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.3)},
+        }
+    )
+
+
 SCENES = {
     "frictionless": lambda comm: block(12, comm=comm),
     "tresca": lambda comm: block(12, bound=1.5, comm=comm),
     "coulomb, tetrahedra": lambda comm: block(12, "tetrahedra", coefficient=0.3, comm=comm),
     "monolithic": lambda comm: block(12, coefficient=0.3, coulomb="newton", comm=comm),
     "exact": lambda comm: block(12, bound=1.5, gamma="auto", algorithm="exact", comm=comm),
-    "one facet": lambda comm: block(3, bound=1.5, comm=comm),
+    "quadratic tetrahedra": lambda comm: block(6, "tetrahedra", bound=1.5, degree=2, comm=comm),
+    "quadratic, monolithic": lambda comm: block(
+        6, "tetrahedra", coefficient=0.3, coulomb="newton", degree=2, comm=comm
+    ),
+    "walls across no axis": lambda comm: between_walls(comm, "hexahedra"),
+    "walls across no axis, quadratic": lambda comm: between_walls(comm, "tetrahedra", degree=2),
+    "three facets": lambda comm: block(3, bound=1.5, comm=comm),
+    "one facet": lambda comm: foot(comm, "hexahedra"),
+    "two facets": lambda comm: foot(comm, "tetrahedra"),
+    "two quadratic facets": lambda comm: foot(comm, "tetrahedra", degree=2),
     "held by friction": brick,
     "slides": lambda comm: brick(comm, body_force={"x": 4.0}),
 }

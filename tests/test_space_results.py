@@ -12,16 +12,19 @@ from spaces import block, box, friction_of
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 
-CELLS = {"tetrahedra": ("tetrahedra", 1), "hexahedra": ("hexahedra", 1), "quadratic": ("hexahedra", 2)}
+CELLS = {
+    "tetrahedra": ("tetrahedra", 1),
+    "quadratic tetrahedra": ("tetrahedra", 2),
+    "hexahedra": ("hexahedra", 1),
+    "quadratic": ("hexahedra", 2),
+}
 
 
 @pytest.fixture(params=CELLS)
 def written(request, tmp_path):
     """A solution and its folder."""
     cells, degree = CELLS[request.param]
-    scene = block(6, cells, coefficient=0.3, gamma="auto")
-    scene = scene.model_copy(update={"element": scene.element.model_copy(update={"degree": degree})})
-    solution = alone(scene)
+    solution = alone(block(6, cells, coefficient=0.3, gamma="auto", degree=degree))
     write_results(solution, tmp_path / "out", pictures=False)
     return solution, tmp_path / "out"
 
@@ -64,19 +67,21 @@ def test_forces_and_moments(written):
     np.testing.assert_allclose(force[2], 20.0, rtol=1e-9)
     through = np.array(summary["contact_force_through"])
     np.testing.assert_allclose(np.cross(through, force), moment, atol=1e-9)
-    columns = solution.table.columns
-    centre = np.average(columns["x"], weights=columns["weight"] * columns["pressure"])
+    boundary = solution.contact.boundary
+    centre = np.average(boundary.centre[:, 0], weights=boundary.weight * solution.contact.pressure)
     assert through[0] == pytest.approx(centre)
     assert np.abs(friction[:2]).max() > 0
     assert np.abs(twist).max() > 0
 
 
-def test_moment_of_a_push():
+@pytest.mark.parametrize("kind", CELLS)
+def test_moment_of_a_push(kind):
     """A push at a height tips the body: the pressure goes to the other end, where its resultant balances it."""
     height, press, push = 1.0, 10.0, 4.0
     scene = parse_scene(
         {
-            "mesh": box("hexahedra", (8, 4, 4), size=(2.0, 1.0, height)),
+            "mesh": box(CELLS[kind][0], (8, 4, 4), size=(2.0, 1.0, height)),
+            "element": {"degree": CELLS[kind][1]},
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "pressure": press, "x": push},
             "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.8)},

@@ -47,6 +47,17 @@ def test_limit_push(law, angle):
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
+@pytest.mark.parametrize("law", FRICTION)
+def test_limit_push_on_quadratic_tetrahedra(law):
+    """The same limit where contact points average."""
+    more = {"mesh": box("tetrahedra", (3, 3, 2), size=(2.0, 2.0, 1.0)), "element": {"degree": 2}}
+    for angle in (0.1, 2.0, 4.4):
+        held = pushed(FRICTION[law], angle, 0.99, **more)
+        assert held.status is Status.CONVERGED
+        assert held.certificate.holds
+        assert pushed(FRICTION[law], angle, 1.01, **more).status is Status.SLIDES
+
+
 @pytest.mark.parametrize("hertz", [False, True])
 def test_limit_torque(hertz):
     """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights of the mesh itself

@@ -31,7 +31,7 @@ def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
 def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
     """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
-        return np.empty((0, 2, 3))
+        return np.empty((0, mesh.topology.dim, 3))
     return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(np.float64)
 
 

@@ -3,6 +3,7 @@
 With the nodal rule of ``forms.py`` the products on Gamma_c are sums over nodes,
 (lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
 rank may own none of the facets around it.  A node of two contact boundaries has two entries here, one for each normal.
+Where the nodes have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from mpi4py import MPI
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.body.turned_supports import TurnedNodes
 
 Nodal = npt.NDArray[np.float64]
 
@@ -41,10 +44,13 @@ class ContactBoundary:
         weight: w_i, the area (in the plane: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
-        free: which displacement components are not prescribed, shape (n, d).
-        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + nodes of a facet); in the
+        free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
+        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
             plane in order along the facet, in space as basix has them.
         global_nodes: global number of the node, shape (n,).
+        averages: how each point averages the displacement around it; None: it takes that of its node.
+        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
+            axes of space.
     """
 
     comm: MPI.Comm
@@ -56,11 +62,25 @@ class ContactBoundary:
     free: npt.NDArray[np.bool_]
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
+    averages: Averages | None = None
+    axes: Nodal | None = None
 
     @property
     def size(self) -> int:
         """Number of contact nodes on this rank."""
         return int(self.nodes.size)
+
+    @cached_property
+    def centre(self) -> Nodal:
+        """Where the force of each point acts on a rigid body, length, shape (n, d)."""
+        return self.x if self.averages is None else np.asarray(self.averages.shares @ self.averages.x)
+
+    @property
+    def reached(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes that the displacement at the points is made of, shape (m,): their own, or those
+        of ``averages``.
+        """
+        return self.global_nodes if self.averages is None else self.averages.nodes
 
     @cached_property
     def tangents(self) -> Nodal:
@@ -71,8 +91,10 @@ class ContactBoundary:
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            here = ~self.free[:, axis] & (np.abs(self.normal[:, axis]) <= _ALONG)
+            here = ~self.free[:, axis] & (self._components[:, axis] <= _ALONG)
             along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
+            if self.axes is not None:
+                along = self.axes[here, :, axis]
             tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
         return tangents
 
@@ -82,12 +104,35 @@ class ContactBoundary:
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
     @property
+    def frames_in_axes(self) -> Nodal:
+        """``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
+        return self.frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, self.frames)
+
+    @property
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Which displacement components are prescribed, shape (n, d); where points average, at any node."""
+        return ~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)
+
+    @property
+    def _components(self) -> Nodal:
+        """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
+        normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
+        return np.abs(normal)
+
+    def freed(self, vectors: Nodal) -> Nodal:
+        """Vectors at the points, one per column, without what is prescribed, shape (n, d, k)."""
+        if self.axes is None:
+            return self.free[:, :, None] * vectors
+        own = np.einsum("ijk,ijl->ikl", self.axes, vectors)
+        return np.einsum("ijk,ikl->ijl", self.axes, self.free[:, :, None] * own)
+
+    @property
     def immovable(self) -> npt.NDArray[np.bool_]:
         """Nodes that cannot move along their normal because they are free only perpendicular to it, shape (n,).
 
         The support takes the normal contact force at these nodes.
         """
-        return np.asarray((np.abs(self.normal) * self.free).max(axis=1, initial=0.0) <= _ALONG)
+        return np.asarray((self._components * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
@@ -109,7 +154,7 @@ class ContactBoundary:
         A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
         and not a scale for the stress in the body.  If it is zero at all other nodes, all nodes count.
         """
-        supported = (np.abs(self.normal) * ~self.free).max(axis=1, initial=0.0) > _ALONG
+        supported = (self._components * self.held).max(axis=1, initial=0.0) > _ALONG
         free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
         return self.norm(free) or self.norm(values)
 
@@ -138,7 +183,14 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
-    return ContactBoundary(parts[0].comm, **fields)
+    averages = [part.averages for part in parts if part.averages is not None]
+    axes = [part.axes for part in parts if part.axes is not None]
+    return ContactBoundary(
+        parts[0].comm,
+        **fields,
+        averages=Averages.joined(averages) if averages else None,
+        axes=np.concatenate(axes) if axes else None,
+    )
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
@@ -152,38 +204,54 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
 
 def contact_part(
     space: fem.FunctionSpace,
-    form: fem.Form,
+    form: fem.Form | AveragingForms,
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
     direction: tuple[float, ...] | None,
+    turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
-    """Nodes, weights and normals of one contact boundary from the assembled unit contact form."""
+    """Points, weights and normals of one contact boundary from the assembled unit contact form."""
     dim = space.mesh.geometry.dim
-    moments = assemble(form).getArray().reshape(-1, dim)
-    weight = np.linalg.norm(moments, axis=1)
-    nodes = np.flatnonzero(weight > 0).astype(np.int32)
-    normal = moments[nodes] / weight[nodes, None]
+    averages = None
+    if isinstance(form, AveragingForms):
+        nodes, weight, moments, averages = averaged_points(space, form, fixed)
+        normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
+        free = averages.any_of(~averages.fixed)
+    else:
+        every = assemble(form).getArray().reshape(-1, dim)
+        size = np.linalg.norm(every, axis=1)
+        nodes = np.flatnonzero(size > 0).astype(np.int32)
+        weight, normal = size[nodes], every[nodes] / size[nodes, None]
+        free = ~fixed.reshape(-1, dim)[nodes]
     if direction is not None:
         normal = np.tile(np.asarray(direction) / np.hypot.reduce(direction), (nodes.size, 1))
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
         x=space.tabulate_dof_coordinates()[nodes, :dim],
-        weight=weight[nodes],
+        weight=weight,
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
-        free=~fixed.reshape(-1, dim)[nodes],
-        segments=_segments(space, facets, index),
+        free=free,
+        segments=_segments(space, facets, index, vertices=averages is not None),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
+        averages=averages,
+        axes=None if turned is None else turned.frames_at(nodes),
     )
 
 
-def _segments(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
-    """The part and the global node numbers of each facet, see ``ContactBoundary.segments``."""
+def _segments(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
+) -> npt.NDArray[np.int64]:
+    """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
+    ``ContactBoundary.segments``.
+    """
     layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
     # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
     closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
+    if vertices:
+        closures = closures[:, : side + 1]  # of triangles: no other facets average
     if side == 1:
         closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
     entities = facet_entities(space.mesh, facets)

@@ -17,12 +17,22 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
+from signorini_fx.body.averages import averaging, averaging_forms
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.body.loads import AppliedLoad, LoadCase, applied_load, check_finite, load_case, load_groups
+from signorini_fx.body.loads import (
+    AppliedLoad,
+    LoadCase,
+    applied_load,
+    check_finite,
+    load_case,
+    load_groups,
+    turned_case,
+)
 from signorini_fx.body.material import lame_parameters
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid import RigidMotions, rigid_motions
-from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs
+from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
+from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory, Timings
@@ -48,6 +58,7 @@ class Body:
         boundary: the contact nodes; None for a scene without contact.
         motions: motions without strain that the supports leave free.
         inventory: what was compiled and assembled; the elastic forms are named and compiled later.
+        turned: nodes with supports along no axis, for which ``fixed`` is told in their own frames; None: none.
     """
 
     scene: Scene
@@ -61,6 +72,7 @@ class Body:
     boundary: ContactBoundary | None
     motions: RigidMotions
     inventory: Inventory
+    turned: TurnedNodes | None
 
     @property
     def comm(self) -> MPI.Comm:
@@ -83,14 +95,25 @@ class Discretisation(Body):
         forms: the compiled terms of a(., .).
         stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
         cases: the right-hand sides of the applied loads.
+        rotation: Q from the unknowns of ``stiffness`` and ``cases`` to displacements; None: they are the same.
     """
 
     forms: tuple[fem.Form, ...]
     stiffness: PETSc.Mat
     cases: tuple[LoadCase, ...]
+    rotation: PETSc.Mat | None
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """The dofs along the axes of space."""
+        if self.rotation is None:
+            return x
+        result = x.duplicate()
+        self.rotation.mult(x, result)
+        return result
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
-        """The finite element function with the dofs ``x``."""
+        """The finite element function with the unknowns ``x``."""
+        x = self.displacement(x)
         function = fem.Function(self.space, name=name)
         function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         function.x.scatter_forward()
@@ -117,7 +140,6 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
     """
     facets = boundary_facets(scene, tagged)
     pieces = find_pieces(tagged.mesh)
-    check_nodal_rule(scene, tagged)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
     lame = lame_coefficients(scene, tagged)
     reduced = reduced_degree(scene, tagged.mesh)
@@ -126,25 +148,31 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
     with timings.phase("compile"):
         supports = dirichlet_conditions(scene, space, facets, tagged)
         fixed = fixed_dofs(space, [support for _, support in supports])
+        skew = skew_supports(scene, space, facets, tagged)
+        turned = turned_nodes(space, [support for _, support in supports], skew, fixed)
         applied = [
-            applied_load(factors, loads, space, z, facets, supports, inventory)
+            applied_load(factors, loads, space, z, facets, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
         ]
         contact_forms = [
-            inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
+            averaging_forms(space, facets[e.boundary], inventory, f"contact {e.boundary}")
+            if averaging(scene, tagged)
+            else inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
             for e in scene.contact
         ]
         check_finite(tagged.mesh.comm, applied)
     with timings.phase("assemble"):
         parts = [
-            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction)
+            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction, turned)
             for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
         ]
         boundary = join(parts) if parts else None
-        motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces)
+        motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
     if boundary is not None:
         check_overlap(scene, boundary, facets, tagged)
-    return Body(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory)
+    return Body(
+        scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory, turned
+    )
 
 
 _ELASTIC = ("elasticity", "reduced volumetric elasticity")
@@ -162,31 +190,31 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
             body.inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)
         )
     with timings.phase("assemble"):
-        every = [support for _, support in body.supports]
+        every = [support for _, support in body.supports] if body.turned is None else []
         stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
         for form in elastic[1:]:
             stiffness.assemble()
             fem_petsc.assemble_matrix(stiffness, form, every, scene.young)  # type: ignore[arg-type]
         stiffness.assemble()
-        stiffness.setOption(PETSc.Mat.Option.SPD, True)
         body.inventory.matrices.append("stiffness")
-        cases = tuple(
-            load_case(load, elastic, stiffness, body.supports, body.fixed, scene.young, body.motions)
-            for load in body.applied
-        )
+        rotation = None
+        if body.turned is None:
+            cases = tuple(
+                load_case(load, elastic, stiffness, body.supports, body.fixed, scene.young, body.motions)
+                for load in body.applied
+            )
+        else:
+            whole, rotation = stiffness, body.turned.matrix(stiffness)
+            stiffness = whole.ptap(rotation)
+            stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+            first = stiffness.getOwnershipRange()[0]
+            stiffness.zeroRowsColumns((first + np.flatnonzero(body.fixed)).astype(PETSc.IntType), diag=scene.young)
+            cases = tuple(
+                turned_case(load, whole, rotation, body.fixed, scene.young, body.motions) for load in body.applied
+            )
+        stiffness.setOption(PETSc.Mat.Option.SPD, True)
     known = {field.name: getattr(body, field.name) for field in fields(body)}
-    return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases)
-
-
-def check_nodal_rule(scene: Scene, tagged: TaggedMesh) -> None:
-    """Whether the contact integrals have a rule at the nodes with positive weights.
-
-    Raises:
-        SceneError: quadratic tetrahedra, whose vertices have no weight.
-    """
-    if scene.contact and scene.element.degree == 2 and tagged.mesh.topology.cell_name() == "tetrahedron":
-        message = "quadratic tetrahedra have no weight at their vertices: use degree = 1, or hexahedra with degree = 2"
-        raise SceneError([("element.degree", message)])
+    return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases, rotation=rotation)
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

@@ -87,6 +87,11 @@ def contact_form(pressure: Any, z: Any, n: Any, ds: Any) -> Any:
     return pressure * ufl.inner(z, n) * ds
 
 
+def average_form(y: Any, phi: Any, ds: Any) -> Any:
+    """(phi, y) on Gamma_c, which is w_i times the average of y around the contact point of the hat function phi."""
+    return ufl.inner(y, phi) * ds
+
+
 def friction_form(shear: Any, z: Any, n: Any, ds: Any) -> Any:
     """(mu, tau_T z) on Gamma_c, the friction term of (3.3a), with the tangent t = (-n_2, n_1)."""
     return shear * ufl.inner(z, ufl.as_vector((-n[1], n[0]))) * ds

@@ -17,6 +17,7 @@ from signorini_fx import parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
 from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Inventory
 from signorini_fx.scene.expressions import Expression, sample
@@ -139,6 +140,7 @@ def applied_load(
     facets: dict[str, npt.NDArray[np.int32]],
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
     inventory: Inventory,
+    turned: TurnedNodes | None = None,
 ) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective."""
     name, form = compile_loads(loads, space, z, facets, inventory)
@@ -149,6 +151,8 @@ def applied_load(
         if any(effect is one for one in loads):
             fem_petsc.set_bc(prescribed.x.petsc_vec, [support])
             prescribed.x.scatter_forward()
+    if turned is not None:
+        turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     forces = np.zeros(owned) if form is None else np.array(assemble(form).getArray(readonly=True))
     return AppliedLoad(factors, name, form, forces, prescribed)
@@ -213,6 +217,30 @@ def load_case(
         load.axpy(-1.0, action(elastic, applied.prescribed, blocks))
     load.getArray()[fixed] = young * applied.start[fixed]
     return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
+
+
+def turned_case(
+    applied: AppliedLoad,
+    whole: PETSc.Mat,
+    rotation: PETSc.Mat,
+    fixed: npt.NDArray[np.bool_],
+    young: float,
+    motions: RigidMotions,
+) -> LoadCase:
+    """The same where nodes are turned; ``whole`` is a(., .) without supports, ``rotation`` is Q; collective."""
+    start, load, force = whole.createVecRight(), whole.createVecRight(), whole.createVecRight()
+    force.getArray()[:] = applied.start
+    rotation.multTranspose(force, start)
+    whole.mult(force, load)
+    load.scale(-1.0)
+    load.getArray()[:] += applied.forces
+    rotation.multTranspose(load, force)
+    free = np.where(fixed, 0.0, force.getArray(readonly=True))
+    load.getArray()[:] = free
+    rotation.mult(load, force)
+    resultant = _resultant(force, motions, np.zeros_like(fixed))
+    load.getArray()[fixed] = young * start.getArray(readonly=True)[fixed]
+    return LoadCase(applied.factors, load, start, resultant)
 
 
 def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:

@@ -19,6 +19,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.pieces import Pieces
+from signorini_fx.body.turned_supports import TurnedNodes
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
@@ -59,10 +60,12 @@ class RigidMotions:
         dim = self.x.shape[1]
         return dim * (dim + 1) // 2
 
-    def at(self, nodes: npt.NDArray[np.int32]) -> _Floats:
-        """The free motions at nodes of this rank, shape (n, d, k)."""
-        own = self.free.reshape(self.pieces.count, self.each, -1)[self.piece[nodes]]
-        moved: _Floats = self._modes(nodes) @ own
+    def at(self, boundary: ContactBoundary) -> _Floats:
+        """The free motions at contact points of this rank, shape (n, d, k)."""
+        piece = self.piece[boundary.nodes]
+        own = self.free.reshape(self.pieces.count, self.each, -1)[piece]
+        modes = rigid_modes(boundary.centre, self.centre[piece], self.length[piece])
+        moved: _Floats = boundary.freed(modes @ own)
         return moved
 
     def displacement(self, motion: _Floats) -> _Floats:
@@ -108,7 +111,7 @@ class RigidMotions:
         unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
         if self.free.shape[1] == 0:
             return unresisted
-        modes = self.at(boundary.nodes) * boundary.free[:, :, None]
+        modes = self.at(boundary)
         tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
         found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
         if turned is not None and turned.shape[1] > 1:
@@ -162,13 +165,16 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
     return modes
 
 
-def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: Pieces) -> RigidMotions:
+def rigid_motions(
+    space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: Pieces, turned: TurnedNodes | None = None
+) -> RigidMotions:
     """The motions without strain that the supports leave free; collective.
 
     Args:
         space: the displacements.
         fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         pieces: of the body.
+        turned: nodes whose components are in a frame of their own.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
@@ -184,7 +190,10 @@ def rigid_motions(space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces
     none = np.zeros((0, 0))
     motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
     node, component = np.nonzero(fixed)
-    rows = motions._modes(node)[np.arange(node.size), component]
+    modes = motions._modes(node)
+    if turned is not None:
+        modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
+    rows = modes[np.arange(node.size), component]
     supported: _Floats = np.zeros((pieces.count, motions.each, motions.each))
     for number in range(pieces.count):
         mine = rows[piece[node] == number]

@@ -1,4 +1,4 @@
-"""Prescribed displacements as Dirichlet conditions."""
+"""Prescribed displacements: Dirichlet conditions along the axes, and supports along no axis."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
@@ -44,24 +45,55 @@ def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -
     """(component, value) of each prescribed component of a displacement effect."""
     if effect.normal is None:
         return [(k, value) for k, value in enumerate(effect.components) if value is not None]
-    axis, sign = _axis(effect, index, tagged)
-    value = effect.normal
+    normal = flat_normal(effect, index, tagged)
+    if np.abs(normal).max() < 1.0:
+        return []  # a skew support
+    axis = int(np.abs(normal).argmax())
+    sign, value = float(normal[axis]), effect.normal
     return [(axis, sign * value if isinstance(value, float) else lambda x: sign * sample(value, x))]
 
 
-def _axis(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> tuple[int, float]:
-    """Axis and sign of the outward normal of a flat boundary perpendicular to an axis."""
+def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+    """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
     mesh = tagged.mesh
     facets = tagged.facets(effect.boundary)
     dim = mesh.topology.dim
-    low, high = parallel.global_bounds(mesh.comm, facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim))
+    points = facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim)
+    low, high = parallel.global_bounds(mesh.comm, points)
     inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
     outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
     flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
-    if flat.size != 1:
-        message = f"boundary {effect.boundary!r} is not straight along an axis: use bilateral contact without friction"
+    if flat.size == 1:
+        return np.asarray(np.eye(dim)[flat[0]] * np.sign(outward[flat[0]]))
+    # From the facets themselves: as sharp as round-off allows, which their points all together are not.
+    corners = facet_vertices(mesh, facets)[:, :, :dim]
+    along = corners[:, 1:dim] - corners[:, :1]
+    across = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if dim == 2 else np.cross(along[:, 0], along[:, 1])
+    across = across * np.sign(across @ outward[:dim])[:, None]
+    normal = parallel.global_sum(mesh.comm, across.sum(axis=0))
+    normal = normal / max(float(np.linalg.norm(normal)), 1e-300)
+    heights = points @ normal
+    low, high = parallel.global_bounds(mesh.comm, heights[:, None])
+    if float(high[0] - low[0]) > 1e-9 * tagged.size:
+        message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
         raise SceneError([(f"displacement[{index}].normal", message)])
-    return int(flat[0]), float(np.sign(outward[flat[0]]))
+    return np.asarray(normal)
+
+
+def skew_supports(
+    scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> list[SkewSupport]:
+    """The supports along the normal of a flat boundary across no axis; collective."""
+    found = []
+    for index, effect in enumerate(scene.displacement):
+        if effect.normal is None:
+            continue
+        normal = flat_normal(effect, index, tagged)
+        if np.abs(normal).max() < 1.0:
+            nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[effect.boundary])
+            values = sample(effect.normal, space.tabulate_dof_coordinates()[nodes].T)
+            found.append(SkewSupport(effect, nodes, normal, values))
+    return found
 
 
 def fixed_dofs(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt.NDArray[np.bool_]:
@@ -73,18 +105,37 @@ def fixed_dofs(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt
     return fixed
 
 
+def turned_nodes(
+    space: fem.FunctionSpace,
+    supports: list[fem.DirichletBC],
+    skew: list[SkewSupport],
+    fixed: npt.NDArray[np.bool_],
+) -> TurnedNodes | None:
+    """The nodes with skew supports, whose entries of ``fixed`` become those of their frames; None: there are none."""
+    if not skew:
+        return None
+    dim = space.mesh.geometry.dim
+    axes = np.zeros((len(space.tabulate_dof_coordinates()), dim), dtype=bool)
+    for support in supports:
+        axes.reshape(-1)[support.dof_indices()[0]] = True
+    turned = TurnedNodes.of(skew, axes)
+    own = turned.nodes < fixed.size // dim
+    fixed.reshape(-1, dim)[turned.nodes[own]] = turned.fixed[own]
+    return turned
+
+
 def check_overlap(
     scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> None:
     """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
     problems = []
     for index, support in enumerate(scene.displacement):
-        prescribed = np.zeros(tagged.dimension, dtype=bool)
-        prescribed[[component for component, _ in components(support, index, tagged)]] = True
+        axes = [component for component, _ in components(support, index, tagged)]
+        prescribed = np.eye(tagged.dimension)[axes] if axes else flat_normal(support, index, tagged)[None]
         for part, effect in enumerate(scene.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
             total = int(parallel.global_sum(boundary.comm, np.array(shared)))
-            slope = np.abs(boundary.normal[boundary.part == part][:, prescribed]).max(initial=0.0)
+            slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)
             if total and parallel.global_max(boundary.comm, slope) > 1e-8:
                 problems.append(
                     (

@@ -43,7 +43,7 @@ def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: F
     gap = np.zeros(boundary.size)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
-        gap[here] = _nodal(effect.gap, boundary, here, f"contact[{index}].gap", minimum=-np.inf)
+        gap[here] = _gap(effect.gap, boundary, here, f"contact[{index}].gap")
     automatic = AUTOMATIC_GAMMA * scene.young / body.tagged.size
     settings = scene.solver
     zero = np.zeros(boundary.size)
@@ -65,14 +65,29 @@ def bilateral_nodes(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.b
     return np.isin(boundary.part, parts) if parts else None
 
 
+def _gap(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str) -> Nodal:
+    """The gap at the points ``here``, averaged where the displacement is that it is compared with."""
+    if boundary.averages is None:
+        return _nodal(value, boundary, here, path, minimum=-np.inf)
+    shares = boundary.averages.shares[here]
+    found = np.zeros(shares.shape[1])
+    own = np.unique(shares.indices)
+    found[own] = _checked(value, boundary.averages.x[own], boundary, path, minimum=-np.inf)
+    return np.asarray(shares @ found)
+
+
 def _nodal(value: Any, boundary: ContactBoundary, here: npt.NDArray[np.bool_], path: str, *, minimum: float) -> Nodal:
     """Values at the nodes ``here``, checked on all ranks together."""
-    points = in_space(boundary.x[here])
-    values = sample(value, points)
+    return _checked(value, boundary.x[here], boundary, path, minimum=minimum)
+
+
+def _checked(value: Any, x: Nodal, boundary: ContactBoundary, path: str, *, minimum: float) -> Nodal:
+    """Values at points, checked on all ranks together."""
+    values = sample(value, in_space(x))
     bad = np.flatnonzero(~(np.abs(values) <= LARGEST) | (values < minimum))
     error = None
     if bad.size:
-        place = ", ".join(f"{x:g}" for x in boundary.x[here][bad[0]])
+        place = ", ".join(f"{c:g}" for c in x[bad[0]])
         wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
         error = SceneError([(path, f"is {values[bad[0]]:g} at ({place}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)

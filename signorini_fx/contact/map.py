@@ -2,9 +2,9 @@
 
 Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows per point with the
 normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
-a
-system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape
-(d, d) per point.  With the nodal rule of a rigid foundation B selects and rotates; a condensed, rotated or coarsened
+a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape (d, d) per point.
+With the nodal rule of a rigid foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a
+condensed, rotated or coarsened
 system has the product of B with its own change of unknowns.
 """
 
@@ -21,6 +21,8 @@ from petsc4py import PETSc
 from signorini_fx.body.contact_boundary import ContactBoundary
 
 Nodal = npt.NDArray[np.float64]
+# Below it a component of a unit vector is round-off.
+_ROUND_OFF = 1e-14
 
 
 @dataclass(frozen=True)
@@ -32,27 +34,30 @@ class ContactMap:
         dimension: d.
         weight: w, the area (per unit thickness: length) of a point, shape (n,).
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
+        averaging: whether points average over unknowns, which need not be in the pattern of the matrix, nor on the rank
+            of the point.
     """
 
     operator: PETSc.Mat
     dimension: int
     weight: Nodal
     fixed: npt.NDArray[np.bool_]
+    averaging: bool = False
 
     @classmethod
-    def of_nodes(
+    def of_points(
         cls,
         boundary: ContactBoundary | None,
         position: npt.NDArray[np.integer[Any]] | None,
         fixed: npt.NDArray[np.bool_],
         matrix: PETSc.Mat,
     ) -> ContactMap:
-        """Select and rotate: each contact point is a node of the system; collective.
+        """Select, or average, and rotate: what points reach are nodes of the system; collective.
 
         Args:
-            boundary: the contact nodes; None: there are none.
-            position: number of each contact node among the nodes of the system on this rank, shape (n,); None: as in
-                the function space.
+            boundary: the contact points; None: there are none.
+            position: number of each node that points reach (``ContactBoundary.reached``) among those of the system, on
+                one rank, shape (m,); None: as in the function space.
             fixed: the prescribed unknowns of this rank.
             matrix: of the system, for the layout of x.
         """
@@ -62,16 +67,23 @@ class ContactMap:
             operator.assemble()
             return cls(operator, 1, np.empty(0), fixed)
         count, dim = boundary.normal.shape
-        nodes = boundary.nodes if position is None else position
-        operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=(dim, 0), comm=matrix.comm)
-        if count:
-            first, own = matrix.getOwnershipRange()[0], operator.getOwnershipRange()[0]
-            rows = own + np.arange(count * dim).reshape(count, dim)
-            unknowns = first + dim * nodes[:, None].astype(np.int64) + np.arange(dim)
-            values = np.ascontiguousarray(boundary.frames.transpose(0, 2, 1))
+        nodes = (boundary.reached if position is None else position).astype(np.int64)
+        point, values = np.arange(count), boundary.frames.transpose(0, 2, 1)
+        room: Any = (dim, 0)
+        if boundary.averages is not None:
+            shares = boundary.averages.shares.tocoo()
+            point, nodes = shares.row, nodes[shares.col]
+            values = shares.data[:, None, None] * values[point]
+            most = dim * int(np.bincount(point, minlength=count).max(initial=1))
+            room = (min(most, columns), most)
+        operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
+        if point.size:
+            rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
+            unknowns = dim * nodes[:, None] + np.arange(dim)
+            values = np.ascontiguousarray(values)
             operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
         operator.assemble()
-        return cls(operator, dim, boundary.weight, fixed)
+        return cls(operator, dim, boundary.weight, fixed, boundary.averages is not None)
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
@@ -89,7 +101,27 @@ class ContactMap:
 
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
-        return ContactMap(self.operator.matMult(change), self.dimension, self.weight, fixed)
+        return ContactMap(self.operator.matMult(change), self.dimension, self.weight, fixed, self.averaging)
+
+    def turned(self, rotation: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
+        """The map in unknowns x~ with y = Q x~, in which supports along no axis are components; collective.
+
+        What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
+        """
+        found = self.after(rotation, fixed)
+        found.operator.chop(_ROUND_OFF)
+        return found
+
+    def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""
+        if not self.averaging:
+            return matrix
+        pattern = self.operator.transposeMatMult(self.operator)
+        pattern.zeroEntries()
+        wider = matrix.copy()
+        wider.axpy(1.0, pattern, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        wider.setOption(PETSc.Mat.Option.SPD, True)
+        return wider
 
     def entries(self) -> tuple[npt.NDArray[np.int64], Nodal]:
         """The unknowns that each point touches, and B there.

@@ -58,7 +58,7 @@ def resting_place(
     """
     if motions.free.shape[1] == 0:
         return None
-    modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
+    modes = motions.at(boundary)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
     bilateral = np.zeros(boundary.size) if data.bilateral is None else data.bilateral
     of_node = motions.assembly_of(boundary.nodes)
@@ -72,9 +72,9 @@ def resting_place(
             motion += 0.0 if moved is None else free @ moved
     if not motion.any():
         return None
-    at_nodes = boundary.free * (motions.at(boundary.nodes) @ (motions.free.T @ motion))
-    u_n = np.einsum("ij,ij->i", boundary.normal, at_nodes)
-    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_nodes)
+    at_points = motions.at(boundary) @ (motions.free.T @ motion)
+    u_n = np.einsum("ij,ij->i", boundary.normal, at_points)
+    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_points)
     # A motion along the normals has no tangential part except for round-off.
     still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)

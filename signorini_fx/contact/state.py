@@ -67,8 +67,8 @@ class ContactState:
         boundary = self.boundary
         none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
         found = [
-            parallel.global_sum(boundary.comm, -np.cross(boundary.x, boundary.nodal_forces(*tractions)).sum(axis=0))
-            for tractions in ((self.pressure, none_t), (none_n, self.shear))
+            parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
+            for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
         ]
         return found[0], found[1]
 

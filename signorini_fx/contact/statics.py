@@ -111,7 +111,7 @@ def reactions(
     bilateral: npt.NDArray[np.bool_] | None,
 ) -> Reactions:
     """The reactions that friction bounds (stresses, and shares of the pressure) allow; collective."""
-    modes = boundary.free[:, :, None] * motions.at(boundary.nodes)
+    modes = motions.at(boundary)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
     tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
     two_sided = np.zeros(boundary.size) if bilateral is None else bilateral

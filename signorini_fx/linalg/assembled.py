@@ -33,9 +33,13 @@ class AssembledSystem:
         """The system as it was assembled, at the first load step."""
         d = discretisation
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        contact = ContactMap.of_nodes(d.boundary, None, d.fixed, d.stiffness)
+        contact = ContactMap.of_points(d.boundary, None, d.fixed, d.stiffness)
+        if d.rotation is not None:
+            contact = contact.turned(d.rotation, d.fixed)
         resultant = np.zeros(d.motions.free.shape[0])
-        system = cls(d.tagged.mesh.comm, d.stiffness, load, start, resultant, d.fixed, contact, d.cases)
+        system = cls(
+            d.tagged.mesh.comm, contact.admitted(d.stiffness), load, start, resultant, d.fixed, contact, d.cases
+        )
         system.set_step(0)
         return system
 

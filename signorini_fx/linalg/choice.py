@@ -74,10 +74,10 @@ def choose_kind(d: Body, requested: str) -> tuple[str, str]:
 
 
 def retained_unknowns(d: Body) -> int:
-    """Displacement components on all contact boundaries; collective."""
+    """Displacement components that contact reaches; collective."""
     if d.boundary is None:
         return 0
-    return d.tagged.dimension * int(parallel.global_sum(d.comm, np.array(np.unique(d.boundary.nodes).size)))
+    return d.tagged.dimension * int(parallel.global_sum(d.comm, np.array(np.unique(d.boundary.reached).size)))
 
 
 def for_multigrid(d: Body) -> str | None:

@@ -47,7 +47,7 @@ class CoarsenedSystem(TransformedSystem):
         matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
         fixed = system.fixed[retained]
-        contact = ContactMap.of_nodes(boundary, position, fixed, matrix)
+        contact = ContactMap.of_points(boundary, position, fixed, matrix)
         coarse = cls(system.comm, matrix, load, start, fixed, contact, system, prolongation.tocsr(), retained)
         coarse._restrict()
         return coarse

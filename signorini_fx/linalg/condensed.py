@@ -22,7 +22,7 @@ from signorini_fx.linalg.schur import SchurComplement
 
 @dataclass
 class CondensedSystem:
-    """See ``ElasticSystem``: x holds the displacement of the contact nodes, d components per node."""
+    """See ``ElasticSystem``: x holds the displacement of the nodes that contact reaches, d components per node."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat
@@ -46,7 +46,7 @@ class CondensedSystem:
         """
         d = discretisation
         assert d.boundary is not None
-        nodes, position = np.unique(d.boundary.nodes, return_inverse=True)
+        nodes, position = np.unique(d.boundary.reached, return_inverse=True)
         dim = d.tagged.dimension
         retained = (dim * nodes[:, None] + np.arange(dim)).ravel().astype(np.int32)
         schur = SchurComplement(d.stiffness, retained)
@@ -57,7 +57,10 @@ class CondensedSystem:
             [_condense(d.stiffness, case.load, x, retained) for case, x in zip(d.cases, interior, strict=True)]
         )
         fixed = d.fixed[retained]
-        contact = ContactMap.of_nodes(d.boundary, position.ravel(), fixed, matrix)
+        contact = ContactMap.of_points(d.boundary, position.ravel(), fixed, matrix)
+        if d.rotation is not None:
+            kept = PETSc.IS().createGeneral(retained, comm=d.boundary.comm)
+            contact = contact.turned(d.rotation.createSubMatrix(kept, kept), fixed)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,

@@ -37,10 +37,10 @@ class KrylovSystem(AssembledSystem):
     @classmethod
     def of(cls, discretisation: Discretisation) -> Self:
         """The system as it was assembled, at the first load step; multigrid gets to know the rigid motions."""
-        d = discretisation
-        d.stiffness.setBlockSize(d.tagged.dimension)
-        d.stiffness.setNearNullSpace(_rigid_modes(d))
-        return super().of(d)
+        system = super().of(discretisation)
+        system.matrix.setBlockSize(discretisation.tagged.dimension)
+        system.matrix.setNearNullSpace(_rigid_modes(discretisation))
+        return system
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -120,7 +120,10 @@ def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
     modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
     vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
     for k, vector in enumerate(vectors):
-        vector.getArray()[:] = np.where(d.fixed, 0.0, modes[:, :, k].ravel())
+        vector.getArray()[:] = modes[:, :, k].ravel()
+        if d.rotation is not None:
+            d.rotation.multTranspose(vector.copy(), vector)
+        vector.getArray()[d.fixed] = 0.0
         for other in vectors[:k]:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

@@ -42,20 +42,26 @@ class RotatedSystem(TransformedSystem):
 
 def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
     """Nodes whose normal or tangents are along no axis, shape (n,)."""
-    return np.asarray((1.0 - np.abs(boundary.frames).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
+    return np.asarray((1.0 - np.abs(boundary.frames_in_axes).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
 
 
 def check_rotation(boundary: ContactBoundary) -> None:
     """Check that every contact node can be rotated into its normal and tangents; collective.
 
     Raises:
-        SceneError: a contact node has two normals, or a prescribed component and a normal along no axis.
+        SceneError: contact points average, a contact node has two normals, or a prescribed component along neither its
+            normal nor a tangent.
     """
+    if boundary.averages is not None:
+        reason = "contact points of quadratic tetrahedra average over several nodes, of which none can be tied"
+        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
     nodes, counts = np.unique(boundary.nodes, return_counts=True)
     crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
-    mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & ~boundary.free.all(axis=1)).any()))
+    # A prescribed component may stay an unknown of its own: then it is along the normal or a tangent.
+    apart = (~boundary.free & (1.0 - np.abs(boundary.frames_in_axes).max(axis=2) >= _ALONG_AXIS)).any(axis=1)
+    mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & apart).any()))
     if crossed or mixed:
-        reason = "a contact node has two normals" if crossed else "a prescribed contact node has a normal along no axis"
+        reason = "a contact node has two normals" if crossed else "a contact node is prescribed askew to its normal"
         raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
 
 
@@ -77,6 +83,7 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
         rotation.setValue(row, row, 1.0)
     rotation.assemble()
     unknowns, blocks = system.contact.entries()
+    blocks = _in_place(blocks, system.fixed[unknowns])
     rows = (first + unknowns[off]).astype(PETSc.IntType)
     if rows.size:
         rotation.setValuesRCV(rows, rows, np.ascontiguousarray(blocks[off].transpose(0, 2, 1)))
@@ -88,6 +95,14 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
     contact = system.contact.after(rotation, system.fixed)
     turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, contact, system, rotation)
     return turned
+
+
+def _in_place(blocks: npt.NDArray[np.float64], fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """The rows of B at each point, shape (n, d, d), in an order that leaves each prescribed unknown where it is."""
+    for point, unknown in np.argwhere(fixed):
+        row = int(np.abs(blocks[point, :, unknown]).argmax())
+        blocks[point, [row, unknown]] = blocks[point, [unknown, row]]
+    return blocks
 
 
 def _turned(matrix: PETSc.Mat, rotation: PETSc.Mat) -> PETSc.Mat:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,9 +25,9 @@ from signorini_fx.contact.laws import (
     tangent,
     trial_pressure,
 )
-from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.statics import unbalanced
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.problem.tangent import contact_tangent
 from signorini_fx.records import Status
 
 
@@ -251,7 +250,7 @@ class RegularisedProblem(ProblemState):
 
     def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
         super().__init__(system, boundary, motions)
-        self._tangent = _ContactTangent(system.matrix, system.contact)
+        self._tangent = contact_tangent(system.matrix, system.contact)
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
@@ -302,57 +301,3 @@ class RegularisedProblem(ProblemState):
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``ContactProblem``."""
         self._tangent.factorised[jacobian.handle] = self._tangent.inserted[jacobian.handle]
-
-
-class _ContactTangent:
-    """A + B^T D B: the entries of the Jacobian that contact changes."""
-
-    def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
-        self._comm = matrix.comm.tompi4py()
-        self.inserted: dict[int, Nodal] = {}
-        self.factorised: dict[int, Nodal] = {}
-        unknowns, blocks = contact.entries()
-        self._blocks = np.where(contact.fixed[unknowns][:, None, :], 0.0, blocks)
-        self._weighted = contact.weight[:, None, None] * self._blocks
-        # Pairs of unknowns that some point couples: the rows of B^T D B, each with its columns in order.
-        first, columns = matrix.getOwnershipRange()[0], contact.fixed.size
-        pairs = unknowns[:, :, None] * columns + unknowns[:, None, :]
-        keys, place = np.unique(pairs, return_inverse=True)
-        self._place = place.ravel()
-        row, column = keys // max(columns, 1), keys % max(columns, 1)
-        rows, counts = np.unique(row, return_counts=True)
-        self._starts = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType)
-        self._rows = (first + rows).astype(PETSc.IntType)
-        self._columns = (first + column).astype(PETSc.IntType)
-        spans = list(pairwise(self._starts))
-        elastic = [
-            matrix.getValues([number], self._columns[a:b]).ravel()
-            for number, (a, b) in zip(self._rows, spans, strict=True)
-        ]
-        self._elastic = np.concatenate([np.empty(0), *elastic])
-
-    def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> int | None:
-        """Put A + B^T D B into a copy of A, if it is not there already.
-
-        Args:
-            matrix: a matrix with the pattern and, elsewhere, the values of A.
-            blocks: D of each point, stress per length, shape (n, d, d).
-
-        Returns:
-            How many points differ from the last factorisation, None if there is none; the same on all ranks.
-        """
-        known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
-        differ = [
-            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2))) for old in known
-        ]
-        changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
-        since = None if known[1] is None else moved
-        if changed == 0:
-            return since
-        self.inserted[matrix.handle] = blocks
-        added = np.einsum("nia,nij,njb->nab", self._weighted, blocks, self._blocks)
-        values = self._elastic + np.bincount(self._place, added.ravel(), minlength=self._elastic.size)
-        if self._rows.size:
-            matrix.setValuesIJV(self._starts, self._columns, values, rowmap=self._rows)
-        matrix.assemble()
-        return since

@@ -30,10 +30,11 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces, hooke
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
-from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.results.supports import Supports
+from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
 
@@ -54,8 +55,6 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 _ROUND_OFF = 1e-8
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
-# A direction has a component along an axis if it is larger than this.
-_ALONG = 1e-8
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,7 +154,7 @@ def certify(
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :dim]
     internal, external = forces.internal(every), forces.external(step, scale)
-    fixed, prescribed = _supports(forces, step, scale)
+    supports = Supports.of(forces, step, scale)
     energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
     strain_energy = max(0.0, float(energy) / 2)
     modulus = max(a + b for a, b in map(hooke, scene.material))
@@ -165,7 +164,7 @@ def certify(
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     residual = internal - external
     found: dict[str, Any] = {
-        "supports": _share(_largest(comm, np.abs(y - prescribed)[fixed]), length),
+        "supports": _share(_largest(comm, supports.missed(y)), length),
         "displacement": far / tagged.size,
     }
     rest: dict[str, Any] = {
@@ -174,21 +173,22 @@ def certify(
         "potential_energy": strain_energy - float(work),
     }
     if tractions is None:
-        return Certificate(equilibrium=_share(_norm(comm, residual[~fixed]), force), **found, **rest)
-    nodes = _ContactNodes.of(scene, forces, x, tractions)
+        return Certificate(equilibrium=_share(_norm(comm, supports.left(residual)), force), **found, **rest)
+    nodes = ContactNodes.of(scene, forces, x, tractions)
     pressure, shear = nodes.pressure, nodes.shear
-    np.add.at(residual, nodes.nodes, nodes.forces())
-    # If the contact transmits no forces, its reactions are round-off of the stress in the body.
+    reached, contact_forces, area = nodes.forces()
+    np.add.at(residual, reached, contact_forces)
+    # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
     finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
     # A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
     sheared = np.linalg.norm(shear, axis=1)
     tractions_at = np.maximum(np.abs(pressure), sheared)
-    free = ~nodes.supported(fixed)
+    free = ~nodes.supported(supports)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
     stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
-    if before is not None:  # the increment has its round-off
-        last = _ContactNodes.of(scene, forces, x, before.tractions)
+    if before is not None:  # what is added to it has its round-off
+        last = ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
         stress = max(
             stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
@@ -197,22 +197,24 @@ def certify(
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
-    unbalanced = np.where(fixed, 0.0, residual)[nodes.nodes] / nodes.weight[:, None]
+    residual = supports.left(residual)
+    unbalanced = residual[reached] / area[:, None]
     equilibrium = max(
-        _share(_norm(comm, residual[~fixed]), force), _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress)
+        _share(_norm(comm, residual), force),
+        _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress),
     )
-    u_n, u_t = nodes.traces(y)
+    u_n, u_t = nodes.traces(every)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
     if before is not None:
         slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, dim))[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
-            slip = slip + _ContactNodes.of(scene, forces, x, elastic).shear
+            slip = slip + ContactNodes.of(scene, forces, x, elastic).shear
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
         # Where the supports prescribe the distance, a penetration belongs to the scene.
-        entered = np.where(nodes.immovable(~fixed), np.minimum(entered, 0.0), entered)
+        entered = np.where(nodes.immovable(supports), np.minimum(entered, 0.0), entered)
     bilateral = nodes.bilateral
     distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
     slipped = np.linalg.norm(xi, axis=1)
@@ -232,120 +234,6 @@ def certify(
     }
     found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
     return Certificate(equilibrium=equilibrium, **found, **rest)
-
-
-@dataclass(frozen=True)
-class _ContactNodes:
-    """The contact nodes of this rank, from the scene and the mesh, with the tractions at them.
-
-    Attributes:
-        nodes: local number of the node.
-        weight: area (in the plane: length) that belongs to the node.
-        normal: outward unit normal, or the direction that the scene gives.
-        gap: d, length.
-        bound: F g of the friction law at the current pressure, stress.
-        bilateral: whether contact cannot open.
-        pressure: lambda.
-        shear: mu, shape (n, d).
-    """
-
-    nodes: npt.NDArray[np.int64]
-    weight: Nodal
-    normal: Nodal
-    gap: Nodal
-    bound: Nodal
-    bilateral: npt.NDArray[np.bool_]
-    pressure: Nodal
-    shear: Nodal
-
-    @classmethod
-    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> _ContactNodes:
-        columns: list[tuple[Any, ...]] = []
-        unmatched = False
-        for part, effect in enumerate(scene.contact):
-            moment = forces.moments(effect.boundary)
-            weight = np.linalg.norm(moment, axis=1)
-            nodes = np.flatnonzero(weight > 0)
-            normal = moment[nodes] / weight[nodes, None]
-            if effect.direction is not None:
-                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
-            here = np.flatnonzero(np.asarray(tractions.part) == part)
-            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
-            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
-            pressure, shear = (
-                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
-                for values in (tractions.pressure, tractions.shear)
-            )
-            points = in_space(x[nodes])
-            columns.append(
-                (
-                    nodes,
-                    weight[nodes],
-                    normal,
-                    sample(effect.gap, points),
-                    _friction_bound(effect.friction, points, pressure),
-                    np.full(nodes.size, isinstance(effect, BilateralContact)),
-                    pressure,
-                    shear,
-                )
-            )
-        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
-            raise ValueError("the tractions are not those of the contact nodes of the scene")
-        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y), the latter as a vector, shape (n, d)."""
-        here = y[self.nodes]
-        normal = np.sum(here * self.normal, axis=1)
-        return normal, here - normal[:, None] * self.normal
-
-    def forces(self) -> Nodal:
-        """W (lambda n + mu), shape (n, d)."""
-        return self.weight[:, None] * (self.pressure[:, None] * self.normal + self.shear)
-
-    def supported(self, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Nodes where a support takes a part of the normal force."""
-        return np.asarray(np.max(np.abs(self.normal) * fixed[self.nodes], axis=1, initial=0.0) > _ALONG)
-
-    def immovable(self, free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Nodes that cannot move along their normal, because they are free only perpendicular to it."""
-        return np.asarray(np.max(np.abs(self.normal) * free[self.nodes], axis=1, initial=0.0) <= _ALONG)
-
-
-def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
-    """F g of (6.1): g is given (Tresca) or the current pressure (Coulomb), up to the cap."""
-    if not friction_acts(friction):
-        return np.zeros(pressure.size)
-    match friction:
-        case TrescaFriction(bound=bound):
-            return sample(bound, points)
-        case CoulombFriction(coefficient=coefficient, cap=cap):
-            bound = sample(coefficient, points) * np.abs(pressure)
-            return bound if cap is None else np.minimum(bound, sample(cap, points))
-    raise TypeError(f"no friction law: {friction!r}")
-
-
-def _supports(forces: NodalForces, step: int, scale: float) -> tuple[npt.NDArray[np.bool_], Nodal]:
-    """Which components are prescribed, and their values, shape (owned nodes, d) both; later effects win; collective."""
-    scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
-    shape = (owned, forces.dimension)
-    fixed, value = np.zeros(shape, dtype=bool), np.zeros(shape)
-    x = space.tabulate_dof_coordinates()
-    dim = tagged.mesh.topology.dim - 1
-    for effect in scene.displacement:
-        nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
-        nodes = nodes[nodes < owned]
-        factor = scale * (1.0 if effect.factors is None else effect.factors[step])
-        prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
-        if effect.normal is not None:
-            outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
-            axis = int(np.argmax(np.abs(outward)))
-            prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
-        for component, given, sign in prescribed:
-            if given is not None:
-                fixed[nodes, component] = True
-                value[nodes, component] = sign * factor * sample(given, x[nodes].T)
-    return fixed, value
 
 
 def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:

@@ -16,6 +16,7 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -47,14 +48,16 @@ def hooke(material: LinearElastic) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Table:
-    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), and their
-    derivatives along the d reference directions, (d, q, n) and (d, q, g).
+    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), their
+    derivatives along the d reference directions, (d, q, n) and (d, q, g), and the functions that contact tests with
+    (q, n): the shape functions, or the hats of the vertices where contact averages.
     """
 
     shape: Array
     slope: Array
     place: Array
     stretch: Array
+    test: Array
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,9 @@ class NodalForces:
         self._cell = getattr(basix.CellType, mesh.topology.cell_name())
         self._facet = basix.cell.subentity_types(self._cell)[tagged.dimension - 1][0]
         self._shapes = space.element.basix_element
+        self._hats = None
+        if self._cell == basix.CellType.tetrahedron and scene.element.degree == 2:
+            self._hats = basix.create_element(basix.ElementFamily.P, self._cell, 1)
         self._geometry = compat.geometry_element(mesh)
         self._own_cells = int(mesh.topology.index_map(mesh.topology.dim).size_local)
         self._corners = compat.geometry_cells(mesh)
@@ -103,8 +109,8 @@ class NodalForces:
         reduced = reduced_degree(self.scene, self.tagged.mesh)
         a, b = self._moduli()
         if reduced is None:
-            return self._over_ranks(self._stress_work(displacement, degree, a, b))
-        return self._over_ranks(
+            return self.over_ranks(self._stress_work(displacement, degree, a, b))
+        return self.over_ranks(
             self._stress_work(displacement, degree, a, np.zeros(1))
             + self._stress_work(displacement, reduced, np.zeros(1), b)
         )
@@ -145,7 +151,12 @@ class NodalForces:
                     force = np.stack([self._values(value, part, at) for value in values], axis=2)
                     force *= (weight * np.abs(adjugates(jacobian)[1]))[:, :, None]
                     np.add.at(total, self._nodes[cells], factor * (table.shape.T @ force))
-        return self._over_ranks(total) + compiled
+        return self.over_ranks(total) + compiled
+
+    @property
+    def averaging(self) -> bool:
+        """Whether contact averages over nodes: on quadratic tetrahedra."""
+        return self._hats is not None
 
     def moments(self, boundary: str) -> Array:
         """Outward normal times the area (in the plane: length) of each node of a boundary, the integral
@@ -160,22 +171,43 @@ class NodalForces:
             }[degree]
             rule = np.array(places)[:, None], np.array(weights)
         for facets in self._facets(boundary, *rule):
-            shape = np.where(np.abs(facets.table.shape) < _ROUND_OFF, 0.0, facets.table.shape)
-            np.add.at(total, self._nodes[facets.cells], shape.T @ facets.moment)
-        return self._over_ranks(total)
+            np.add.at(total, self._nodes[facets.cells], _clean(facets.table.test).T @ facets.moment)
+        return self.over_ranks(total)
+
+    def products(self, boundary: str) -> Any:
+        """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes)."""
+        rule = basix.make_quadrature(self._facet, forms.lumped_degree(self.scene.element.degree, self._geometry.degree))
+        size = len(self._zero())
+        found = sp.csr_array((size, size))
+        for facets in self._facets(boundary, *rule):
+            test, shape = _clean(facets.table.test), _clean(facets.table.shape)
+            area = np.linalg.norm(facets.moment, axis=2)
+            values = np.einsum("qi,cq,qj->cij", test, area, shape)
+            nodes = self._nodes[facets.cells]
+            rows, columns = (np.broadcast_to(own, values.shape) for own in (nodes[:, :, None], nodes[:, None]))
+            there = values != 0
+            found += sp.csr_array((values[there], (rows[there], columns[there])), shape=(size, size))
+        return found
+
+    def with_ghosts(self, values: Array) -> Array:
+        """Values at the owned nodes, shape (owned nodes, d), with those of the ghosts, shape (nodes, d)."""
+        function = fem.Function(self.space)
+        function.x.array[: values.size] = values.ravel()
+        function.x.scatter_forward()
+        return np.array(function.x.array.reshape(-1, self.dimension))
+
+    def over_ranks(self, values: Array) -> Array:
+        """What all ranks contribute to the nodes of this one, from shape (nodes, d) to (owned nodes, d)."""
+        function = fem.Function(self.space)
+        function.x.array[:] = values.ravel()
+        function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
     def _zero(self) -> Array:
         index_map = self.space.dofmap.index_map
         return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
-
-    def _over_ranks(self, forces: Array) -> Array:
-        """The sum of the contributions of all ranks to the nodes of this one."""
-        function = fem.Function(self.space)
-        function.x.array[:] = forces.ravel()
-        function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
 
     def _chunks(self) -> Iterator[Indices]:
         for first in range(0, self._own_cells, _CHUNK):
@@ -195,7 +227,11 @@ class NodalForces:
 
     def _table(self, points: Array) -> _Table:
         shape, geometry = (element.tabulate(1, points)[..., 0] for element in (self._shapes, self._geometry))
-        return _Table(shape[0], shape[1:], geometry[0], geometry[1:])
+        test = shape[0]
+        if self._hats is not None:
+            hats = self._hats.tabulate(0, points)[0, ..., 0]  # vertices come first
+            test = np.pad(hats, ((0, 0), (0, test.shape[1] - hats.shape[1])))
+        return _Table(shape[0], shape[1:], geometry[0], geometry[1:], test)
 
     def _jacobian(self, cells: Indices, table: _Table) -> Array:
         """dx_i / dX_k at the points, shape (d (i), d (k), cells, q)."""
@@ -267,3 +303,8 @@ class NodalForces:
         _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
         assert form is not None
         return np.array(assemble(form).getArray().reshape(-1, self.dimension))
+
+
+def _clean(functions: Array) -> Array:
+    """Without the round-off of those that are zero."""
+    return np.where(np.abs(functions) < _ROUND_OFF, 0.0, functions)

@@ -156,7 +156,7 @@ class PrescribedDisplacement(_Vector):
         x: component along x[0], length.
         y: component along x[1], length.
         z: component along x[2], length; only in space.
-        normal: component along the outward normal, length, on a boundary perpendicular to an axis (0: symmetry).
+        normal: component along the outward normal, length, on a flat boundary (0: symmetry).
     """
 
     boundary: str

@@ -49,6 +49,7 @@ def worthwhile(task: Task) -> bool:
     return (
         isinstance(task.system, CondensedSystem)
         and task.boundary.x.shape[1] == 2  # on a surface "every second node" is not defined
+        and task.boundary.axes is None  # whose unknowns are not interpolated
         and task.boundary.size > FEWEST_NODES_TO_COARSEN
         and task.settings.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS

@@ -259,7 +259,7 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
     if discretisation.scene.solver.algorithm == "path-following" and requested == "auto":
         recovery = StressRecovery(discretisation)
         allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
-        return lambda x: allowed * recovery.error(system.displacement(x))
+        return lambda x: allowed * recovery.error(discretisation.displacement(system.displacement(x)))
 
     forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
 

@@ -125,7 +125,9 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
         table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
         data = outcome.problem.data
         compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
-        found.append(estimate_errors(d, outcome.displacement(), step.strain_energy, table, step.step, compliance))
+        found.append(
+            estimate_errors(d, d.displacement(outcome.displacement()), step.strain_energy, table, step.step, compliance)
+        )
 
     solution, task, outcome = solve_mesh(scene, comm, history, state, estimate)
     if not solution.converged or task is None or outcome is None or not found:

@@ -1,0 +1,199 @@
+"""The contact points as the certificate sees them: from the scene and the mesh, with the tractions that are claimed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.supports import Supports
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+
+Nodal = npt.NDArray[np.float64]
+
+# A direction has a component along an axis if it is larger than this.
+_ALONG = 1e-8
+# A share of a sum below this is round-off.
+_ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class ContactNodes:
+    """The contact points of this rank with the tractions at them; where they average, all methods are collective.
+
+    Attributes:
+        evaluation: weights and forces by quadrature.
+        nodes: local number of the node at the point.
+        weight: area (in the plane: length) that the point stands for.
+        normal: outward unit normal, or the direction that the scene gives.
+        gap: d, length.
+        bound: F g of the friction law at the pressure at hand, stress.
+        bilateral: whether contact cannot open.
+        pressure: lambda.
+        shear: mu, shape (n, d).
+        spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``;
+            None where points do not average.
+        counts: number of points of each contact boundary.
+    """
+
+    evaluation: NodalForces
+    nodes: npt.NDArray[np.int64]
+    weight: Nodal
+    normal: Nodal
+    gap: Nodal
+    bound: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    pressure: Nodal
+    shear: Nodal
+    spread: list[Any] | None
+    counts: list[int]
+
+    @classmethod
+    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> ContactNodes:
+        """The contact points of a scene; collective.
+
+        Args:
+            scene: the scene.
+            forces: weights and forces of its mesh.
+            x: positions of the owned nodes, shape (owned nodes, d).
+            tractions: what is claimed.
+
+        Raises:
+            ValueError: the tractions are not those of the contact points of the scene.
+        """
+        columns: list[tuple[Any, ...]] = []
+        spread: list[Any] = []
+        unmatched = False
+        for part, effect in enumerate(scene.contact):
+            moment = forces.moments(effect.boundary)
+            weight = np.linalg.norm(moment, axis=1)
+            direction = moment / np.maximum(weight, 1e-300)[:, None]
+            if forces.averaging:
+                spread.append(forces.products(effect.boundary))
+                weight = _sums(forces, spread[-1].sum(axis=1))
+            nodes = np.flatnonzero(weight > 0)
+            normal = direction[nodes]
+            if effect.direction is not None:
+                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
+            here = np.flatnonzero(np.asarray(tractions.part) == part)
+            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
+            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
+            pressure, shear = (
+                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
+                for values in (tractions.pressure, tractions.shear)
+            )
+            points = in_space(x[nodes])
+            gap = sample(effect.gap, points) if not spread else _averaged_gap(forces, spread[-1], effect.gap)[nodes]
+            columns.append(
+                (
+                    nodes,
+                    weight[nodes],
+                    normal,
+                    gap if not spread else gap / weight[nodes],
+                    _friction_bound(effect.friction, points, pressure),
+                    np.full(nodes.size, isinstance(effect, BilateralContact)),
+                    pressure,
+                    shear,
+                )
+            )
+        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
+            raise ValueError("the tractions are not those of the contact nodes of the scene")
+        counts = [len(column[0]) for column in columns]
+        nodes, *rest = (np.concatenate(column) for column in zip(*columns, strict=True))
+        weight, normal, gap, bound, bilateral, pressure, shear = rest
+        held = spread or None
+        return cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts)
+
+    def traces(self, every: Nodal) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d); the latter as a vector, shape (n, d)."""
+        if self.spread is None:
+            here = every[self.nodes]
+        else:
+            sums = [self.evaluation.over_ranks(products @ every) for products in self.spread]
+            here = self._at_points(sums) / self.weight[:, None]
+        normal = np.sum(here * self.normal, axis=1)
+        return normal, here - normal[:, None] * self.normal
+
+    def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
+        """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
+        (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
+        """
+        traction = self.pressure[:, None] * self.normal + self.shear
+        if self.spread is None:
+            return self.nodes, self.weight[:, None] * traction, self.weight
+        found = []
+        for products, here in zip(self.spread, self._parts(), strict=True):
+            at_nodes = np.zeros((self.evaluation.owned, traction.shape[1]))
+            at_nodes[self.nodes[here]] = traction[here]
+            force = self.evaluation.over_ranks(products.T @ self.evaluation.with_ghosts(at_nodes))
+            area = _sums(self.evaluation, abs(products).sum(axis=0))
+            reached = np.flatnonzero(area > 0)
+            found.append((reached, force[reached], area[reached]))
+        nodes, forces, area = (np.concatenate(column) for column in zip(*found, strict=True))
+        return nodes, forces, area
+
+    def supported(self, supports: Supports) -> npt.NDArray[np.bool_]:
+        """Points where a support takes a part of the normal force."""
+        if self.spread is None:
+            held = self.normal - supports.left(self.normal, self.nodes)
+        else:
+            held = self.normal * self._any_of(supports.touched())
+        return np.asarray(np.max(np.abs(held), axis=1, initial=0.0) > _ALONG)
+
+    def immovable(self, supports: Supports) -> npt.NDArray[np.bool_]:
+        """Points that cannot move along their normal, because what is free at them is across it."""
+        if self.spread is None:
+            movable = supports.left(self.normal, self.nodes)
+        else:
+            movable = self.normal * self._any_of(~supports.fixed)
+        return np.asarray(np.max(np.abs(movable), axis=1, initial=0.0) <= _ALONG)
+
+    def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Whether a node that a point averages over has a flag, shape (n, d)."""
+        if self.spread is None:
+            return flags[self.nodes]
+        every = self.evaluation.with_ghosts(flags.astype(np.float64))
+        share = self._at_points([self.evaluation.over_ranks(abs(products) @ every) for products in self.spread])
+        return np.asarray(share > _ROUND_OFF * self.weight[:, None])
+
+    def _at_points(self, of_parts: list[Nodal]) -> Nodal:
+        """What each contact boundary has at its own points."""
+        return np.concatenate([values[self.nodes[here]] for values, here in zip(of_parts, self._parts(), strict=True)])
+
+    def _parts(self) -> list[slice]:
+        ends = np.cumsum([0, *self.counts])
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def _sums(forces: NodalForces, values: Any) -> Nodal:
+    """One number per node of this rank and its ghosts, summed over the ranks, shape (owned nodes,)."""
+    return forces.over_ranks(np.repeat(np.ravel(values)[:, None], forces.dimension, axis=1))[:, 0]
+
+
+def _averaged_gap(forces: NodalForces, products: Any, gap: Any) -> Nodal:
+    """The gap times the test functions, shape (owned nodes,)."""
+    values = np.zeros(products.shape[0])
+    reached = np.unique(products.indices)
+    x = forces.space.tabulate_dof_coordinates()[reached, : forces.dimension]
+    values[reached] = sample(gap, in_space(x))
+    return _sums(forces, products @ values)
+
+
+def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
+    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
+    if not friction_acts(friction):
+        return np.zeros(pressure.size)
+    match friction:
+        case TrescaFriction(bound=bound):
+            return sample(bound, points)
+        case CoulombFriction(coefficient=coefficient, cap=cap):
+            bound = sample(coefficient, points) * np.abs(pressure)
+            return bound if cap is None else np.minimum(bound, sample(cap, points))
+    raise TypeError(f"no friction law: {friction!r}")

@@ -1,0 +1,168 @@
+"""Supports along the normals of flat boundaries that are across no axis: nodes with unknowns in frames of their own."""
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from spaces import friction_of
+from test_space_patch import (
+    ELEMENTS,
+    GAMMA,
+    GAP,
+    POISSON,
+    PRESSURE,
+    ROUND_OFF,
+    YOUNG,
+    State,
+    assert_displacement,
+    contact,
+    pressed,
+    rotation,
+    run,
+)
+
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+ALONG = (0.0007, -0.0004)
+LIMIT = {"algorithm": "exact", "tolerance": 1e-12}
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_two_walls(element, linear_algebra):
+    """Compression between two walls that are across no axis, and move: exact to round-off."""
+    state = State((0.0, 0.0, -PRESSURE, 0.0, 0.0, 0.0), (*ALONG, -GAP - PRESSURE / GAMMA))
+    solution = run(
+        element,
+        "turned",
+        displacement=[
+            {"boundary": "left", "normal": -ALONG[0], "factors": [0.3, 1.0]},
+            {"boundary": "front", "normal": -ALONG[1], "factors": [0.3, 1.0]},
+        ],
+        traction={"boundary": "top", "pressure": PRESSURE, "factors": [1.0, 1.0]},
+        contact=contact(),
+        solver={"gamma_n": GAMMA, "gamma_t": GAMMA, "tolerance": 1e-12, "linear_algebra": linear_algebra},
+    )
+    assert_displacement(solution, state, "turned")
+    np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_the_limit(element, linear_algebra):
+    """Without regularisation as well: contact and supports share their nodes, whose frames agree."""
+    state = pressed()
+    state.origin[2] = -GAP
+    solution = run(
+        element,
+        "turned",
+        displacement=[{"boundary": name, "normal": 0.0} for name in ("left", "right", "front", "back")],
+        traction=state.tractions("turned", "top"),
+        contact=contact(friction=friction_of(coefficient=0.3)),
+        solver={**LIMIT, "linear_algebra": linear_algebra},
+    )
+    assert_displacement(solution, state, "turned")
+    np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+def test_in_the_plane(algorithm):
+    """A rectangle on a slope, held by a wall across it."""
+    angle = 0.4
+    back = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (2.0, 1.0)], (4, 3), dmesh.CellType.quadrilateral)
+    mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ back.T
+
+    def own(x):
+        return back.T @ x[:2]
+
+    sides = {
+        "left": lambda x: own(x)[0] < 1e-9,
+        "bottom": lambda x: own(x)[1] < 1e-9,
+        "top": lambda x: own(x)[1] > 1 - 1e-9,
+    }
+    scene = parse_scene(
+        {
+            "mesh": tag_boundaries(mesh, sides),
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": {"boundary": "left", "normal": 0.001},
+            "traction": {"boundary": "top", "pressure": PRESSURE},
+            "contact": {"boundary": "bottom", "gap": GAP},
+            "solver": {"algorithm": algorithm, "gamma_n": GAMMA, "gamma_t": GAMMA},
+        }
+    )
+    solution = alone(scene)
+    give = PRESSURE / GAMMA if algorithm == "ssn" else 0.0
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2] @ back
+    modulus = YOUNG / (1 - POISSON**2)
+    exact = np.column_stack(
+        (PRESSURE * POISSON / (1 - POISSON) / modulus * x[:, 0] - 0.001, -PRESSURE / modulus * x[:, 1] - GAP - give)
+    )
+    found = solution.displacement.x.array.reshape(-1, 2) @ back
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+def corner(right_angle):
+    """A prism of triangles x[0] + slope x[1] <= 1 on a foundation, two of whose sides hold it along their normals."""
+    mesh = dmesh.create_box(MPI.COMM_SELF, [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)], (3, 3, 3), dmesh.CellType.hexahedron)
+    x = mesh.geometry.x
+    lean = 0.0 if right_angle else 0.5
+    x[:, 0] += lean * x[:, 1]  # left and right lean, front and back do not
+    x[:] = x @ rotation(0.9, (0.3, -0.8, 0.5)).T
+    return mesh, lean
+
+
+@pytest.mark.parametrize("right_angle", [True, False])
+def test_an_edge_of_two_walls(right_angle):
+    """Nodes between two walls, at whatever angle: no widening, so that both just move the body."""
+    mesh, lean = corner(right_angle)
+    back = rotation(0.9, (0.3, -0.8, 0.5))
+
+    def side(axis, value):
+        def marker(x):
+            own = back.T @ x
+            own[0] -= lean * own[1]
+            return np.abs(own[axis] - value) < 1e-9
+
+        return marker
+
+    tagged = tag_boundaries(
+        mesh, {"left": side(0, 0.0), "front": side(1, 0.0), "bottom": side(2, 0.0), "top": side(2, 1.0)}
+    )
+    motion = np.array([0.002, -0.001, -GAP])  # in the frame of the body
+    left = np.array([-1.0, lean, 0.0]) / np.hypot(1.0, lean)
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "displacement": [
+                {"boundary": "left", "normal": float(left @ motion)},
+                {"boundary": "front", "normal": -float(motion[1])},
+            ],
+            "traction": {"boundary": "top", "pressure": PRESSURE},
+            "contact": {"boundary": "bottom", "gap": GAP},
+            "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA},
+        }
+    )
+    solution = alone(scene)
+    own = solution.discretisation.space.tabulate_dof_coordinates() @ back
+    exact = motion - np.outer(PRESSURE / GAMMA + PRESSURE / YOUNG * own[:, 2], [0.0, 0.0, 1.0])
+    found = solution.displacement.x.array.reshape(-1, 3) @ back
+    np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())
+
+
+def test_refused():
+    """A boundary that is not flat has no normal."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0}},
+            "material": {"young": 1.0, "poisson": 0.3},
+            "displacement": {"boundary": "arc", "normal": 0.0},
+        }
+    )
+    with pytest.raises(SceneError, match="is not flat"):
+        solve(scene, MPI.COMM_SELF)
