@@ -119,8 +119,8 @@ def linear_solve(scene, steps):
 
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_about_one_linear_solve(cells, steps):
-    """On the finer of two meshes at most twice as many, whatever gamma is and whatever the law; and from one mesh
-    to the next, eight times as large, they hardly grow.
+    """On the finer of two meshes at most twice as many, whatever gamma is and whatever the law, and half as many again
+    for what gamma leaves; and from one mesh to the next, eight times as large, they hardly grow.
     """
     for law in LAWS:
         for gamma in (1e5, 1e9):
@@ -132,7 +132,7 @@ def test_about_one_linear_solve(cells, steps):
                 finest = max(size for size, *_ in steps)
                 spent.append(sum(count for size, *_, count in steps if size == finest))
                 once = linear_solve(scenes[-1], steps)
-                assert spent[-1] <= 2.0 * once
+                assert spent[-1] <= 2.5 * once
             assert spent[1] <= 1.3 * spent[0]
 
 

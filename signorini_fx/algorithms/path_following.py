@@ -25,8 +25,9 @@ from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangen
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE_POLE
 
-# Tolerance of a solve with an old factor for the derivatives along the path.
-_SLOPE_TOLERANCE = 1e-10
+# Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
+# preconditioner, where it is still far below the error of the model.
+_SLOPE_TOLERANCE, _ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-3
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     ksp = newton.snes.getKSP()
     # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
     before = ksp.getTolerances()
-    ksp.setTolerances(rtol=_SLOPE_TOLERANCE, atol=0.0)
+    factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
+    ksp.setTolerances(rtol=_SLOPE_TOLERANCE if factor else _ROUGH_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
     ksp.solve(-contact_force(newton.x, data.gap, origin), first)
     system.matrix.mult(first, stretched)

@@ -22,6 +22,8 @@ from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
 
+_NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
+
 
 @dataclass
 class KrylovSystem(AssembledSystem):
@@ -93,7 +95,9 @@ class KrylovSystem(AssembledSystem):
         """
         ksp.setUp()  # PETSc calls this before
         preconditioner.solve_contact(b, x)
-        if options.user_sets("ksp_"):
+        rtol, atol, _, _ = ksp.getTolerances()
+        # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
+        if options.user_sets("ksp_") or (atol == 0.0 and rtol > _NO_SHARE):
             return
         residual = b.duplicate()
         ksp.getOperators()[0].mult(x, residual)
@@ -101,7 +105,7 @@ class KrylovSystem(AssembledSystem):
         size = residual.norm()
         least = KRYLOV_TOLERANCE * self._forces
         share = min(INEXACT_TOLERANCE, size / self._forces) if self._forces > 0 else INEXACT_TOLERANCE
-        ksp.setTolerances(rtol=1e-15, atol=max(least, share * size) if self.inexact else least)
+        ksp.setTolerances(rtol=_NO_SHARE, atol=max(least, share * size) if self.inexact else least)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, the solve need not be exact."""
