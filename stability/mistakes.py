@@ -1086,7 +1086,7 @@ MUTANTS = (
         "vectors[row] - np.linalg.pinv(basis) @ (basis @ vectors[row])",
         "vectors[row]",
         "certificate: reactions of walls across no axis are not known",
-        tests=("turned_supports::test_two_walls",),
+        tests=("turned_supports::test_the_limit",),
     ),
     # --- rigid motions, statics --------------------------------------------------------------------------------------
     Mutant("body/rigid", "-arm[:, second]", "arm[:, second]", "rotation is a shear"),

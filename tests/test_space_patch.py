@@ -21,6 +21,7 @@ TURNS = {
     "upright": (0.0, (0.0, 0.0, 1.0)),
     "turned": (0.9, (0.3, -0.8, 0.5)),
     "leaning": (0.6, (0.0, 1.0, 0.0)),
+    "leaning sideways": (0.6, (1.0, 0.0, 0.0)),
 }
 SIDES = {
     "left": (0, -1.0),
@@ -248,20 +249,27 @@ def test_two_foundations(element, turn):
 
 @pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
-def test_in_the_limit_beside_a_support(element, linear_algebra):
-    """Without regularisation, on a slope, between two walls across x[1], whose nodes are turned as well."""
-    state = State((CONFINED, CONFINED, -PRESSURE, 0.0, SHEAR, 0.0), (0.0, 0.0, -GAP))
+@pytest.mark.parametrize("across", [0, 1])
+def test_in_the_limit_beside_a_support(element, linear_algebra, across):
+    """Without regularisation, on a slope, between two walls across an axis, whose nodes are turned as well."""
+    turn = "leaning sideways" if across == 0 else "leaning"
+    shear = (0.0, SHEAR) if across == 0 else (SHEAR, 0.0)
+    state = State((CONFINED, CONFINED, -PRESSURE, 0.0, *shear), (0.0, 0.0, -GAP))
+    walls, others = ("left", "right"), ("front", "back")
+    if across == 1:
+        walls, others = others, walls
     solution = run(
         element,
-        "leaning",
-        displacement=[{"boundary": name, "y": 0.0} for name in ("front", "back")],
-        traction=state.tractions("leaning", "top", "left", "right"),
+        turn,
+        displacement=[{"boundary": name, "xy"[across]: 0.0} for name in walls],
+        traction=state.tractions(turn, "top", *others),
         contact=contact(friction=friction_of(coefficient=SHEAR / 0.9 / PRESSURE)),
         solver={"algorithm": "exact", "tolerance": 1e-12, "linear_algebra": linear_algebra},
     )
-    assert_displacement(solution, state, "leaning")
-    inside = np.abs(solution.table.columns["y"] - SIZE[1] / 2) < 0.4 * SIZE[1]
+    assert_displacement(solution, state, turn)
+    columns = solution.table.columns
+    inside = np.abs(columns["xy"[across]] - SIZE[across] / 2) < 0.4 * SIZE[across]
     assert inside.any()
-    np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
+    np.testing.assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
     # What friction takes beside a wall the wall may take as well.
-    np.testing.assert_allclose(solution.table.columns["shear"][inside], SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)
+    np.testing.assert_allclose(columns["shear"][inside], SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)

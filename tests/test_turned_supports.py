@@ -22,6 +22,7 @@ from test_space_patch import (
     run,
 )
 
+from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.scene.reading import parse_scene
@@ -153,6 +154,27 @@ def test_an_edge_of_two_walls(right_angle):
     exact = motion - np.outer(PRESSURE / GAMMA + PRESSURE / YOUNG * own[:, 2], [0.0, 0.0, 1.0])
     found = solution.displacement.x.array.reshape(-1, 3) @ back
     np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())
+
+
+def test_check_names_them():
+    """What a support across no axis takes away is reported as for any other: one unknown per node."""
+    mesh, _ = corner(right_angle=True)
+    back = rotation(0.9, (0.3, -0.8, 0.5))
+    tagged = tag_boundaries(
+        mesh, {"left": lambda x: (back.T @ x)[0] < 1e-9, "bottom": lambda x: (back.T @ x)[2] < 1e-9}
+    )
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": {"boundary": "left", "normal": 0.0},
+            "contact": {"boundary": "bottom"},
+        }
+    )
+    report = check_scene(scene, MPI.COMM_SELF)
+    (effect,) = (effect for effect in report.effects if effect.name == "displacement left")
+    assert effect.unknowns == -16
+    assert report.cost.unknowns == 3 * 64 - 16
 
 
 def test_refused():

@@ -214,6 +214,9 @@ def _displacements(d: Body) -> list[Effect]:
         if found and found[-1][0] is effect:
             count += found.pop()[1]
         found.append((effect, count))
+    owned = d.fixed.size // d.tagged.dimension
+    for skew in () if d.turned is None else d.turned.supports:
+        found.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
     if not found:
         return [Effect("displacement", False, "no [[displacement]]")]
     return [Effect(f"displacement {e.boundary}", True, _prescribed(e), unknowns=-count) for e, count in found]
