@@ -194,6 +194,37 @@ def test_estimates_of_the_block(law):
             assert row.zone > 0.7 * true["zone"]
 
 
+def hertz(cells, n):
+    """A quarter of a block on a sphere (as a paraboloid), with small cells where contact begins."""
+    tagged = box(cells, (n, n, n), size=(1.0, 1.0, 1.0))
+    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x**1.8
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "left", "normal": 0.0},
+                {"boundary": "front", "normal": 0.0},
+                {"boundary": "top", "z": -0.012},
+            ],
+            "contact": {"boundary": "bottom", "gap": "(x[0]**2 + x[1]**2) / 2"},
+        }
+    )
+
+
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_pressure_of_hertz(cells):
+    """With the safety factor not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
+    for n in (6, 10):
+        solved = solve_level(hertz(cells, n), MPI.COMM_SELF, History(), None, 0)
+        force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
+        a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
+        square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)
+        exact = 3 * force / (2 * np.pi * a**2) * np.sqrt(square)
+        true = np.sqrt(c["weight"] @ (c["pressure"] - exact) ** 2 / (c["weight"] @ exact**2))
+        assert 0.7 * true < 2 * solved.level.pressure < 20 * true
+
+
 def test_rows_of_the_price_list():
     """Unknowns grow eightfold, time and memory by the powers of space; h is a length."""
     found = []
