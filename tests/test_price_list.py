@@ -117,6 +117,13 @@ def test_prediction_tells_what_stays_from_what_grows():
     assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
 
+def test_what_a_change_says_of_the_error():
+    """An error that is halved with h changes by as much as is left of it; two changes are averaged."""
+    assert prices._error(1.0, [0.3], [1.0, 2.0]) == pytest.approx(0.3)
+    assert prices._error(2.0, [0.3], [1.0, 2.0]) == pytest.approx(0.1)
+    assert prices._error(1.0, [0.4, 0.2], [1.0, 2.0, 4.0]) == pytest.approx(0.2)
+
+
 def test_regularisation_part(nested):
     """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
     level = nested[0].levels[-1]

@@ -189,7 +189,8 @@ def price_list(
             errors = {
                 name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
             }
-            errors["force"] = _force_error(levels[: index + 1])
+            enough = level.dimension == 2 or index > 1  # in space a single change was seen to mislead
+            errors["force"] = _force_error(levels[: index + 1]) if enough else None
             if errors["peak"] is not None:
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:

@@ -19,6 +19,8 @@ Floats = npt.NDArray[np.float64]
 _BESIDE = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0])
 # Of these the rim, the end of the first piece, and those that tell a power: near it and farther away.
 _STRETCHES = ([0, 1, 2, 3, 4], [0, 1, 4, 5, 6])
+# So much of the factor by which the pressure falls over the first stretch may be missing over the second.
+_SAME_POWER = 0.8
 # A place so many heights away from the surface is beyond it.
 _BEYOND = 0.1
 
@@ -39,7 +41,9 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     on_rim = surface.rim_nodes & (pressure != 0)
     ends, others = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
     # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
-    convex = np.where(~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
+    pressed = (pressure != 0)[surface.corners].all(axis=1)  # the end of a contact zone is another matter
+    both = pressed[:, None] & pressed[np.maximum(surface.across, 0) // surface.corners.shape[1]]
+    convex = np.where(both & ~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
     if not corners:
         return np.where(CORNER_SHARE * convex > squares, 0.0, squares)
     squares = np.maximum(squares, CORNER_SHARE * convex)
@@ -58,6 +62,9 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     """
     slopes = np.diff(pressure[1:]) / np.diff(r[1:])
     if not (pressure > 0).all() or slopes[-1] >= 0 or (np.diff(slopes) < 0).any():
+        return 0.0
+    near, middle, far = pressure[[2, 4, 6]]  # each twice as far away: a power falls by the same factor each time
+    if near * far < _SAME_POWER * middle**2:
         return 0.0
     return min(singular_square(r[places], pressure[places], blur) for places in _STRETCHES)
 
