@@ -85,12 +85,11 @@ def for_multigrid(d: Body) -> str | None:
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return None
     factor = 12.0 * factor_entries(d.dofs, d.tagged.dimension)
-    size = f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB"
     if factor > MEMORY_SHARE * parallel.machine_memory(d.comm):
-        return f"{size}, more than this machine has"
+        return f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
     compressible = max(material.poisson for material in d.scene.material) <= LARGEST_MULTIGRID_POISSON
     large = d.dofs >= FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
-    return size if large and compressible else None
+    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if large and compressible else None
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:
