@@ -5,12 +5,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import one_mesh
 
@@ -418,3 +422,23 @@ def test_a_rigid_motion_is_no_deformation():
     gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
     scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
     refused(judged(solution, scene=scene), "entered")
+
+
+def test_a_node_smaller_than_the_digits_of_the_displacement():
+    """Halved thirty times at a corner in contact, facets are 1e-9 long: no round-off is taken for a stress there."""
+    scene = example1(bound=1.5, nx=6, ny=2, cell="triangle", degree=2)
+    scene = scene.model_copy(
+        update={
+            "displacement": (PrescribedDisplacement(boundary="top", x=0.001, y=-0.01),),
+            "traction": (),
+            "contact": tuple(effect.model_copy(update={"gap": 0.0}) for effect in scene.contact),
+        }
+    )
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    for _ in range(30):
+        x = tagged.mesh.geometry.x[tagged.mesh.geometry.dofmap]
+        at_corner = (np.abs(x).max(axis=2) == 0.0).any(axis=1)
+        tagged = refine(tagged, np.flatnonzero(at_corner).astype(np.int32))
+    solution = alone(scene.model_copy(update={"mesh": tagged}))
+    assert solution.contact.boundary.weight.min() < 1e-9
+    assert solution.certificate.equilibrium < 1e-9

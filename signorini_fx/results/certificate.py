@@ -53,6 +53,8 @@ JUDGED = (
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 # Forces below this share of stiffness times displacement are round-off of a stress-free motion.
 _ROUND_OFF = 1e-8
+# Units in the last place of the displacement that an evaluation of its nodal forces may lose.
+_LOST_UNITS = 100.0
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
 
@@ -198,10 +200,12 @@ def certify(
     still = _FAINT * stress / scene.young * tagged.size
     length, far = max(length, still), max(far, still)
     residual = supports.left(residual)
-    unbalanced = residual[reached] / area[:, None]
+    # The forces of a node are known to the digits of the displacement; its area h^(d - 1) makes a stress of them.
+    lost = _LOST_UNITS * np.finfo(float).eps * modulus * far * area ** (-1.0 / (dim - 1))
+    unbalanced = np.maximum(np.linalg.norm(residual[reached], axis=1) / area - lost, 0.0)
     equilibrium = max(
         _share(_norm(comm, residual), force),
-        _share(_largest(comm, np.linalg.norm(unbalanced, axis=1)), stress),
+        _share(_largest(comm, unbalanced), stress),
     )
     u_n, u_t = nodes.traces(every)
     overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
