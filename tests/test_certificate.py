@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
+from signorini_fx import compat
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
@@ -436,7 +437,7 @@ def test_a_node_smaller_than_the_digits_of_the_displacement():
     )
     tagged = load_mesh(scene, MPI.COMM_SELF)
     for _ in range(30):
-        x = tagged.mesh.geometry.x[tagged.mesh.geometry.dofmap]
+        x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
         at_corner = (np.abs(x).max(axis=2) == 0.0).any(axis=1)
         tagged = refine(tagged, np.flatnonzero(at_corner).astype(np.int32))
     solution = alone(scene.model_copy(update={"mesh": tagged}))

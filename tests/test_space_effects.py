@@ -227,7 +227,7 @@ def test_curved_cells():
 
     x[:, 2] += bowl(x.T) * (1 - x[:, 2])
     element = basix.ufl.element("Lagrange", "hexahedron", 2, shape=(3,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, nodes.dofmap.list.astype(np.int64), x, element)
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, nodes.dofmap.list.astype(np.int64), x=x, e=element)
     tagged = tag_boundaries(
         mesh, {"bottom": lambda x: np.abs(x[2] - bowl(x)) < 1e-9, "top": lambda x: np.abs(x[2] - 1) < 1e-9}
     )

@@ -66,7 +66,9 @@ def test_refused(use, scene, more, path, reason):
 def surface(points):
     """A mesh of one triangle and its neighbour, with points in space."""
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(3,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2], [1, 3, 2]]), np.array(points, dtype=float), element)
+    mesh = dmesh.create_mesh(
+        MPI.COMM_SELF, np.array([[0, 1, 2], [1, 3, 2]]), x=np.array(points, dtype=float), e=element
+    )
     return tag_boundaries(mesh, {"bottom": lambda x: x[0] < 1e-9})
 
 

@@ -159,7 +159,7 @@ def test_two_pieces_and_a_hinge():
     cells = np.array([cell(0.0, 0.0), cell(1.0, 1.0)])
     used, cells = np.unique(cells, return_inverse=True)
     element = basix.ufl.element("Lagrange", "hexahedron", 1, shape=(3,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, cells.reshape(2, 8), points[used], element)
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, cells.reshape(2, 8), x=points[used], e=element)
     tagged = tag_boundaries(
         mesh,
         {

@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx import compat
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
@@ -267,7 +268,7 @@ def on(one: RandomScene, factor: float, degree: int) -> Scene:
 
 def touching(mesh: Any, points: Any) -> Any:
     """Cells that hold one of the points."""
-    x = mesh.geometry.x[mesh.geometry.dofmap][:, :, :2]
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :2]
     a, b, c = x[:, 0], x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     area = b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0]
     found = np.zeros(len(x), dtype=bool)
