@@ -23,8 +23,8 @@ GRADIENTS = {
 }
 
 
-def shear_energy(gradient, hypothesis):
-    """Of a constant displacement gradient: the whole elastic energy less that of the change of volume, p^2 / (2 K)."""
+def strain_and_stress(gradient, hypothesis):
+    """Of a constant displacement gradient, all components."""
     mu, bulk = YOUNG / (2 * (1 + POISSON)), YOUNG / (3 * (1 - 2 * POISSON))
     strain = np.zeros((3, 3))
     strain[:2, :2] = (np.array(gradient) + np.transpose(gradient)) / 2
@@ -32,23 +32,19 @@ def shear_energy(gradient, hypothesis):
         strain[2, 2] = -POISSON / (1 - POISSON) * (strain[0, 0] + strain[1, 1])
     stress = 2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3)
     assert hypothesis == "plane strain" or abs(stress[2, 2]) < 1e-12 * np.abs(stress).max()
-    pressure = -np.trace(stress) / 3
+    return strain, stress
+
+
+def shear_energy(gradient, hypothesis):
+    """The whole elastic energy less that of the change of volume, p^2 / (2 K)."""
+    strain, stress = strain_and_stress(gradient, hypothesis)
+    pressure, bulk = -np.trace(stress) / 3, YOUNG / (3 * (1 - 2 * POISSON))
     return np.sum(stress * strain) / 2 - pressure**2 / (2 * bulk)
 
 
-def whole_stress(gradient, hypothesis):
-    """Of a constant displacement gradient, all components."""
-    mu, bulk = YOUNG / (2 * (1 + POISSON)), YOUNG / (3 * (1 - 2 * POISSON))
-    strain = np.zeros((3, 3))
-    strain[:2, :2] = (np.array(gradient) + np.transpose(gradient)) / 2
-    if hypothesis == "plane stress":
-        strain[2, 2] = -POISSON / (1 - POISSON) * (strain[0, 0] + strain[1, 1])
-    return 2 * mu * strain + (bulk - 2 * mu / 3) * np.trace(strain) * np.eye(3)
-
-
 def von_mises(gradient, hypothesis):
-    """The same, from the differences of the principal stresses."""
-    one, two, three = np.linalg.eigvalsh(whole_stress(gradient, hypothesis))
+    """From the differences of the principal stresses."""
+    one, two, three = np.linalg.eigvalsh(strain_and_stress(gradient, hypothesis)[1])
     return np.sqrt(((one - two) ** 2 + (two - three) ** 2 + (three - one) ** 2) / 2)
 
 
@@ -98,7 +94,7 @@ def test_stresses(name, hypothesis, cell, degree):
     """The tensor with the component out of the plane, von Mises and principal stresses of a constant strain."""
     gradient = GRADIENTS[name]
     found = solve(scene(gradient, hypothesis, cell, degree), MPI.COMM_WORLD).stress
-    sigma = whole_stress(gradient, hypothesis)
+    _, sigma = strain_and_stress(gradient, hypothesis)
     size = np.abs(sigma).max()
     for function, expected in (
         (found.tensor, sigma),
@@ -131,6 +127,8 @@ def test_extremes_of_the_stress():
     assert compression.value == pytest.approx(-0.6e-3 * YOUNG, rel=1e-6)
     assert tension.value == pytest.approx(0.4e-3 * YOUNG, rel=1e-6)
     assert MPI.COMM_WORLD.bcast(largest) == largest
+    # The nodes next to the line without stress, x[1] = 0.4, are at 0.375.
+    assert found.smallest("von_mises").value == pytest.approx(0.025e-3 * YOUNG, rel=1e-6)
     with pytest.raises(ValueError, match="von_mises"):
         found.largest("mises")
 

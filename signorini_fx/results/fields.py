@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dolfinx import default_scalar_type, fem, io
+from dolfinx import fem, io
 
 from signorini_fx import compat
 from signorini_fx.body.material import shear_energy_density
-from signorini_fx.machine.compilation import compiling
+from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 
 _BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
@@ -62,10 +62,5 @@ def _density(solution: Solution) -> fem.Function:
     """The shear energy density, discontinuous, of the degree of the element."""
     d = solution.discretisation
     degree = max(solution.scene.element.degree, 1)
-    function = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", degree)), name="shear_energy_density")
     density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
-    points = compat.interpolation_points(function.function_space.element)
-    with compiling():
-        compiled = fem.Expression(density, points, dtype=default_scalar_type)
-    function.interpolate(compiled)
-    return function
+    return interpolated(density, fem.functionspace(d.tagged.mesh, ("DG", degree)), "shear_energy_density")

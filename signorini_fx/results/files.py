@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
-from signorini_fx import compat, parallel
+from signorini_fx import parallel
 from signorini_fx.body.material import shear_energy_density
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
-from signorini_fx.machine.compilation import compiling
 from signorini_fx.records import as_rows
 from signorini_fx.results.fields import size_of_fields, write_fields
 from signorini_fx.results.folder import SUMMARY, ResultFolder
+from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.values import kind_of
@@ -249,13 +249,9 @@ def gather_cells(solution: Solution) -> GatheredCells:
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
     linear.interpolate(solution.displacement)
-    constant = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
     density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
-    points = compat.interpolation_points(constant.function_space.element)
-    with compiling():
-        both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
-        compiled = fem.Expression(both, points, dtype=default_scalar_type)
-    constant.interpolate(compiled)
+    both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
+    constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))
     space = linear.function_space
     cells = space.dofmap.list[:owned].astype(np.int64)
     if cells.shape[1] == 4:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx import compat, parallel
+from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.material import shear_energy_density
-from signorini_fx.machine.compilation import compiling
+from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 
 
@@ -76,10 +76,6 @@ def gather_outer_surface(solution: Solution) -> OuterSurface:
 def _von_mises(solution: Solution, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
     """Von Mises stress at the midpoints of cells of this rank."""
     d = solution.discretisation
-    constant = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 0)))
     density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
-    points = compat.interpolation_points(constant.function_space.element)
-    with compiling():
-        expression = fem.Expression(ufl.sqrt(6 * d.lame[1] * density), points, dtype=default_scalar_type)
-    constant.interpolate(expression)
+    constant = interpolated(ufl.sqrt(6 * d.lame[1] * density), fem.functionspace(d.tagged.mesh, ("DG", 0)))
     return np.asarray(constant.x.array[constant.function_space.dofmap.list[cells, 0]])

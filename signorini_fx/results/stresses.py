@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx import compat
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.material import out_of_plane_stress, stress
-from signorini_fx.machine.compilation import compiling
+from signorini_fx.results.interpolation import interpolated
 
 Nodal = npt.NDArray[np.float64]
 
@@ -60,18 +59,13 @@ class Stresses:
         """
         d, y = self.discretisation, self.displacement
         degree = max(d.scene.element.degree, 1)
-        function = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), name="stress")
         sigma = stress(y, *d.lame)
         if d.tagged.dimension == 2:
             out = out_of_plane_stress(y, d.lame[0], self.hypothesis)
             sigma = ufl.as_tensor(
                 [[sigma[0, 0], sigma[0, 1], 0 * out], [sigma[1, 0], sigma[1, 1], 0 * out], [0 * out, 0 * out, out]]
             )
-        points = compat.interpolation_points(function.function_space.element)
-        with compiling():
-            compiled = fem.Expression(sigma, points, dtype=default_scalar_type)
-        function.interpolate(compiled)
-        return function
+        return interpolated(sigma, fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), "stress")
 
     @cached_property
     def von_mises(self) -> fem.Function:
@@ -96,7 +90,7 @@ class Stresses:
 
         Args:
             field: ``von_mises`` or ``principal``.
-            component: of the principal stresses.
+            component: of the principal stresses; of no meaning for the von Mises stress.
 
         Raises:
             ValueError: there is no such field.
@@ -121,6 +115,7 @@ class Stresses:
             raise ValueError(f"{field!r} is no field with extremes: take 'von_mises' or 'principal'")
         function: fem.Function = getattr(self, field)
         d, space = self.discretisation, function.function_space
+        component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
         x = space.tabulate_dof_coordinates()[:, : d.tagged.dimension]
         values = np.where(np.isfinite(values), values, -np.inf)
