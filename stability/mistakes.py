@@ -1940,7 +1940,7 @@ MUTANTS = (
         "cdist(some, corners).max()",
         "cdist(some, corners).max(axis=1).min()",
         "size of the body: shortest distance",
-        tests=("ranks", "invariances"),
+        tests=("parts_on_ranks::test_size_of_a_body", "invariances"),
     ),
     Mutant(
         "ssn",

@@ -45,11 +45,13 @@ def test_rows_of_all_ranks():
 
 @pytest.mark.parametrize("cell", ["tetrahedra", "hexahedra"])
 def test_size_of_a_body(cell):
-    """The diagonal of a block, on ranks whose own facets lie in a plane too, and of its plane counterpart."""
+    """The diagonal of a block, upright and oblique, on ranks whose own facets lie in a plane too."""
     kind = dmesh.CellType.tetrahedron if cell == "tetrahedra" else dmesh.CellType.hexahedron
     mesh = dmesh.create_box(WORLD, [[0, 0, 0], [3, 1, 2]], [6, 1, 2], kind)
     empty = dmesh.meshtags(mesh, 2, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
     assert TaggedMesh(mesh, empty, {}, None, {}).size == pytest.approx(np.sqrt(14), rel=1e-14)
+    mesh.geometry.x[:, 0] += mesh.geometry.x[:, 2] / 2  # the other diagonals of the oblique block are shorter
+    assert TaggedMesh(mesh, empty, {}, None, {}).size == pytest.approx(np.sqrt(21), rel=1e-14)
 
 
 def discretised(scene, comm):

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
-from dolfinx.graph import adjacencylist
-from dolfinx.io import distribute_entity_data
 
 from signorini_fx import compat, parallel
+from signorini_fx.mesh.distribution import Tagged, distributed
 from signorini_fx.mesh.tagged import TaggedMesh
 
 # A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
@@ -34,11 +33,11 @@ def balanced(tagged: TaggedMesh) -> TaggedMesh:
     dim = mesh.topology.dim
     nodes = mesh.geometry.index_map()
     cells = _global_nodes(mesh, compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local])
-    points = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
-    even = dmesh.create_mesh(mesh.comm, cells=cells, x=np.ascontiguousarray(points), e=mesh.ufl_domain())
-    facets = _moved(mesh, tagged.facet_tags, even)
-    regions = None if tagged.cell_tags is None else _moved(mesh, tagged.cell_tags, even)
-    return TaggedMesh(even, facets, tagged.boundaries, regions, tagged.regions)
+    points = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim].astype(np.float64)
+    tags = {one.dim: one for one in (tagged.facet_tags, tagged.cell_tags) if one is not None}
+    own = {place: _owned(mesh, one) for place, one in tags.items()}
+    even, found = distributed(mesh.comm, mesh.ufl_domain(), cells, points, own)
+    return TaggedMesh(even, found[dim - 1], tagged.boundaries, found.get(dim), tagged.regions)
 
 
 def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
@@ -47,16 +46,13 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[
     return found.reshape(rows.shape)
 
 
-def _moved(old: dmesh.Mesh, tags: dmesh.MeshTags, new: dmesh.Mesh) -> dmesh.MeshTags:
-    """The tags of the same entities in the new mesh, whose nodes were the global ones of the old mesh."""
-    owned = tags.indices < old.topology.index_map(tags.dim).size_local
+def _owned(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:
+    """The tagged entities that this rank owns."""
+    owned = tags.indices < mesh.topology.index_map(tags.dim).size_local
     entities = tags.indices[owned]
-    old.topology.create_connectivity(tags.dim, old.topology.dim)
+    mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
     # dolfinx divides by the number of entities, and a rank may have none.
     rows = (
-        dmesh.entities_to_geometry(old, tags.dim, entities) if entities.size else np.empty((0, tags.dim + 1), np.int32)
+        dmesh.entities_to_geometry(mesh, tags.dim, entities) if entities.size else np.empty((0, tags.dim + 1), np.int32)
     )
-    local, values = distribute_entity_data(new, tags.dim, _global_nodes(old, rows), tags.values[owned])
-    new.topology.create_connectivity(tags.dim, 0)
-    new.topology.create_connectivity(tags.dim, new.topology.dim)
-    return dmesh.meshtags_from_entities(new, tags.dim, adjacencylist(local), values.astype(np.int32, copy=False))
+    return Tagged(_global_nodes(mesh, rows), tags.values[owned])
