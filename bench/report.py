@@ -13,7 +13,7 @@ import numpy as np
 from clock import Sample
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rows import Row, Sizes
+from row import Row, Sizes
 
 # From light to dark in the order of the phases, so that they are told apart on a gray printer too.
 _PHASES = {
