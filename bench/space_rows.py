@@ -76,7 +76,7 @@ def sweeps(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
             unit, run = space.linear(nx, cell), space.sweep_coefficients(tagged, _SPACE_GAMMA, COEFFICIENTS)
             found.append(run.cpu / unit.cpu if run.converged else np.inf)
             notes = [run.note, f"one linear solve {unit.steps}, {run.dofs} unknowns, {_cpu(run, unit)}"]
-        what = f"{len(COEFFICIENTS)} values of F in space over a linear solve, CG with GAMG"
+        what = f"{len(COEFFICIENTS)} values of F in space over a linear solve"
         yield Row("space-sweep", what, f"{cell} {nx}", found, 8.0, note="; ".join(notes))
 
 
@@ -111,9 +111,9 @@ def rivals(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
                 for found, run in zip((ours, stiff, best), _hand_written(law, nx, cell), strict=True):
                     found.append(run)
             last = nx == sizes.space[-1]
-            what = f"Newton with GAMG by hand over the package, {law}, gamma 1e8 both"
+            what = f"Newton with GAMG by hand over the package, {law}"
             yield compared(what, f"{cell} {nx}", ours, stiff, _FASTER[law] if last else None, SAME)
-            what = f"Newton with GAMG by hand at gamma 1e6 over the package at 1e8, {law}"
+            what = f"the same with gamma 1e6 instead of 1e8, {law}"
             yield compared(what, f"{cell} {nx}", ours, best, _FASTER_THAN_BEST if last else None, None)
     nx = sizes.space[0]
     for law in ("frictionless", "coulomb"):
