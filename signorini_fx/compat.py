@@ -73,12 +73,11 @@ def cells_of_points(
         keep their order.
     """
     if VERSION >= (0, 10):
-        tree = dolfinx.cpp.geometry
-        cells = np.arange(domain.topology.index_map(domain.topology.dim).size_local, dtype=np.int32)
-        found = tree.determine_point_ownership(domain._cpp_object, x, cells, padding)
+        own = np.arange(domain.topology.index_map(domain.topology.dim).size_local, dtype=np.int32)
+        found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, own, padding)
     else:
         found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, padding)
-    parts = (getattr(found, name) for name in ("src_owner", "dest_owners", "dest_points", "dest_cells"))
+    parts: Any = (getattr(found, name) for name in ("src_owner", "dest_owners", "dest_points", "dest_cells"))
     owners, askers, points, cells = (np.asarray(part() if callable(part) else part) for part in parts)
     return owners, askers, points.reshape(-1, 3), cells
 

@@ -178,14 +178,26 @@ class ContactPreconditioner:
         self._at_contact = self._interpolation.createSubMatrix(self._places, None)
         mixed = self._nodes.matrix(np.zeros(self._nodes.shape)).matMult(self._at_contact)
         self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
+        self._truncated = self._interpolation.copy()
+        self._truncated.axpy(1.0, self._in_all_rows(mixed), structure=_DIFFERENT)
         self._coarse: list[PETSc.Mat] = []
         self._truncated_at: tuple[Array, Array] | None = None
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
+        self._inverse: PETSc.Mat | None = None
         self._create_cycle(matrix)
         self._solver = self._create_solver()
         self._right, self._left = self._elastic.createVecs()
         self._residual = matrix.createVecLeft()
+
+    def _in_all_rows(self, mixed: PETSc.Mat) -> PETSc.Mat:
+        """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
+        starts, columns, values = mixed.getValuesCSR()
+        counts = np.zeros(self._diagonal.getLocalSize(), dtype=PETSc.IntType)
+        counts[self._unknowns] = np.diff(starts)
+        csr = (np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), columns, values)
+        sizes = (self._diagonal.getSizes(), mixed.getSizes()[1])
+        return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._comm)
 
     def _create_solver(self) -> PETSc.PC:
         """A direct solver for the contact unknowns; their graph is that of a surface."""
@@ -206,8 +218,6 @@ class ContactPreconditioner:
         cycle.setOperators(matrix)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
-        self._truncated = self._interpolation.copy()
-        self._truncated.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         for level, interpolation in enumerate((self._truncated, *levels.interpolations[1:])):
             cycle.setMGInterpolation(depth - level, interpolation)
         self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
