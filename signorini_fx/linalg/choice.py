@@ -14,6 +14,7 @@ from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.tuned import (
     FACTOR_ENTRIES,
     FEWEST_CONDENSED_UNKNOWNS,
@@ -26,19 +27,23 @@ from signorini_fx.tuned import (
 
 _KINDS: dict[str, Callable[[Discretisation], ElasticSystem]] = {
     "full": FullSystem.of,
-    "krylov": KrylovSystem.of,
     "condensed": CondensedSystem.of,
 }
 
 
-def choose_system(discretisation: Discretisation, requested: str) -> tuple[ElasticSystem, str]:
+def choose_system(
+    discretisation: Discretisation, requested: str, coarser: MeshLevel | None = None
+) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind.
 
     Args:
         discretisation: the assembled body.
         requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
+        coarser: the body on a coarser mesh, for multigrid; None: there is none.
     """
     kind, reason = choose_kind(discretisation, requested)
+    if kind == "krylov":
+        return KrylovSystem.of(discretisation, coarser), f"{kind}: {reason}"
     return _KINDS[kind](discretisation), f"{kind}: {reason}"
 
 

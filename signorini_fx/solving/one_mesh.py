@@ -23,6 +23,7 @@ from signorini_fx.contact.state import ContactState, functionals
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, Timings
@@ -51,8 +52,11 @@ def solve_mesh(
     history: History,
     state: ContactState | None,
     after: After = _nothing_more,
+    coarser: MeshLevel | None = None,
 ) -> tuple[Solution, Task | None, Outcome | None]:
-    """Solve on one mesh, starting from the contact state of a coarser one if there is one."""
+    """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
+    multigrid.
+    """
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
@@ -60,7 +64,7 @@ def solve_mesh(
     if discretisation.boundary is None:
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
-        task = contact_task(discretisation, discretisation.boundary, history)
+        task = contact_task(discretisation, discretisation.boundary, history, coarser)
     start = task.start
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
@@ -207,14 +211,16 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     )
 
 
-def contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
+def contact_task(
+    discretisation: Discretisation, boundary: ContactBoundary, history: History, coarser: MeshLevel | None = None
+) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.run`` or for a user-defined algorithm."""
     scene = discretisation.scene
     law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
         check_rotation(boundary)
     sets, first_iteration = first_sets(scene, boundary)
-    system, reason = choose_system(discretisation, scene.solver.linear_algebra)
+    system, reason = choose_system(discretisation, scene.solver.linear_algebra, coarser)
     data = regularised_data(scene, discretisation, boundary, law)
     rest = resting_place(data, boundary, discretisation.motions, system.resultant)
     return Task(

@@ -19,6 +19,7 @@ from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import contact_table
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
@@ -62,9 +63,13 @@ def solve(
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
+        coarser: MeshLevel | None = None
 
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
-            return solve_level(scene, comm, history, state, level)
+            nonlocal coarser
+            solved = solve_level(scene, comm, history, state, level, coarser)
+            coarser = MeshLevel.of(solved.solution.discretisation, coarser)
+            return solved
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
@@ -97,10 +102,12 @@ def _solve_nested(
     """Solve on one mesh after the other, each starting from the contact state of the previous one."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
+    coarser: MeshLevel | None = None
     levels: list[LevelResult] = []
     for number, scene in enumerate(scenes):
-        solved = solve_level(scene, comm, history, state, number)
+        solved = solve_level(scene, comm, history, state, number, coarser)
         solution, state = solved.solution, None
+        coarser = MeshLevel.of(solution.discretisation, coarser)
         if solution.converged:
             state = solution.contact
             if number + 1 < len(scenes):
@@ -114,7 +121,14 @@ def _solve_nested(
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
-def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
+def solve_level(
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    state: ContactState | None,
+    number: int,
+    coarser: MeshLevel | None = None,
+) -> Solved:
     """Solve on one of several meshes, and estimate its errors; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
@@ -129,7 +143,7 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
             estimate_errors(d, d.displacement(outcome.displacement()), step.strain_energy, table, step.step, compliance)
         )
 
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate)
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser)
     if not solution.converged or task is None or outcome is None or not found:
         return Solved(solution, task)
     errors = worst_of(found)
