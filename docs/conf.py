@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from myst_parser.parsers.sphinx_ import MystParser
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -18,7 +19,8 @@ from percent import as_markdown  # noqa: E402  # in this folder
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
-extensions = ["myst_parser", "sphinx.ext.mathjax", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_math_renderer = "mathml"  # no script and no network
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # GitHub's anchors: the tests check links against these
 root_doc = "docs/index"
@@ -59,8 +61,19 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
     lines[:] = [line.replace("|", r"\|") for line in lines]
 
 
+def _formula(writer: Any, node: nodes.Element) -> None:
+    """A formula as MathML, which browsers draw by themselves."""
+    block = isinstance(node, nodes.math_block)
+    formula = tex2mathml(node.astext(), as_block=block)
+    writer.body.append(
+        f'<div class="math" style="overflow-x: auto; padding: 0.6em 0">{formula}</div>' if block else formula
+    )
+    raise nodes.SkipNode
+
+
 def setup(app: Any) -> None:
     """Let Sphinx read the demos and the docstrings."""
     app.connect("autodoc-process-docstring", _escape)
+    app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))
     app.add_source_suffix(".py", "percent")
     app.add_source_parser(DemoParser)
