@@ -186,6 +186,14 @@ def table_row(record: IterationRecord | OuterRecord | str) -> str:
     return header + numbers
 
 
+def print_progress(record: IterationRecord | OuterRecord | str) -> None:
+    """An observer for ``solve``: prints each linear solve, each regularised problem and each event as one line.
+
+    Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
+    """
+    parallel.log_on_root(MPI.COMM_WORLD, table_row(record))
+
+
 def render(summary: dict[str, Any]) -> str:
     """The summary for a terminal."""
     lines = [
