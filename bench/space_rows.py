@@ -20,7 +20,12 @@ from space import Answer, Run
 from signorini_fx.mesh.tagged import generate_mesh
 
 # A gamma for the times, and all for which the counts must hold.
-_SPACE_GAMMA, _SPACE_GAMMAS, _SPACE_LEVELS = 1e7, (1e5, 1e7, 1e9), 3
+_SPACE_GAMMA, _SPACE_GAMMAS = 1e7, (1e5, 1e7, 1e9)
+
+
+def space_levels(nx: int) -> int:
+    """Meshes from one with 12 cells along the block, two at least, to one with ``nx``."""
+    return max(2, 1 + round(np.log2(nx / 12)))
 
 
 def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
@@ -34,7 +39,7 @@ def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
                 runs = []
                 for gamma in _SPACE_GAMMAS:
                     say(f"space, {law}, {cell} {nx}, gamma = {gamma:.0e}")
-                    runs.append(space.package(law, nx, cell, gamma, _SPACE_LEVELS))
+                    runs.append(space.package(law, nx, cell, gamma, space_levels(nx)))
                 name = f"{cell} {nx}"
                 most[nx] = [run.steps for run in runs]
                 note = f"{[run.steps for run in runs]} over {once[nx].steps}, {runs[0].dofs} unknowns; {runs[1].note}"
@@ -42,8 +47,8 @@ def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
                 what = f"Krylov steps on the finest mesh over a linear solve, {law}, worst gamma"
                 rows.append(Row("space", what, name, ratio, 2.5, note=note))
                 set_ups = [max(run.set_ups for run in runs)]
-                what = f"multigrid hierarchies on {_SPACE_LEVELS} meshes, {law}"
-                rows.append(Row("space", what, name, set_ups, float(_SPACE_LEVELS), unit="set-ups"))
+                what = f"multigrid hierarchies on {space_levels(nx)} meshes, {law}"
+                rows.append(Row("space", what, name, set_ups, float(space_levels(nx)), unit="set-ups"))
             coarse, fine = (most[nx] for nx in sizes.space)
             what = f"growth of the steps, {law}, worst gamma"
             growth = [max(np.divide(fine, coarse))]
@@ -58,7 +63,7 @@ def _in_space_timed(nx: int, cell: str, repeats: int, say: Say) -> list[Row]:
         say(f"space, times, {cell} {nx}, round {repeat + 1} of {repeats}")
         unit = space.linear(nx, cell).seconds
         for law, found in seconds.items():
-            found.append(space.package(law, nx, cell, _SPACE_GAMMA, _SPACE_LEVELS).seconds / unit)
+            found.append(space.package(law, nx, cell, _SPACE_GAMMA, space_levels(nx)).seconds / unit)
     what = "whole solve in space over a linear solve, CG with GAMG"
     return [Row("space", f"{what}, {law}", f"{cell} {nx}", found, 1.8) for law, found in seconds.items()]
 
@@ -120,7 +125,7 @@ def rivals(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
         ours, exact = [], []
         for repeat in range(repeats):
             say(f"space-rivals, GetFEM, {law}, {cell} {nx}, round {repeat + 1}")
-            ours.append(space.package(law, nx, cell, _STIFF, _SPACE_LEVELS))
+            ours.append(space.package(law, nx, cell, _STIFF, space_levels(nx)))
             exact.append(getfem(law, nx))
         what = f"GetFEM's contact brick over the package, {law}"
         yield compared(what, f"{cell} {nx}", ours, exact, _FASTER_THAN_GETFEM, SAME + PENALTY)
@@ -132,7 +137,7 @@ def _rounds(nx: int, repeats: int) -> int:
 
 def _hand_written(law: str, nx: int, cell: str) -> Iterator[Run | str]:
     """The package, the rival with the same gamma, and with the one that suits it best; a text: it has no solution."""
-    yield space.package(law, nx, cell, _STIFF, _SPACE_LEVELS)
+    yield space.package(law, nx, cell, _STIFF, space_levels(nx))
     tagged = generate_mesh("box", space.parameters(nx, cell), MPI.COMM_SELF)
     for gamma, reuse in ((_STIFF, False), (_BEST, True)):
         gc.collect()

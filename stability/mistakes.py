@@ -947,7 +947,7 @@ MUTANTS = (
     ),
     Mutant(
         "choice",
-        "d.dofs >= FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)",
+        'd.dofs >= krylov_from(d, "auto")',
         "False",
         "no multigrid however large the body",
         tests=("krylov::test_chosen_for_large_bodies_in_space",),

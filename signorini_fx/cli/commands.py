@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import overrides
+from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 
 if TYPE_CHECKING:
@@ -52,12 +54,26 @@ def solve(options: argparse.Namespace) -> int:
         files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
 
+    line = ProgressLine()
+
+    def show(record: Any) -> None:
+        line.erase()
+        parallel.log_on_root(comm, table_row(record))
+
     observers: list[Callable[[Any], None]] = [progress]
     if not options.quiet:
-        observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
+        observers.append(show)
+    # Watched on all ranks or on none, shown by the one that has the terminal.
+    watched = parallel.on_root(comm, lambda: not options.quiet and sys.stderr.isatty())
+    watcher = (line if parallel.is_root(comm) else lambda _: None) if watched else None
     try:
         with ResultFolder(comm, path) as folder:
-            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
+            try:
+                solution = solver.solve(
+                    scene, comm, check=False, observers=observers, on_level=write_level, on_progress=watcher
+                )
+            finally:
+                line.erase()
             progress.solved = True
             summary = files.write_results(
                 solution, folder, fields=not options.no_fields, pictures=not options.no_pictures

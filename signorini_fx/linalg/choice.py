@@ -92,9 +92,23 @@ def for_multigrid(d: Body) -> str | None:
     factor = 12.0 * factor_entries(d.dofs, d.tagged.dimension)
     if factor > MEMORY_SHARE * parallel.machine_memory(d.comm):
         return f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
+    faster = d.dofs >= krylov_from(d, "auto")
+    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if faster else None
+
+
+def krylov_from(d: Body, requested: str) -> float:
+    """Unknowns from which on a mesh of this body gets a Krylov method because it is faster; infinite: none does.
+
+    Args:
+        d: the body.
+        requested: as for ``choose_system``.
+    """
+    if requested != "auto":
+        return 0.0 if requested == "krylov" else math.inf
     compressible = max(material.poisson for material in d.scene.material) <= LARGEST_MULTIGRID_POISSON
-    large = d.dofs >= FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
-    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if large and compressible else None
+    if not compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
+        return math.inf
+    return FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:

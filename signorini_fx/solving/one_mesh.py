@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,6 +17,7 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -61,6 +64,9 @@ def solve_mesh(
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
+    history.move(dofs=discretisation.dofs)
+    if history.watchers and history.progress.meshes == 1:
+        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(discretisation).seconds)))
     if discretisation.boundary is None:
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
@@ -89,6 +95,7 @@ def solve_contact(
     last: Before | None = None
     for step in range(scene.steps):
         before = history.linear_solves
+        history.move(step=step + 1, steps=scene.steps)
         with timings.phase("iterate"):
             outcome = run(task, start)
         with timings.phase("certify"):
