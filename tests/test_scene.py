@@ -105,7 +105,11 @@ def test_one_table_instead_of_a_list():
 @pytest.mark.parametrize(
     ("path", "value", "expected", "message"),
     [
-        ("foo", 1, "foo", "unknown key"),
+        ("foo", 1, "foo", "unknown key; there are: title, mesh, element, material"),
+        ("material.density", 1, "material.density", "unknown key: weight is written [body_force]"),
+        ("contact.0.slack", 1, "contact[0].slack", "unknown key; there are: boundary, gap, direction, friction, kind"),
+        ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key; there are: law, bound"),
+        ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),
         ("material.youngs", 1, "material.youngs", "unknown key: did you mean 'young'?"),
         ("contact.0.gaps", 1, "contact[0].gaps", "unknown key: did you mean 'gap'?"),
         ("material.title", "steel", "material.title", "belongs to the top level"),
@@ -140,7 +144,7 @@ def test_one_table_instead_of_a_list():
         ("traction.0.y", "x[0]^2", "traction[0].y", "a power is written **"),
         ("traction.0.y", "__import__('os')", "traction[0].y", "__import__"),
         ("traction.0.y", "open('/etc/passwd')", "traction[0].y", "open"),
-        ("traction.0.y", "x.__class__", "traction[0].y", "Attribute"),
+        ("traction.0.y", "x.__class__", "traction[0].y", "'.__class__' is not known"),
         ("body_force", {"y": "import os"}, "body_force.y", "syntax error"),
         ("contact.0.gap", math.nan, "contact[0].gap", "finite"),
         ("contact.0.gap", 10**400, "contact[0].gap", "finite"),
