@@ -38,6 +38,12 @@ def test_wrapped_below_its_beginning():
     assert second[19] != " "
 
 
+def test_wrapped_twice():
+    """What was wrapped for a wider terminal is filled again."""
+    once = wrapped(LINES[1], 70)
+    assert wrapped(once, 50) == wrapped(LINES[1], 50)
+
+
 def test_coloured():
     """Errors, warnings and success; the text is the same without the escapes."""
     assert coloured(LINES[0]).startswith("\x1b[31;1msignorini-fx: error\x1b[0m: scene.toml")

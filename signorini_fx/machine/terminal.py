@@ -52,7 +52,7 @@ def wrapped(text: str, width: int) -> str:
         width: columns of the terminal.
     """
     lines = []
-    for line in text.split("\n"):
+    for line in _joined(text.split("\n"), width):
         name = _NAME.match(line)
         start = name.end() if name else len(line) - len(line.lstrip()) + 4
         table = re.search(r"\S {2,}\S", line[start:])
@@ -62,6 +62,18 @@ def wrapped(text: str, width: int) -> str:
         rest = textwrap.wrap(line[start:], width - start, break_long_words=False, break_on_hyphens=False)
         lines += [" " * start * (number > 0) + line[:start] * (number == 0) + part for number, part in enumerate(rest)]
     return "\n".join(lines)
+
+
+def _joined(lines: list[str], width: int) -> list[str]:
+    """Figures of the summary that were broken for a wider page are one line again."""
+    joined: list[str] = []
+    for line in lines:
+        named = joined and (name := _NAME.match(joined[-1])) and len(joined[-1]) > width
+        if named and name and line[: name.end()].isspace() and not line[name.end() :][:1].isspace():
+            joined[-1] += f" {line.lstrip()}"
+        else:
+            joined.append(line)
+    return joined
 
 
 def coloured(text: str) -> str:
