@@ -24,8 +24,9 @@ def plain_message(detail: Any) -> str:
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
-        case {"type": "model_type"}:
-            return "must be a table"
+        case {"type": "model_type" | "model_attributes_type", "loc": place}:
+            friction = "friction" in place
+            return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
         case {"type": "tuple_type"}:
             return "must be a list in brackets, such as [0.5, 1.0]"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
