@@ -11,8 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signorini_fx.cli.completion import completion_script
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.cli.options import overrides
+from signorini_fx.cli.options import overrides, parser
 from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 
@@ -83,7 +84,8 @@ def solve(options: argparse.Namespace) -> int:
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
+        advice = f": {solution.status.advice}" if options.quiet else ""  # it stands in the summary otherwise
+        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}{advice}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 
@@ -227,6 +229,11 @@ def mesh_file(options: argparse.Namespace) -> str:
         return render(mesh_info(mesh), str(options.target))
     info = mesh_info(read_file(options.file, size=options.size))
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
+
+
+def completion(options: argparse.Namespace) -> str:
+    """The script that completes the command line."""
+    return completion_script(parser(), options.shell)
 
 
 def schema(_: argparse.Namespace) -> str:

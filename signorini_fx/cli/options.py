@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
+from signorini_fx.cli.completion import SHELLS
 from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
@@ -99,6 +100,8 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
+    completion.add_argument("shell", choices=SHELLS, help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 

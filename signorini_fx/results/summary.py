@@ -228,7 +228,7 @@ def render(summary: dict[str, Any]) -> str:
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
             *(
-                f"  {name:16s} {_force(summary, key, ('contact_moment', 'friction_moment'))}, about the origin"
+                f"  {name:16s} {_force(summary, key)}, about the origin"
                 for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
                 if key in summary
             ),
@@ -253,9 +253,10 @@ def render(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _force(summary: dict[str, Any], name: str, both: tuple[str, str] = ("contact_force", "friction_force")) -> str:
-    """A resultant; components that are round-off of the forces or moments at work count as nought."""
-    size = float(np.abs([summary[one] for one in both]).max())
+def _force(summary: dict[str, Any], name: str) -> str:
+    """A resultant force or moment; components that are round-off of those at work count as zero."""
+    kind = name.partition("_")[2]
+    size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
