@@ -44,12 +44,16 @@ def solve(options: argparse.Namespace) -> int:
     progress = _Progress()
     scene = _read_scene(options, overrides(options))
     from signorini_fx.results import files
+    from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
 
+    fields = False if options.no_fields else options.fields or True
+    chosen_format(fields)  # fail early if it cannot be written
+
     def write_level(solution: Solution) -> None:
-        files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        files.write_results(solution, path / files.LAST_LEVEL, fields=fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
 
     observers: list[Callable[[Any], None]] = [progress]
@@ -59,9 +63,7 @@ def solve(options: argparse.Namespace) -> int:
         with ResultFolder(comm, path) as folder:
             solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
             progress.solved = True
-            summary = files.write_results(
-                solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
-            )
+            summary = files.write_results(solution, folder, fields=fields, pictures=not options.no_pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:

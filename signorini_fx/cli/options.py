@@ -66,7 +66,13 @@ def parser() -> argparse.ArgumentParser:
         metavar="60s|4GB",
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
-    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    fields = solve.add_mutually_exclusive_group()
+    fields.add_argument(
+        "--fields",
+        choices=("vtx", "vtu"),
+        help="format of the fields for ParaView: vtx (ADIOS2; default where dolfinx has it) or vtu",
+    )
+    fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")

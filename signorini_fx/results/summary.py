@@ -229,7 +229,7 @@ def render(summary: dict[str, Any]) -> str:
     lines += _resultants(summary)
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
-        *([f"  von Mises stress {_largest(summary['stress']['von_mises'])}"] if "stress" in summary else []),
+        *([f"  von Mises stress {_largest(summary['stress'])}"] if "stress" in summary else []),
         f"  deformation      {_deformation(summary['deformation'])}",
         f"  certificate      {_certificate(summary['certificate'])}",
         *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
@@ -293,8 +293,13 @@ def _labelled(label: str, told: list[str]) -> list[str]:
     return [f"  {label if k == 0 else '':16s} {text}" for k, text in enumerate(told)]
 
 
-def _largest(extreme: dict[str, Any]) -> str:
-    return f"{extreme['value']:.6g} at most, at {_point(extreme['place'])}"
+def _largest(stress: dict[str, Any]) -> str:
+    """The largest von Mises stress, raw and recovered, and the error of the stress in the mean."""
+    raw, recovered = stress["von_mises"], stress["recovered"]
+    told = f"{raw['value']:.6g} at most, at {_point(raw['place'])}"
+    if recovered is not None:
+        told += f"; recovered {recovered['von_mises']['value']:.6g}"
+    return told if stress["error"] is None else f"{told}; error in the mean {100 * stress['error']:.2g} %"
 
 
 def _point(place: list[float]) -> str:
