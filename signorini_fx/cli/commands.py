@@ -7,6 +7,7 @@ import json
 import textwrap
 from collections.abc import Callable
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -215,8 +216,11 @@ def mesh_file(options: argparse.Namespace) -> str:
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 
-def schema(_: argparse.Namespace) -> str:
-    """The JSON schema of scene files."""
+def schema(options: argparse.Namespace) -> str:
+    """The JSON schema of scene files, or of the summary in result folders."""
+    if options.summary:
+        file = resources.files("signorini_fx") / "results" / "summary.schema.json"
+        return file.read_text(encoding="utf-8").removesuffix("\n")
     from signorini_fx.scene.template import scene_schema
 
     return json.dumps(scene_schema(), indent=2)

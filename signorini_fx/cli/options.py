@@ -104,7 +104,8 @@ def parser() -> argparse.ArgumentParser:
     for one in (convert, info):
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 

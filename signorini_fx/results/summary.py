@@ -23,6 +23,8 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationReco
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
+# Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
+SCHEMA_VERSION = 1
 # Rows of a list that the terminal shows.
 _MOST_ROWS = 8
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
@@ -37,6 +39,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     """
     history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
         "status": solution.status.value,
         "advice": solution.status.advice,
