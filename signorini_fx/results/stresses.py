@@ -22,6 +22,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.material import out_of_plane_stress, stress
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
+from signorini_fx.results.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
 
@@ -201,14 +202,12 @@ class Stresses(StressFields):
         It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
         the tractions on the boundary: a mean over the body that says nothing of a single point.
         """
-        lame, mu = self.discretisation.lame
-        y = self.displacement
-        energy = fem.form(ufl.inner(stress(y, lame, mu), ufl.sym(ufl.grad(y))) * ufl.dx)
-        twice = parallel.global_sum(self.discretisation.comm, fem.assemble_scalar(energy))
-        if not twice > 0:
+        d = self.discretisation
+        energy = NodalForces(d.scene, d.tagged, d.space).strain_energy(self.displacement)
+        if not energy > 0:
             return None
-        squares = self._recovery.squares(y.x.petsc_vec, self.step).sum()
-        return float(np.sqrt(parallel.global_sum(self.discretisation.comm, squares) / twice))
+        squares = self._recovery.squares(self.displacement.x.petsc_vec, self.step).sum()
+        return float(np.sqrt(parallel.global_sum(d.comm, squares) / (2 * energy)))
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
