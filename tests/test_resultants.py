@@ -11,6 +11,7 @@ from spaces import box
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.results.resultants import arm, moments
+from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -217,6 +218,44 @@ def test_two_feet():
     # The load acts at 3, the base is from 0 to 4.
     assert solution.overturning.acts_at == near([3.0, 0.0], 1.0)
     assert solution.overturning.safety == pytest.approx(2.0, rel=1e-7)
+
+
+@pytest.mark.mpi
+def test_support_and_contact_on_one_boundary():
+    """The foundation presses, and what the push needs the support takes; with the factors of the last load step."""
+    scene = plane(
+        displacement={"boundary": "bottom", "x": 0.0},
+        traction={"boundary": "top", "x": 0.4, "y": -2.0, "factors": [2.0, 0.5]},
+        contact={"boundary": "bottom", "friction": COULOMB},
+    )
+    found = solve(scene, COMM).resultants
+    assert found.of("top").force == near([0.2 * LENGTH, -LENGTH], 1.0)
+    foot = found.of("bottom")
+    assert foot.acts == ("support", "contact")
+    assert foot.force == near([-0.2 * LENGTH, LENGTH], 1.0)
+    # The load acts at the middle of the top; the push moves the place at the bottom by HEIGHT times its share.
+    assert foot.acts_at == near([LENGTH / 2 + 0.2 * HEIGHT, 0.0], 1.0)
+
+
+def test_summary():
+    """What statics say is zero is zero in the rows, and the terminal has a line for each figure."""
+    scene = plane(
+        traction=[{"boundary": "top", "y": -3.0}, {"boundary": "left", "x": 0.5}],
+        contact={"boundary": "bottom", "friction": COULOMB},
+    )
+    solution = alone(scene)
+    found = summarise(solution, solution.table)
+    rows = {row["boundary"]: row for row in found["resultants"]}
+    assert rows["top"]["force"] == [0.0, pytest.approx(-6.0)]
+    assert rows["left"]["force"] == [pytest.approx(1.5), 0.0]
+    assert rows["left"]["moment"] == pytest.approx(-1.5 * HEIGHT / 2)
+    assert rows["left"]["acts_at"] == [0.0, pytest.approx(HEIGHT / 2)]
+    assert rows["bottom"]["acts_at"][1] == 0.0
+    lines = [" ".join(line.split()) for line in render(found).splitlines()]
+    assert "sliding bottom: safety 2.4, 1.5 of at most 3.6" in lines
+    assert "overturning safety 2.667, the pressure acts at (1.375, 0)" in lines
+    assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
+    assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines
 
 
 def test_where_nothing_can_be_said():

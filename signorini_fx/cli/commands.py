@@ -8,6 +8,7 @@ import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,12 +48,16 @@ def solve(options: argparse.Namespace) -> int:
     progress = _Progress()
     scene = _read_scene(options, overrides(options))
     from signorini_fx.results import files
+    from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
 
+    fields = False if options.no_fields else options.fields or True
+    chosen_format(fields)  # fail early if it cannot be written
+
     def write_level(solution: Solution) -> None:
-        files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        files.write_results(solution, path / files.LAST_LEVEL, fields=fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
 
     line = ProgressLine()
@@ -76,9 +81,7 @@ def solve(options: argparse.Namespace) -> int:
             finally:
                 line.erase()
             progress.solved = True
-            summary = files.write_results(
-                solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
-            )
+            summary = files.write_results(solution, folder, fields=fields, pictures=not options.no_pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
@@ -236,8 +239,11 @@ def completion(options: argparse.Namespace) -> str:
     return completion_script(parser(), options.shell)
 
 
-def schema(_: argparse.Namespace) -> str:
-    """The JSON schema of scene files."""
+def schema(options: argparse.Namespace) -> str:
+    """The JSON schema of scene files, or of the summary in result folders."""
+    if options.summary:
+        file = resources.files("signorini_fx") / "results" / "summary.schema.json"
+        return file.read_text(encoding="utf-8").removesuffix("\n")
     from signorini_fx.scene.template import scene_schema
 
     return json.dumps(scene_schema(), indent=2)

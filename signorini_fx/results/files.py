@@ -22,7 +22,7 @@ from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
 from signorini_fx.records import as_rows
-from signorini_fx.results.fields import size_of_fields, write_fields
+from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
@@ -39,7 +39,7 @@ LAST_LEVEL = "last_level"
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
-    *("fields.xdmf", "fields.h5", "contact.vtu"),
+    *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("contact_surface.png", "contact_surface.pdf"),
     *("field_displacement.png", "field_density.png", "report.html"),
@@ -51,14 +51,14 @@ _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
 def write_results(
-    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool = True
+    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool | str = True, pictures: bool = True
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
-        fields: write the fields for ParaView.
+        fields: write the fields for ParaView; ``vtx`` or ``vtu``: in this format.
         pictures: draw the deformed body, the contact boundary and the iteration history.
 
     Returns:
@@ -66,17 +66,20 @@ def write_results(
 
     Raises:
         TypeError: the first argument is not a solution.
+        ValueError: there is no such format of fields.
+        InstallationError: dolfinx cannot write it.
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    kind = chosen_format(fields)
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
-        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        summary = _write(solution, claimed, fields=kind, pictures=pictures)
         claimed.commit(_FILES)
     return summary
 
 
-def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool) -> dict[str, Any]:
+def _write(solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool) -> dict[str, Any]:
     """Write everything into the hidden part of a claimed folder; collective."""
     comm, part = solution.comm, folder.part
     table = solution.table if solution.contact is not None else None
@@ -85,9 +88,9 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     # Keys that a scene in the plane, or one in space, does not have.
     summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
     steps = summary.get("steps", [])
-    if fields:
-        folder.reserve(size_of_fields(solution))
-        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+    if fields is not None:
+        folder.reserve(size_of_fields(solution, fields))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     gathered = gather_cells(solution) if pictures and plane else None

@@ -124,16 +124,15 @@ class Solution:
 
     @cached_property
     def stress(self) -> Stresses:
-        """The stress in the body: tensor, von Mises stress, principal stresses and their extremes; with load steps,
-        of the last one.
+        """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
+        with load steps, of the last one.
         """
-        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis)
+        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis, self._last_step)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        step = self.steps[-1].step if self.steps else 0
-        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, step)
+        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, self._last_step)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
@@ -148,6 +147,11 @@ class Solution:
         overturning; None for other bodies; collective.
         """
         return None if self.contact is None else overturning(self.scene, self.contact)
+
+    @property
+    def _last_step(self) -> int:
+        """The load step that the displacement belongs to."""
+        return self.steps[-1].step if self.steps else 0
 
     @property
     def comm(self) -> MPI.Comm:

@@ -23,6 +23,8 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationReco
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
+# Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
+SCHEMA_VERSION = 1
 # Rows of a list that the terminal shows.
 _MOST_ROWS = 8
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
@@ -37,6 +39,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     """
     history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
         "status": solution.status.value,
         "advice": solution.status.advice,
@@ -237,7 +240,7 @@ def render(summary: dict[str, Any]) -> str:
     lines += _resultants(summary)
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
-        *([f"  von Mises stress {_largest(summary['stress']['von_mises'])}"] if "stress" in summary else []),
+        *([f"  von Mises stress {_largest(summary['stress'])}"] if "stress" in summary else []),
         f"  deformation      {_deformation(summary['deformation'])}",
         f"  certificate      {_certificate(summary['certificate'])}",
         *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
@@ -302,8 +305,13 @@ def _labelled(label: str, told: list[str]) -> list[str]:
     return [f"  {label if k == 0 else '':16s} {text}" for k, text in enumerate(told)]
 
 
-def _largest(extreme: dict[str, Any]) -> str:
-    return f"{extreme['value']:.6g} at most, at {_point(extreme['place'])}"
+def _largest(stress: dict[str, Any]) -> str:
+    """The largest von Mises stress, raw and recovered, and the error of the stress in the mean."""
+    raw, recovered = stress["von_mises"], stress["recovered"]
+    told = f"{raw['value']:.6g} at most, at {_point(raw['place'])}"
+    if recovered is not None:
+        told += f"; recovered {recovered['von_mises']['value']:.6g}"
+    return told if stress["error"] is None else f"{told}; error in the mean {100 * stress['error']:.2g} %"
 
 
 def _point(place: list[float]) -> str:

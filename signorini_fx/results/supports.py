@@ -107,8 +107,9 @@ class Supports:
         nodes, d); at a node of several entries each direction belongs to the one that prescribes it.
         """
         found = np.where(self.by == position, forces, 0.0)
-        for node in np.unique(self.askew):
-            rows = np.flatnonzero(self.askew == node)
+        order = np.argsort(self.askew, kind="stable")
+        nodes, first = np.unique(self.askew[order], return_index=True)
+        for node, rows in zip(nodes, np.split(order, first[1:]), strict=False):
             axes = np.flatnonzero(self.fixed[node])
             basis = np.vstack((np.eye(forces.shape[1])[axes], self.normals[rows]))
             shares = (np.linalg.pinv(basis.T) @ forces[node])[:, None] * basis
