@@ -59,9 +59,8 @@ def solve(options: argparse.Namespace) -> int:
         with ResultFolder(comm, path) as folder:
             solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
             progress.solved = True
-            summary = files.write_results(
-                solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
-            )
+            pictures = False if options.no_pictures else options.picture or True
+            summary = files.write_results(solution, folder, fields=not options.no_fields, pictures=pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
