@@ -81,7 +81,8 @@ def solve(options: argparse.Namespace) -> int:
             finally:
                 line.erase()
             progress.solved = True
-            summary = files.write_results(solution, folder, fields=fields, pictures=not options.no_pictures)
+            pictures = False if options.no_pictures else options.picture or True
+            summary = files.write_results(solution, folder, fields=fields, pictures=pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:

@@ -75,6 +75,12 @@ def parser() -> argparse.ArgumentParser:
     )
     fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    solve.add_argument(
+        "--picture",
+        action="append",
+        choices=("pressure", "principal", "displacement", "density"),
+        help="field to draw on the deformed body beside the von Mises stress; may be repeated",
+    )
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")

@@ -37,7 +37,7 @@ def balanced(tagged: TaggedMesh) -> TaggedMesh:
     tags = {one.dim: one for one in (tagged.facet_tags, tagged.cell_tags) if one is not None}
     own = {place: _owned(mesh, one) for place, one in tags.items()}
     even, found = distributed(mesh.comm, mesh.ufl_domain(), cells, points, own)
-    return TaggedMesh(even, found[dim - 1], tagged.boundaries, found.get(dim), tagged.regions)
+    return TaggedMesh(even, found[dim - 1], tagged.boundaries, found.get(dim), tagged.regions, tagged.origin)
 
 
 def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:

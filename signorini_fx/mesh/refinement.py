@@ -106,7 +106,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     kinds = _table(tagged.facet_tags, mesh.topology.index_map(dim - 1))[origin]
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
     facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
-    return balanced(TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions))
+    return balanced(TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin))
 
 
 _NO_TAG = np.iinfo(np.int32).min

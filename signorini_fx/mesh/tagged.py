@@ -6,7 +6,7 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -48,6 +48,7 @@ class TaggedMesh(TaggedMeshBase):
         boundaries: name of a boundary -> its tag, or all its tags if boundaries overlap.
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
+        origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
     """
 
     mesh: dmesh.Mesh
@@ -55,6 +56,7 @@ class TaggedMesh(TaggedMeshBase):
     boundaries: Mapping[str, int | tuple[int, ...]]
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dimension).size_global
@@ -188,7 +190,8 @@ def check_dimension(tagged: TaggedMesh) -> None:
 
 def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    return read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
+    tagged = read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
+    return replace(tagged, origin={"file": mesh.file.name})
 
 
 def curvature(tagged: TaggedMesh) -> float:
@@ -210,7 +213,7 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> T
         SceneError: unknown generator, or parameters that it refuses.
     """
     generate: Callable[..., TaggedMesh] = _generator(name, parameters).generate
-    return generate(comm, **parameters)
+    return replace(generate(comm, **parameters), origin={"generator": name, "parameters": dict(parameters)})
 
 
 def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:

@@ -109,8 +109,9 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     contact = solution.contact
     assert contact is not None
     columns = table.columns
-    acting = columns["bound"] > 0
     touching = columns["state"] != "open"
+    # Tresca friction acts on open nodes too, which are no zone of the contact.
+    acting = (columns["bound"] > 0) & touching
     contact_force, friction_force = contact.forces
     zones = {
         "contact": table.zones(touching),
