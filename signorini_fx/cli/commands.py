@@ -45,6 +45,7 @@ def solve(options: argparse.Namespace) -> int:
     scene = _read_scene(options, overrides(options))
     from signorini_fx.results import files
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.solution import outcome
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
 
@@ -57,7 +58,15 @@ def solve(options: argparse.Namespace) -> int:
         observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
     try:
         with ResultFolder(comm, path) as folder:
-            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
+            solution = solver.solve(
+                scene,
+                comm,
+                check=False,
+                observers=observers,
+                on_level=write_level,
+                checkpoint=path,
+                restart=options.restart,
+            )
             progress.solved = True
             summary = files.write_results(
                 solution, folder, fields=not options.no_fields, pictures=not options.no_pictures
@@ -67,7 +76,7 @@ def solve(options: argparse.Namespace) -> int:
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
+        parallel.log_on_root(comm, f"signorini-fx: {outcome(solution)}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 

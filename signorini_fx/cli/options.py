@@ -66,6 +66,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="60s|4GB",
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
+    solve.add_argument(
+        "--restart", action="store_true", help="go on from the last load step or mesh that a killed run has completed"
+    )
     solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")

@@ -23,7 +23,7 @@ from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
 from signorini_fx.records import as_rows
 from signorini_fx.results.fields import size_of_fields, write_fields
-from signorini_fx.results.folder import SUMMARY, ResultFolder
+from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
@@ -44,6 +44,7 @@ _FILES = (
     *("contact_surface.png", "contact_surface.pdf"),
     *("field_displacement.png", "field_density.png", "report.html"),
     LAST_LEVEL,
+    CHECKPOINT,
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
 _CONSTANT_COLUMNS = ("gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
@@ -89,7 +90,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
         folder.reserve(size_of_fields(solution))
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
         summary["stress"] = solution.stress.as_dict()
-    along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
+    along_steps = _contact_by_step(solution) if steps and table is not None else []
     gathered = gather_cells(solution) if pictures and plane else None
     outer = _outer_surface(solution) if pictures and not plane else None
     facets = None if plane else _contact_facets(solution)
@@ -100,7 +101,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
             write_csv(part / "outer.csv", as_rows(solution.history.outer))
             if solution.price_list:
                 write_csv(part / "price_list.csv", as_rows(solution.price_list))
-            if len(steps) > 1:
+            if steps:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
@@ -168,7 +169,7 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     """The contact boundary of each load step in turn, step number first; collective."""
     names = [effect.boundary for effect in solution.scene.contact]
     found: list[dict[str, Any]] = []
-    for result in solution.steps:
+    for result in solution.shown_steps:
         if result.contact is not None:
             columns = contact_table(result.contact, names).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]

@@ -21,11 +21,13 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord
+from signorini_fx.results.checkpoint import Checkpoint, available
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
@@ -38,6 +40,8 @@ def solve(
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
     on_level: Callable[[Solution], object] = lambda solution: None,
+    checkpoint: str | Path | None = None,
+    restart: bool = False,
 ) -> Solution:
     """Solve a scene.
 
@@ -45,11 +49,16 @@ def solve(
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
-        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs.
+        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
+            ``StepRecord`` where one of several load steps begins.
         on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
+        checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
+            until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
+            steps or levels, without a requested accuracy, and adios4dolfinx; otherwise nothing is stored.
+        restart: go on from what is stored there, on any number of ranks.
 
     Raises:
-        SceneError: the scene is wrong, or does not fit its mesh.
+        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the checkpoint.
         TypeError: an argument is of the wrong kind.
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
@@ -61,6 +70,7 @@ def solve(
     options.refuse_mistyped(comm)
     history = History(observers=list(observers))
     coarse = coarser_scenes(scene, scene.solver.levels)
+    stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.accuracy is not None:
 
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
@@ -68,14 +78,34 @@ def solve(
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
-        solution, task, _ = solve_mesh(scene, comm, history, None)
+        solution, task, _ = solve_mesh(scene, comm, history, None, kept=None if stored is None else Kept(stored, 0))
         if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
             solution = _from_coarser(scene, comm, history, solution)
     else:
-        solution = _solve_nested([*coarse, scene], comm, history, on_level)
+        solution = _solve_nested([*coarse, scene], comm, history, on_level, stored)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
+
+
+def _checkpoint(
+    scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
+) -> Checkpoint | None:
+    """The checkpoint of a run; None if there is nothing to store."""
+    if folder is None and restart:
+        raise SceneError([("restart", "needs the folder of the checkpoint")])
+    pieces = bool(scene.contact) and (scene.several_steps or scene.solver.levels > 1)
+    if folder is None or not pieces or scene.accuracy is not None or not available():
+        if restart:
+            why = "a scene with contact, with several load steps or levels, and without [accuracy]"
+            reason = why if available() else "adios4dolfinx (pip install adios4dolfinx)"
+            raise SceneError([("restart", f"needs {reason}: solve from the beginning")])
+        return None
+    stored = Checkpoint(comm, folder, scene, restart=restart)
+    if restart:
+        found = f"{stored.found} complete load steps" if scene.several_steps else f"{stored.found} complete meshes"
+        history.add(f"restart: {found} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}")
+    return stored
 
 
 def refuse_other_than_comm(comm: object) -> None:
@@ -93,13 +123,15 @@ def _solve_nested(
     comm: MPI.Comm,
     history: History,
     on_level: Callable[[Solution], object] = lambda solution: None,
+    stored: Checkpoint | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
     levels: list[LevelResult] = []
     for number, scene in enumerate(scenes):
-        solved = solve_level(scene, comm, history, state, number)
+        kept = None if stored is None else Kept(stored, number)
+        solved = solve_level(scene, comm, history, state, number, kept)
         solution, state = solved.solution, None
         if solution.converged:
             state = solution.contact
@@ -114,7 +146,14 @@ def _solve_nested(
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
-def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
+def solve_level(
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    state: ContactState | None,
+    number: int,
+    kept: Kept | None = None,
+) -> Solved:
     """Solve on one of several meshes, and estimate its errors; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
@@ -126,10 +165,12 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
         data = outcome.problem.data
         compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
         found.append(
-            estimate_errors(d, d.displacement(outcome.displacement()), step.strain_energy, table, step.step, compliance)
+            estimate_errors(
+                d, d.displacement(outcome.displacement()), step.strain_energy, table, step.place, compliance
+            )
         )
 
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate)
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, kept)
     if not solution.converged or task is None or outcome is None or not found:
         return Solved(solution, task)
     errors = worst_of(found)
@@ -171,10 +212,10 @@ def _level_result(
         own: the linear solves on this mesh.
         errors: the estimated errors on it.
     """
-    seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
+    seconds = parallel.global_max(solution.comm, sum(solution.timings.total.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
-    size = np.sqrt(2 * solution.steps[-1].strain_energy)
+    size = np.sqrt(2 * solution.last_step.strain_energy)
     regularisation = pressure_regularisation = 0.0
     data = outcome.problem.data
     if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
@@ -202,5 +243,8 @@ def _level_result(
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
-        force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
+        # Of the load steps that all meshes have in common.
+        force=np.concatenate(
+            [np.concatenate(step.contact.forces) for step in solution.steps if step.contact and step.place.is_integer()]
+        ),
     )
