@@ -246,4 +246,4 @@ LARGEST_INCREMENT = 2.0
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
 # factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
 ENCLOSED = 0.005
-SMALLEST_INCREMENT = 1e-3
+SMALLEST_INCREMENT = 1e-5

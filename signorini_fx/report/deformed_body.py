@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,17 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from signorini_fx.report.style import INK, STYLE, Floats, decimal_power, finish, math_number, readable, times_power
+from signorini_fx.report.style import (
+    BOTH,
+    INK,
+    STYLE,
+    Floats,
+    decimal_power,
+    finish,
+    math_number,
+    readable,
+    times_power,
+)
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
@@ -115,7 +126,10 @@ def deformed_mesh(
     field: Field = VON_MISES,
     foundation: Foundation | None = None,
     factor: float | None = None,
+    top: float | None = None,
+    frame: tuple[Floats, Floats] | None = None,
     title: str = "",
+    suffixes: Sequence[str] = BOTH,
 ) -> None:
     """Draw the deformed mesh on its foundation, a field in colours: with ``SHEAR_ENERGY`` Figures 2 and 6 of the paper.
 
@@ -138,7 +152,11 @@ def deformed_mesh(
         foundation: None: none is drawn.
         factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
             where one would not be true.
+        top: the value where the colours end; None: see above.
+        frame: lowest and highest coordinates that are seen, in one panel; None: as far as the body and the foundation
+            reach.
         title: what to say above the picture.
+        suffixes: of the files to write.
 
     Raises:
         ValueError: there are no cells.
@@ -161,9 +179,9 @@ def deformed_mesh(
         remark = f"left: as it is; right: {what}, contact zone thick"
 
     area = _areas(panels[0].corners)
-    top = upper_tone(values, area)
+    top = upper_tone(values, area) if top is None else top
     power = decimal_power(top)
-    frames = [panel.frame() for panel in panels]
+    frames = [panel.frame() if frame is None else frame for panel in panels]
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
     widest = 6.2 if true else 4.0
     widths = [min(widest, widest / aspect) for aspect in aspects]
@@ -189,7 +207,7 @@ def deformed_mesh(
         )
         bar.ax.locator_params(nbins=6)
         bar.set_label(f"{field.label}{times_power(power)}")
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,12 @@
 """Checkpoints: the complete load steps of a run on disk, for any number of ranks.
 
 Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
-by adios4dolfinx, what belongs to the contact nodes with their positions, and figures with the digests of these files.
-A folder that lacks something, or whose digests differ, does not count.
+cell by cell in the order of the input of the mesh, which all ranks write together and which does not depend on them;
+what belongs to the contact nodes with their positions; and figures with the digests of these files.  A folder that
+lacks something, or whose digests differ, does not count.
+
+adios4dolfinx 0.9.3 keeps functions in the same order, but creates its graphs of ranks by MPI_Dist_graph_create, which
+does not always end in Open MPI 5.0.7.
 """
 
 from __future__ import annotations
@@ -11,7 +15,6 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterator, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +24,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx import compat, parallel
+from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import SceneError, cannot_be_written
 from signorini_fx.results.files import describe
@@ -32,15 +35,10 @@ Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
 _FORMAT = 1
-_SCENE, _FIGURES, _NODES, _FIELD, _PART = "scene.json", "figures.json", "nodes.npz", "displacement.bp", ".part"
+_SCENE, _FIGURES, _NODES, _FIELD, _PART = "scene.json", "figures.json", "nodes.npz", "displacement.bin", ".part"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME = 1e-9
 _ABSENT = "(absent)"
-
-
-def available() -> bool:
-    """Whether the library that checkpoints need is installed."""
-    return compat.has_vtx() and find_spec("adios4dolfinx") is not None
 
 
 class Checkpoint:
@@ -99,17 +97,15 @@ class Checkpoint:
         Returns:
             None if they cannot be read, or belong to other nodes.
         """
-        import adios4dolfinx
-
         folder = self._folder(level, step)
         displacement = fem.Function(space, name="displacement")
         found: dict[str, Nodal] | None = None
         try:
-            adios4dolfinx.read_function(folder / _FIELD, displacement, name="displacement")
+            _read_field(folder / _FIELD, displacement)
             with np.load(folder / _NODES, allow_pickle=False) as file:
                 stored = {name: file[name] for name in file.files}
             found = _placed(stored, boundary, displacement, size)
-        except Exception:  # ADIOS2 raises what it likes; whatever it is, the step is solved again
+        except (MPI.Exception, OSError, ValueError, KeyError):  # the step is solved again
             found = None
         if parallel.any_rank(self._comm, found is None) or found is None:
             return None
@@ -137,15 +133,13 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written.
         """
-        import adios4dolfinx
-
         part = self.path / _PART
         self._begin()
         reserve(self._comm, part, _size_of(displacement))
         error = None
         try:
-            adios4dolfinx.write_function_on_input_mesh(part / _FIELD, displacement, name="displacement")
-        except (OSError, RuntimeError) as reason:
+            _write_field(part / _FIELD, displacement)
+        except MPI.Exception as reason:
             error = cannot_be_written(self.path, reason)
         parallel.raise_together(self._comm, error)
         moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
@@ -247,13 +241,60 @@ def _digests(folder: Path) -> Iterator[tuple[str, str]]:
                 yield str(path.relative_to(folder)), hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], MPI.Datatype]:
+    """The first ``cells`` cells of this rank by their numbers in the input of the mesh: the numbers, increasing, the
+    nodes of each in the order of its vertices there, and the type of a row of values.
+
+    Up to degree 2, and only there, this order does not depend on how the mesh is distributed.
+    """
+    numbers = np.asarray(space.mesh.topology.original_cell_index[:cells])
+    order = np.argsort(numbers)
+    nodes = np.asarray(space.dofmap.list)[:cells][order].astype(np.int64)
+    row = MPI.DOUBLE.Create_contiguous(space.dofmap.list.shape[1] * space.dofmap.index_map_bs)
+    row.Commit()
+    return numbers[order].astype(np.int32), nodes, row
+
+
+def _transfer(comm: MPI.Comm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal) -> None:
+    """Write or read the rows with these numbers, all ranks together."""
+    place = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
+    place.Commit()
+    file = MPI.File.Open(comm, str(path), mode)
+    try:
+        file.Set_view(0, MPI.DOUBLE, place)
+        (file.Read_all if mode == MPI.MODE_RDONLY else file.Write_all)([values, MPI.DOUBLE])
+    finally:
+        file.Close()
+        place.Free()
+        row.Free()
+
+
+def _write_field(path: Path, function: fem.Function) -> None:
+    """Write the values of a function cell by cell, in the order of the input of the mesh; collective."""
+    space = function.function_space
+    topology = space.mesh.topology
+    numbers, nodes, row = _rows_of(space, topology.index_map(topology.dim).size_local)
+    values = np.ascontiguousarray(function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes])
+    _transfer(space.mesh.comm, path, MPI.MODE_CREATE | MPI.MODE_WRONLY, numbers, row, values)
+
+
+def _read_field(path: Path, function: fem.Function) -> None:
+    """Read what ``_write_field`` has written, on any number of ranks; collective."""
+    space = function.function_space
+    cells = len(space.mesh.topology.original_cell_index)
+    numbers, nodes, row = _rows_of(space, cells)
+    values = np.empty((*nodes.shape, space.dofmap.index_map_bs))
+    _transfer(space.mesh.comm, path, MPI.MODE_RDONLY, numbers, row, values)
+    function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes.ravel()] = values.reshape(-1, values.shape[2])
+    function.x.scatter_forward()
+
+
 def _size_of(displacement: fem.Function) -> float:
-    """About how many bytes a load step takes: the values, and for each cell the numbers of its dofs."""
+    """About how many bytes a load step takes."""
     space = displacement.function_space
     topology = space.mesh.topology
     cells = topology.index_map(topology.dim).size_global
-    dofs = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
-    return 8.0 * (dofs + cells * (1 + space.dofmap.list.shape[1] * space.dofmap.index_map_bs)) + 1e5
+    return 8.0 * cells * space.dofmap.list.shape[1] * space.dofmap.index_map_bs + 1e5
 
 
 def _described(scene: Scene) -> dict[str, Any]:

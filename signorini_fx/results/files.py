@@ -30,6 +30,7 @@ from signorini_fx.results.summary import summarise
 from signorini_fx.scene.values import kind_of
 
 if TYPE_CHECKING:
+    from signorini_fx.report.moving_body import Moment
     from signorini_fx.results.outer_surface import OuterSurface
 
 T = TypeVar("T")
@@ -40,8 +41,12 @@ _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
     *("fields.xdmf", "fields.h5", "contact.vtu"),
-    *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
-    *("contact_surface.png", "contact_surface.pdf"),
+    *(
+        f"{name}.{kind}"
+        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps")
+        for kind in ("png", "pdf")
+    ),
+    "deformed.gif",
     *("field_displacement.png", "field_density.png", "report.html"),
     LAST_LEVEL,
     CHECKPOINT,
@@ -93,6 +98,7 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     along_steps = _contact_by_step(solution) if steps and table is not None else []
     gathered = gather_cells(solution) if pictures and plane else None
     outer = _outer_surface(solution) if pictures and not plane else None
+    moments = _moments(solution) if pictures and (plane or outer is not None) else []
     facets = None if plane else _contact_facets(solution)
 
     def write() -> None:
@@ -112,9 +118,11 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
             if along_steps:
                 write_csv(part / "contact_steps.csv", along_steps)
             if gathered is not None:
-                _draw(solution, gathered, table, part)
+                _draw(solution, gathered, table, part, moments)
             if pictures and not plane:
-                _draw_in_space(solution, outer, table, part)
+                _draw_in_space(solution, outer, table, part, moments)
+            if pictures and table is not None and len(steps) > 1:
+                _draw_load_steps(part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
@@ -272,10 +280,44 @@ def gather_cells(solution: Solution) -> GatheredCells:
     )
 
 
-def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
+def _moments(solution: Solution) -> list[Moment]:
+    """The body at each of several load steps that an animation shows; collective."""
+    from signorini_fx.report.moving_body import Moment, shown
+    from signorini_fx.results.outer_surface import gather_outer_surface
+
+    steps = solution.shown_steps
+    if len(steps) < 2:
+        return []
+    found = []
+    for step in (steps[k] for k in shown(len(steps))):
+        moment = solution.at(step)
+        if solution.discretisation.tagged.dimension == 2:
+            body: GatheredCells | OuterSurface = gather_cells(moment)
+        else:
+            body = gather_outer_surface(moment)
+        found.append(Moment(str(step), body.displacement, body.mises))
+    return found
+
+
+def _draw_load_steps(folder: Path) -> None:
+    """The forces step by step."""
+    from signorini_fx.report.load_steps import load_steps
+    from signorini_fx.report.reading import read_csv
+
+    load_steps(folder / "load_steps", read_csv(folder / "steps.csv"))
+
+
+def _draw(
+    solution: Solution,
+    gathered: GatheredCells,
+    table: ContactTable | None,
+    folder: Path,
+    moments: Sequence[Moment],
+) -> None:
     # matplotlib takes a while to import
     from signorini_fx.report.boundary_profiles import boundary_profiles
     from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
+    from signorini_fx.report.moving_body import moving_body
     from signorini_fx.report.pyvista_pictures import draw_fields
     from signorini_fx.report.style import plain
 
@@ -297,6 +339,10 @@ def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | Non
         foundation=foundation,
         title=title,
     )
+    if moments:
+        moving_body(
+            folder / "deformed.gif", gathered.points, gathered.cells, moments, foundation=foundation, title=title
+        )
     factor = magnification(gathered.points, gathered.displacement)
     draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
     if table is not None:
@@ -331,8 +377,15 @@ def _outer_surface(solution: Solution) -> OuterSurface | None:
     return None
 
 
-def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: ContactTable | None, folder: Path) -> None:
+def _draw_in_space(
+    solution: Solution,
+    outer: OuterSurface | None,
+    table: ContactTable | None,
+    folder: Path,
+    moments: Sequence[Moment],
+) -> None:
     from signorini_fx.report.contact_surface import contact_surface
+    from signorini_fx.report.moving_body import moving_body
     from signorini_fx.report.reading import read_facets
     from signorini_fx.report.solid_body import deformed_solid
     from signorini_fx.report.style import plain
@@ -349,6 +402,10 @@ def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: Contac
             foundations=foundations,
             title=title,
         )
+        if moments:
+            moving_body(
+                folder / "deformed.gif", outer.points, outer.facets, moments, foundations=foundations, title=title
+            )
     if table is not None:
         contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
     _draw_course(solution, folder)

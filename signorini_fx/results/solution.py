@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from dolfinx import fem
@@ -125,6 +125,17 @@ class Solution:
     def last_step(self) -> StepResult:
         """The load step that the results are of: the last one with a solution, or the first one if it has none."""
         return self.shown_steps[-1]
+
+    def at(self, step: StepResult) -> Solution:
+        """The solution with the results of another one of its load steps."""
+        return replace(
+            self,
+            status=step.status,
+            displacement=step.displacement,
+            contact=step.contact,
+            certificate=step.certificate,
+            functionals=None,
+        )
 
     @property
     def shown_steps(self) -> tuple[StepResult, ...]:

@@ -18,8 +18,8 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.display import clean
-from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, Status, StepRecord
+from signorini_fx.display import clean, results_of
+from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
@@ -218,6 +218,8 @@ def render(summary: dict[str, Any]) -> str:
         name: [event.removeprefix(f"{name}: ") for event in told if event.startswith(prefix)]
         for name, prefix in named.items()
     }
+    if halved := len(kinds["increments"]):
+        kinds["increments"] = [f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"]
     kinds["fall-backs"] = [event for event in told if not event.startswith(tuple(named.values()))]
     for name, events in kinds.items():
         if events:
@@ -259,19 +261,6 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
-
-
-def results_of(summary: dict[str, Any]) -> str:
-    """The load step that the results are of."""
-    of, count = summary["results_of"], len(summary["steps"])
-    if of["status"] != Status.CONVERGED.value:
-        which = "the last iterate of "
-    else:
-        which = "" if summary["converged"] else "the last one with a solution, "
-    named = f"{of['name']}, " if of["name"] else ""
-    failed = "" if summary["converged"] or of["step"] == count else f"; load step {count} has none"
-    until = f" at time {summary['steps'][-1]['time']:.6g}" if failed else ""
-    return f"{which}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
 
 
 def _force(summary: dict[str, Any], name: str) -> str:

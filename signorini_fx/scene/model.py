@@ -399,7 +399,7 @@ class Scene(Table):
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
-        return factor_at(self.load_steps.times or tuple(range(1, self.steps + 1)), place)
+        return round(factor_at(self.load_steps.times or tuple(map(float, range(1, self.steps + 1))), place), 12)
 
     def name_at(self, place: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""

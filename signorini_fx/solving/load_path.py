@@ -8,8 +8,9 @@ from signorini_fx.records import Status
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import EASY_STEP, ENCLOSED, LARGEST_INCREMENT, SMALLEST_INCREMENT
 
-# Outcomes that another increment of the load does not change.
-_HOPELESS = (Status.NOT_HELD, Status.LINEAR_SOLVER)
+# Outcomes that another increment of the load does not change, and those that it does not change if nothing has been
+# reached before.
+_HOPELESS, _HOPELESS_AT_FIRST = (Status.LINEAR_SOLVER,), (Status.NOT_HELD,)
 # Places are rounded to these digits, so that ten tenths are one; those that differ by less are the same.
 _DIGITS, _SAME_PLACE = 12, 1e-9
 
@@ -69,7 +70,7 @@ class LoadPath:
 
     def shorten(self, status: Status) -> bool:
         """Whether a smaller increment is to be tried, because the next load step ended with ``status``."""
-        if not self._divisible or status in _HOPELESS:
+        if not self._divisible or status in _HOPELESS or (self.reached < 0 and status in _HOPELESS_AT_FIRST):
             return False
         failed = self.next - self.reached
         begun = self.reached - floor(self.reached + _SAME_PLACE) if self.reached >= 0 else self.reached + 1.0

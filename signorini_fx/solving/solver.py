@@ -21,7 +21,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord
-from signorini_fx.results.checkpoint import Checkpoint, available
+from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
@@ -54,7 +54,7 @@ def solve(
         on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
         checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
             until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
-            steps or levels, without a requested accuracy, and adios4dolfinx; otherwise nothing is stored.
+            steps or levels, without a requested accuracy; otherwise nothing is stored.
         restart: go on from what is stored there, on any number of ranks.
 
     Raises:
@@ -95,11 +95,10 @@ def _checkpoint(
     if folder is None and restart:
         raise SceneError([("restart", "needs the folder of the checkpoint")])
     pieces = bool(scene.contact) and (scene.several_steps or scene.solver.levels > 1)
-    if folder is None or not pieces or scene.accuracy is not None or not available():
+    if folder is None or not pieces or scene.accuracy is not None:
         if restart:
-            why = "a scene with contact, with several load steps or levels, and without [accuracy]"
-            reason = why if available() else "adios4dolfinx (pip install adios4dolfinx)"
-            raise SceneError([("restart", f"needs {reason}: solve from the beginning")])
+            needs = "needs a scene with contact, with several load steps or levels, and without [accuracy]"
+            raise SceneError([("restart", f"{needs}: solve from the beginning")])
         return None
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
