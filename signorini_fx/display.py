@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from signorini_fx.records import Status
+
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
     """A table in HTML; numbers with six digits."""
@@ -21,3 +23,16 @@ def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: s
 def clean(value: Any, scale: float) -> Any:
     """Components of a vector that are round-off beside the scale are zero; a single number stays."""
     return [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
+
+
+def results_of(summary: dict[str, Any]) -> str:
+    """The load step that the results are of."""
+    of, count = summary["results_of"], len(summary["steps"])
+    if of["status"] != Status.CONVERGED.value:
+        which = "the last iterate of "
+    else:
+        which = "" if summary["converged"] else "the last one with a solution, "
+    named = f"{of['name']}, " if of["name"] else ""
+    failed = "" if summary["converged"] or of["step"] == count else f"; load step {count} has none"
+    until = f" at time {summary['steps'][-1]['time']:.6g}" if failed else ""
+    return f"{which}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"

@@ -168,9 +168,21 @@ class Inventory:
 
 @dataclass
 class Timings:
-    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them."""
+    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them.
+
+    Attributes:
+        seconds: of this run.
+        earlier: of the run that this one goes on from.
+    """
 
     seconds: dict[str, float] = field(default_factory=dict)
+    earlier: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def total(self) -> dict[str, float]:
+        """Those of both runs."""
+        phases = dict.fromkeys((*self.seconds, *self.earlier))
+        return {phase: self.seconds.get(phase, 0.0) + self.earlier.get(phase, 0.0) for phase in phases}
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -212,7 +224,26 @@ class Progress:
     end: float | None = None
 
 
-Observer = Callable[[IterationRecord | OuterRecord | str], None]
+@dataclass(frozen=True)
+class StepRecord:
+    """The beginning of a load step.
+
+    Attributes:
+        step: its number, from 1.
+        name: its name; "": it has none.
+        time: its time.
+    """
+
+    step: int
+    name: str
+    time: float
+
+    def __str__(self) -> str:
+        return f"load step {self.step} ({self.name + ', ' if self.name else ''}time {self.time:.6g})"
+
+
+Record = IterationRecord | OuterRecord | StepRecord | str
+Observer = Callable[[Record], None]
 
 
 @dataclass(repr=False)
@@ -223,7 +254,7 @@ class History:
         iterations: one record per linear solve.
         outer: one record per regularised problem.
         events: decisions that a user should know about, such as a fall-back.
-        observers: called with each new record or event, to show progress.
+        observers: called with each new record or event, and when a load step begins, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
         shared: whether several meshes share this limit, so that none of them gets its own.
         progress: where the solve is.
@@ -259,7 +290,15 @@ class History:
             for watcher in self.watchers:
                 watcher(self.progress)
 
-    def add(self, record: IterationRecord | OuterRecord | str) -> None:
+    def recall(
+        self, iterations: Sequence[IterationRecord], outer: Sequence[OuterRecord], events: Sequence[str]
+    ) -> None:
+        """Store what an earlier run has recorded, without showing it."""
+        self.iterations += iterations
+        self.outer += outer
+        self.events += events
+
+    def add(self, record: Record) -> None:
         """Store a record or an event and show it."""
         match record:
             case IterationRecord():
@@ -269,6 +308,8 @@ class History:
                 self.outer.append(record)
             case str():
                 self.events.append(record)
+            case StepRecord():  # the results have a table of their own
+                pass
         for observer in self.observers:
             observer(record)
 

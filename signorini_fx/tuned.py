@@ -240,3 +240,15 @@ MULTIGRID_SECONDS, KRYLOV_SECONDS, MULTIGRID_SHARE = 1.5e-5, 6e-6, 1.2
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
 # Share of the machine's memory above which check warns that a scene needs too much.  Choice.
 MEMORY_SHARE = 0.8
+
+# --- load steps -------------------------------------------------------------------------------------------------------
+
+# A load step of a ramp with at most this many linear solves is easy: a block that is pushed takes 2 to 4 in each step
+# with Tresca friction, 9 to 12 with the fixed point of Coulomb friction, 15 and more near the limit of friction.  Two
+# easy ones double the increment, up to this many times the one that was asked for, so that the curve keeps its points.
+EASY_STEP = 12
+LARGEST_INCREMENT = 2.0
+# Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
+# factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
+ENCLOSED = 0.005
+SMALLEST_INCREMENT = 1e-5

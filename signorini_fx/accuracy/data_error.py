@@ -22,6 +22,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies, vector_value
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
 from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
@@ -48,7 +49,7 @@ class DataError:
     total: float
 
 
-def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
+def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError:
     """Evaluate the data between nodes and quadrature points; collective.
 
     Args:
@@ -69,7 +70,7 @@ def data_error(d: Discretisation, table: ContactTable, step: int) -> DataError:
     np.add.at(forces, cells, missed[0])
     np.add.at(squares, cells, d.scene.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-    forces_of_step = sum(load.factors[step] * load.forces for load in d.applied)
+    forces_of_step = sum(factor_at(load.factors, step) * load.forces for load in d.applied)
     loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 
@@ -80,7 +81,7 @@ def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
     return np.concatenate([facet_entities(d.tagged.mesh, own)[:, 0] for own in facets])
 
 
-def _missed_loads(d: Discretisation, step: int) -> Floats:
+def _missed_loads(d: Discretisation, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, ``DataError.forces``, shape (cells,)."""
     mesh, dim = d.tagged.mesh, d.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
@@ -91,7 +92,7 @@ def _missed_loads(d: Discretisation, step: int) -> Floats:
     ds = measure(mesh, [d.tagged.facets(load.boundary) for load in loads if isinstance(load, SurfaceTraction)], {})
     number, terms = 0, []
     for load in loads:
-        factor = fem.Constant(mesh, default_scalar_type((load.factors or (1.0,) * d.scene.steps)[step]))
+        factor = fem.Constant(mesh, default_scalar_type(factor_at(d.scene.factors_of(load), step)))
         value = vector_value(load, d.space)
         fine, coarse, dx = _CELL_DEGREE[dim], load_degree(d.scene.element.degree), ufl.dx
         if isinstance(load, SurfaceTraction):

@@ -47,7 +47,7 @@ class Errors:
 
 
 def estimate_errors(
-    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: int, compliance: float
+    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
     """Estimate the errors on a mesh; collective.
 

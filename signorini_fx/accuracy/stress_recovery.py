@@ -17,6 +17,7 @@ from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import is_zero, stresses, ufl_value, vector_value
 from signorini_fx.body.material import stress
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
@@ -89,7 +90,7 @@ class StressRecovery:
         """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(x).sum())))
 
-    def squares(self, x: PETSc.Vec, step: int = 0) -> npt.NDArray[np.float64]:
+    def squares(self, x: PETSc.Vec, step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective.
 
         Args:
@@ -100,7 +101,7 @@ class StressRecovery:
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
             for constant, factors in self._factors:
-                constant.value = factors[step]
+                constant.value = factor_at(factors, step)
             total = total + assemble(self._residual).getArray()
         return np.maximum(total, 0.0)
 
@@ -170,8 +171,7 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     stiffness = d.lame[0] + 2 * d.lame[1]
     size.x.array[:] = mesh.h(d.tagged.dimension, np.arange(count, dtype=np.int32)) if count else 0.0
     factors = {
-        k: (fem.Constant(mesh, default_scalar_type(1.0)), load.factors or (1.0,) * scene.steps)
-        for k, load in enumerate(effects)
+        k: (fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(load)) for k, load in enumerate(effects)
     }
     ds = measure(mesh, [known[bits == kind] for kind in kinds], {})
     terms = []

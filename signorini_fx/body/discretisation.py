@@ -119,6 +119,16 @@ class Discretisation(Body):
         function.x.scatter_forward()
         return function
 
+    def unknowns(self, function: fem.Function) -> PETSc.Vec:
+        """The unknowns x of a finite element function, the inverse of ``function``."""
+        x = self.stiffness.createVecRight()
+        x.getArray()[:] = function.x.array[: x.getLocalSize()]
+        if self.rotation is None:
+            return x
+        result = x.duplicate()
+        self.rotation.multTranspose(x, result)
+        return result
+
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     """Compile and assemble the effects that the scene lists.

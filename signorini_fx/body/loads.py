@@ -21,6 +21,7 @@ from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Inventory
 from signorini_fx.scene.expressions import Expression, sample
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
 
@@ -71,9 +72,9 @@ class LoadCase:
     resultant: npt.NDArray[np.float64]
 
 
-def load_resultant(cases: tuple[LoadCase, ...], step: int, size: int) -> npt.NDArray[np.float64]:
+def load_resultant(cases: tuple[LoadCase, ...], step: float, size: int) -> npt.NDArray[np.float64]:
     """The loads of a load step on the rigid motions of the pieces, shape (size,)."""
-    return sum((case.factors[step] * case.resultant for case in cases), np.zeros(size))
+    return sum((factor_at(case.factors, step) * case.resultant for case in cases), np.zeros(size))
 
 
 def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
@@ -108,7 +109,7 @@ def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
     groups: dict[tuple[float, ...], list[Load]] = {}
     for load in scene.loads:
         if isinstance(load, PrescribedDisplacement) or not is_zero(*stresses(load)):
-            groups.setdefault(load.factors or (1.0,) * scene.steps, []).append(load)
+            groups.setdefault(scene.factors_of(load), []).append(load)
     return groups
 
 

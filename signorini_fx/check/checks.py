@@ -154,7 +154,7 @@ def _effects(d: Body) -> list[Effect]:
     names = {load.factors: load.name for load in d.applied}
 
     def form_of(load: Any) -> tuple[str, ...]:
-        return (names[load.factors or (1.0,) * scene.steps],)
+        return (names[scene.factors_of(load)],)
 
     body = scene.body_force
     if body is None or loads.is_zero(*body.components):
@@ -170,12 +170,14 @@ def _effects(d: Body) -> list[Effect]:
     found += _contacts(d)
     nodes = contact_nodes(d)
     kind = friction_kind(scene, scene.contact)
-    one, every = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.steps))
+    one, every = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.expected_steps))
     numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
     why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
-    found.append(Effect("load steps", scene.steps > 1, why, solves=_minus(every, one)))
+    if scene.automatic_steps is not None:
+        why += f", about {scene.expected_steps} load steps"
+    found.append(Effect("load steps", scene.expected_steps > 1, why, solves=_minus(every, one)))
     nested = scene.solver.levels > 1 and d.boundary is not None
-    solves = _minus(linear_solves(scene, kind, nodes, steps=scene.steps, levels=scene.solver.levels), every)
+    solves = _minus(linear_solves(scene, kind, nodes, steps=scene.expected_steps, levels=scene.solver.levels), every)
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
     found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))

@@ -98,7 +98,7 @@ def estimated_cost(d: Body) -> Cost:
     entries = choice.factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
     friction = friction_kind(d.scene, d.scene.contact)
-    solves = linear_solves(d.scene, friction, nodes, steps=d.scene.steps, levels=d.scene.solver.levels)
+    solves = linear_solves(d.scene, friction, nodes, steps=d.scene.expected_steps, levels=d.scene.solver.levels)
     matrix = 12.0 * ROW_ENTRIES[dim] * n
     kind, reason = choice.choose_kind(d, d.scene.solver.linear_algebra)
     dense, held = 0, 12.0 * entries

@@ -45,11 +45,12 @@ def equilibrium(body: Body, law: FrictionLaw | None) -> list[Finding]:
         bilateral = contact_data.bilateral_nodes(body.scene, boundary)
         every = reactions(boundary, motions, given, coefficient, bilateral)
     loads = [load_on(body, step) for step in range(body.scene.steps)]
+    counted = "load step" if body.scene.automatic_steps is None else "factor"
     found = []
     for number, columns, _ in motions.assemblies():
         own = None if every is None else every.of(number, columns)
         on = [(work[columns], sizes[number]) for work, sizes in loads]
-        found.append(_equilibrium_of(motions, number, columns, own, on, has_friction=law is not None))
+        found.append(_equilibrium_of(motions, number, columns, own, on, has_friction=law is not None, counted=counted))
     return found
 
 
@@ -61,6 +62,7 @@ def _equilibrium_of(
     loads: list[tuple[_Rows, float]],
     *,
     has_friction: bool,
+    counted: str,
 ) -> Finding:
     """Whether one assembly is in equilibrium.
 
@@ -71,6 +73,7 @@ def _equilibrium_of(
         contact: reactions of its contact nodes; None for a scene without contact.
         loads: for each load step its forces on these motions, shape (k,), and the sum of its nodal forces.
         has_friction: whether a friction law acts anywhere.
+        counted: what the loads are numbered by: load steps, or the factors of a ramp.
     """
     free = motions.free[:, columns]
     several = motions.pieces.count > 1
@@ -98,7 +101,7 @@ def _equilibrium_of(
         steps = [step for step, _ in away_in]
         when = ""
         if len(loads) > 1:
-            when = f"load step{'s' * (len(steps) > 1)} {_runs(steps)}: "
+            when = f"{counted}{'s' * (len(steps) > 1)} {_runs(steps)}: "
         return Finding(
             "warning",
             "traction, body_force",

@@ -50,6 +50,7 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results import files
     from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.solution import outcome
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
 
@@ -76,7 +77,14 @@ def solve(options: argparse.Namespace) -> int:
         with ResultFolder(comm, path) as folder:
             try:
                 solution = solver.solve(
-                    scene, comm, check=False, observers=observers, on_level=write_level, on_progress=watcher
+                    scene,
+                    comm,
+                    check=False,
+                    observers=observers,
+                    on_level=write_level,
+                    on_progress=watcher,
+                    checkpoint=path,
+                    restart=options.restart,
                 )
             finally:
                 line.erase()
@@ -88,8 +96,7 @@ def solve(options: argparse.Namespace) -> int:
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        advice = f": {solution.status.advice}" if options.quiet else ""  # it stands in the summary otherwise
-        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}{advice}", error=True)
+        parallel.log_on_root(comm, f"signorini-fx: {outcome(solution)}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 

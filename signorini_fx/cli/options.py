@@ -67,6 +67,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="60s|4GB",
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
+    solve.add_argument(
+        "--restart", action="store_true", help="go on from the last load step or mesh that a killed run has completed"
+    )
     fields = solve.add_mutually_exclusive_group()
     fields.add_argument(
         "--fields",

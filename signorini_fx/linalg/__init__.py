@@ -70,8 +70,11 @@ class ElasticSystem(Protocol):
             exact: whether the solve must have full accuracy.
         """
 
-    def set_step(self, step: int, scale: float = 1.0) -> None:
-        """Make ``load`` and ``start`` those of a load step, times ``scale``."""
+    def set_step(self, step: float, scale: float = 1.0) -> None:
+        """Make ``load`` and ``start`` those of a load step, from 0, or of a place between two, times ``scale``."""
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """All displacement dofs from x."""
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """A new x from all displacement dofs."""

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.scene.load_steps import factor_at
 
 
 @dataclass
@@ -43,15 +44,20 @@ class AssembledSystem:
         system.set_step(0)
         return system
 
-    def set_step(self, step: int, scale: float = 1.0) -> None:
+    def set_step(self, step: float, scale: float = 1.0) -> None:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
         self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         for case in self.cases:
-            self.load.axpy(scale * case.factors[step], case.load)
-            self.start.axpy(scale * case.factors[step], case.start)
+            factor = scale * factor_at(case.factors, step)
+            self.load.axpy(factor, case.load)
+            self.start.axpy(factor, case.start)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""
         return x
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """A copy."""
+        return displacement.copy()

@@ -56,7 +56,7 @@ class CoarsenedSystem(TransformedSystem):
         self.load.getArray()[:] = self.prolongation.T @ self.inner.load.getArray(readonly=True)
         self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.retained]
 
-    def set_step(self, step: int, scale: float = 1.0) -> None:
+    def set_step(self, step: float, scale: float = 1.0) -> None:
         """As the finer system, restricted."""
         self.inner.set_step(step, scale)
         self._restrict()
@@ -66,3 +66,9 @@ class CoarsenedSystem(TransformedSystem):
         fine = self.inner.load.duplicate()
         fine.getArray()[:] = self.prolongation @ x.getArray(readonly=True)
         return self.inner.displacement(fine)
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """Those of the nodes that stay."""
+        x = self.load.duplicate()
+        x.getArray()[:] = self.inner.unknowns(displacement).getArray(readonly=True)[self.retained]
+        return x

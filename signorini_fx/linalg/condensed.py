@@ -18,6 +18,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.scene.load_steps import factor_at
 
 
 @dataclass
@@ -97,9 +98,9 @@ class CondensedSystem:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
 
-    def set_step(self, step: int, scale: float = 1.0) -> None:
+    def set_step(self, step: float, scale: float = 1.0) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.factors = scale * np.array([case.factors[step] for case in self.cases])
+        self.factors = scale * np.array([factor_at(case.factors, step) for case in self.cases])
         self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
         starts = np.array([case.start.getArray(readonly=True)[self.schur.retained] for case in self.cases])
         self.load.getArray()[:] = self.factors @ self.condensed
@@ -119,6 +120,12 @@ class CondensedSystem:
             result.axpy(factor, particular)
         result.getArray()[retained] = x.getArray(readonly=True)
         return result
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """Those of the nodes that contact reaches."""
+        x = self.load.duplicate()
+        x.getArray()[:] = displacement.getArray(readonly=True)[self.schur.retained]
+        return x
 
 
 def _condense(

@@ -27,7 +27,7 @@ class RotatedSystem(TransformedSystem):
         """As the inner system, in unknowns that are turned."""
         self.inner.configure(ksp, symmetric=symmetric, turned=self.rotation)
 
-    def set_step(self, step: int, scale: float = 1.0) -> None:
+    def set_step(self, step: float, scale: float = 1.0) -> None:
         """As the inner system, rotated."""
         self.inner.set_step(step, scale)
         self.rotation.multTranspose(self.inner.load, self.load)
@@ -38,6 +38,13 @@ class RotatedSystem(TransformedSystem):
         result = x.duplicate()
         self.rotation.mult(x, result)
         return self.inner.displacement(result)
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """Q^T x."""
+        x = self.inner.unknowns(displacement)
+        result = x.duplicate()
+        self.rotation.multTranspose(x, result)
+        return result
 
 
 def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:

@@ -12,8 +12,8 @@ from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import MaxNLocator
 
+from signorini_fx.records import Status
 from signorini_fx.report.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
 from signorini_fx.report.reading import Table
 from signorini_fx.report.style import (
@@ -28,6 +28,7 @@ from signorini_fx.report.style import (
     decimal_power,
     finish,
     largest_of,
+    plain,
     times_power,
 )
 
@@ -43,6 +44,10 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         title: title of the picture.
         suffixes: of the files to write.
     """
+    solved = np.asarray(steps["status"]) == Status.CONVERGED.value
+    if solved.any():  # the figures of a step without a solution mean nothing
+        steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
+    times = np.asarray(steps["time"], dtype=np.float64)
     in_space = "contact_force_z" in steps
     count = 3 if in_space else 2
     names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in "xyz"[:count]]
@@ -67,10 +72,9 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
             if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
                 kind, _, axis = name.rpartition("_")
                 label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
-                upper.plot(steps["step"], forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
-        upper.set(xlabel="load step", ylabel=f"{measure}{times_power(power)}")
-        upper.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+                upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
+        upper.set(xlabel="time", ylabel=f"{measure}{times_power(power)}")
+        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.08 if _mark_names(upper, steps) else 1.0))
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
@@ -82,6 +86,21 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         for axes in (upper, lower):
             axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
         finish(figure, path_stem, title, suffixes)
+
+
+def _mark_names(axes: Axes, steps: Table) -> bool:
+    """A line where a load step with another name begins, and the names above the axes; whether there are any."""
+    times, names = np.asarray(steps["time"], dtype=np.float64), np.asarray(steps["name"])
+    if not any(names):
+        return False
+    firsts = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
+    for first, following in zip(firsts, [*firsts[1:], len(names)], strict=True):
+        begin = times[first - 1] if first else times[0]
+        if first:
+            axes.axvline(begin, color=RULE, linewidth=0.6, zorder=0)
+        middle = 0.5 * (begin + times[following - 1])
+        axes.text(middle, 1.0, plain(str(names[first])), transform=axes.get_xaxis_transform(), ha="center", va="bottom")
+    return True
 
 
 _MOST_FRAMES = 120
@@ -136,7 +155,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
                     panel.set_ylim(low - margin, high + margin)
                     state_strip(strip, boundary, boundary.states(), "")
-                heading.set_text(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}")
+                heading.set_text(f"{title + ', ' if title else ''}load step {step:.0f} of {steps[-1]:.0f}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
 

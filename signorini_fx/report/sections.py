@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.display import clean
+from signorini_fx.display import clean, results_of
 from signorini_fx.records import Status
 from signorini_fx.report.digits import estimated_errors, figure, percent
 from signorini_fx.report.fields import FIELDS
@@ -33,7 +33,11 @@ def outcome(summary: dict[str, Any]) -> Markup:
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not good:
         last = "the last mesh" if short else "the last iterate: do not use them"
+        if summary.get("results_of", {}).get("status") == Status.CONVERGED.value:
+            last = results_of(summary)
         verdict = f"{verdict} All figures are of {last}."
+    elif "results_of" in summary:
+        verdict = f"{verdict} All figures are of {results_of(summary)}."
     if not good and summary["linear_solves"] == 0:
         verdict += " No linear system was solved: the figures are those of the body without displacement."
     text = [tag("strong", summary["status"]), tag("p", verdict)]
@@ -190,6 +194,10 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
     from signorini_fx.report.load_steps import load_steps, step_animation
 
     parts = []
+    body = folder.picture("deformed.gif")
+    if body is not None:
+        caption = "The deformed body, load step by load step; magnification and colours stay the same."
+        parts.append(picture(body, "gif", caption, caption, "moving"))
     if "contact_force_x" in steps:
         caption = "Above: forces of the foundation on the body. Below: friction force over displacement."
         pictures = [drawn_by(load_steps, steps, caption=caption)]

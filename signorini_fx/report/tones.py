@@ -54,6 +54,8 @@ class Tones:
         field: what it is.
         values: one per cell, shape (m,).
         area: of each cell, shape (m,).
+        top: the upper end of the scale of a field without sign; None: the largest value or, if that is far above the
+            others, what 99 % of the area stay below.
 
     Attributes:
         field: what it is.
@@ -61,10 +63,13 @@ class Tones:
         low, high: ends of the scale, before that.
     """
 
-    def __init__(self, field: Field, values: Floats, area: Floats) -> None:
+    def __init__(self, field: Field, values: Floats, area: Floats, top: float | None = None) -> None:
         self.field = field
         self._values = values[np.isfinite(values)]
-        self.low, self.high = _both_tones(values, area) if field.signed else (0.0, upper_tone(values, area))
+        if field.signed:
+            self.low, self.high = _both_tones(values, area)
+        else:
+            self.low, self.high = 0.0, upper_tone(values, area) if top is None else top
         self.power = decimal_power(max(-self.low, self.high))
 
     @property

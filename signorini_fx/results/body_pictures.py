@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from signorini_fx.report.fields import FIELDS, values_of
 from signorini_fx.results.solution import Solution
 
 if TYPE_CHECKING:
+    from signorini_fx.report.moving_body import Moment
     from signorini_fx.results.body_cells import GatheredCells
     from signorini_fx.results.outer_surface import OuterSurface
 
@@ -29,11 +30,13 @@ class BodyPictures:
         fields: names of the fields that are drawn on the body, the von Mises stress first.
         cells: of a body in the plane.
         surface: of a body in space; None too if it has too many facets.
+        moments: the body at each of several load steps, for an animation.
     """
 
     fields: tuple[str, ...]
     cells: GatheredCells | None = None
     surface: OuterSurface | None = None
+    moments: Sequence[Moment] = ()
 
     @classmethod
     def gathered(cls, solution: Solution, asked: Sequence[str] = ()) -> BodyPictures:
@@ -42,13 +45,14 @@ class BodyPictures:
         if solution.discretisation.tagged.dimension == 2:
             from signorini_fx.results.body_cells import gather_cells
 
-            return cls(fields, cells=gather_cells(solution, fields))
+            return cls(fields, cells=gather_cells(solution, fields), moments=_moments(solution, gather_cells))
         from signorini_fx.report.solid_body import MOST_FACETS
         from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
 
         count = outer_facets(solution)
         if count <= MOST_FACETS:
-            return cls(fields, surface=gather_outer_surface(solution, fields))
+            moments = _moments(solution, gather_outer_surface)
+            return cls(fields, surface=gather_outer_surface(solution, fields), moments=moments)
         parallel.log_on_root(
             solution.comm,
             f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: "
@@ -90,6 +94,18 @@ class BodyPictures:
                 foundation=foundation,
                 title=title,
             )
+        if self.moments:
+            from signorini_fx.report.moving_body import moving_body
+
+            moving_body(
+                folder / "deformed.gif",
+                cells.points,
+                cells.cells,
+                self.moments,
+                outline=cells.outline,
+                foundation=foundation,
+                title=title,
+            )
         if table is not None:
             boundary_profiles(folder / "profiles", table.columns, title=title)
 
@@ -112,8 +128,41 @@ class BodyPictures:
                 foundations=foundations,
                 title=title,
             )
+        if self.surface is not None and self.moments:
+            from signorini_fx.report.moving_body import moving_body
+
+            moving_body(
+                folder / "deformed.gif",
+                self.surface.points,
+                self.surface.facets,
+                self.moments,
+                foundations=foundations,
+                title=title,
+            )
         if table is not None:
             contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
+
+
+def _moments(solution: Solution, gather: Callable[[Solution], GatheredCells | OuterSurface]) -> list[Moment]:
+    """The body at the load steps that an animation shows, none if there is only one; collective."""
+    steps = solution.shown_steps
+    if len(steps) < 2:
+        return []
+    from signorini_fx.report.moving_body import Moment, shown
+
+    found = []
+    for step in (steps[k] for k in shown(len(steps))):
+        body = gather(solution.at(step))
+        found.append(Moment(str(step), body.displacement, body.values["von_mises"]))
+    return found
+
+
+def draw_load_steps(folder: Path) -> None:
+    """The forces step by step, from the table of the result folder."""
+    from signorini_fx.report.load_steps import load_steps
+    from signorini_fx.report.reading import read_csv
+
+    load_steps(folder / "load_steps", read_csv(folder / "steps.csv"))
 
 
 def _stem(field: str) -> str:

@@ -130,7 +130,7 @@ def certify(
     tractions: Tractions | None,
     *,
     law: Law = UNREGULARISED,
-    step: int = 0,
+    step: float = 0,
     scale: float = 1.0,
     before: Before | None = None,
 ) -> Certificate:
@@ -142,7 +142,7 @@ def certify(
         displacement: y.
         tractions: pressure and shear at the contact nodes; None for a scene without contact.
         law: the contact law that the method promises.
-        step: the load step, from 0.
+        step: the load step, from 0, or a place between two.
         scale: factor of all loads and prescribed displacements.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -44,17 +46,18 @@ def size_of_fields(solution: Solution, kind: str) -> float:
     cells = topology.index_map(topology.dim).size_global
     corners = int(d.space.dofmap.list.shape[1])
     if kind == "vtu":
-        return cells * corners * (3 + 3 + 9 + 3 + 1 + 1 + 9 + 1 + 3) * _BYTES_OF_A_NUMBER
+        return len(solution.shown_steps) * cells * corners * (3 + 3 + 9 + 3 + 1 + 1 + 9 + 1 + 3) * _BYTES_OF_A_NUMBER
     cell = 8 * (corners + 1)
     continuous = d.dofs // d.tagged.dimension * (2 * 3 * 8 + 9) + cells * cell
     broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1, 9, 1))
-    return continuous + broken + _BYTES_PER_RANK * solution.comm.size
+    return len(solution.shown_steps) * (continuous + broken) + _BYTES_PER_RANK * solution.comm.size
 
 
 def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     """Displacement, stresses and shear energy density; collective.
 
-    The stress is a tensor with nine components, which ParaView takes for one, in the plane too.
+    With load steps each file has all of those with a solution, at their times.  The stress is a tensor with nine
+    components, which ParaView takes for one, in the plane too.
 
     Args:
         solution: what to write.
@@ -65,6 +68,32 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     Returns:
         Names of the files.
     """
+    moments = [solution.at(step) for step in solution.shown_steps]
+    times = [step.time for step in solution.shown_steps] if solution.scene.several_steps else [0.0]
+    written = _fields(moments[0], kind)
+    with ExitStack() as stack:
+        write: list[Callable[[float], object]] = []
+        if kind == "vtx":
+            files = [f"{name}.bp" for name in written]
+            for file, function in zip(files, written.values(), strict=True):
+                write.append(
+                    stack.enter_context(io.VTXWriter(solution.comm, folder / file, [function], engine="BP4")).write
+                )
+        else:
+            files = [f"{VTU}/fields.pvd"]
+            parallel.on_root(solution.comm, lambda: (folder / VTU).mkdir())
+            data = stack.enter_context(io.VTKFile(solution.comm, folder / files[0], "w"))
+            write.append(lambda time: data.write_function(list(written.values()), time))
+        for moment, time in zip(moments, times, strict=True):
+            for name, function in _fields(moment, kind).items():
+                written[name].x.array[:] = function.x.array
+            for one in write:
+                one(time)
+    return files
+
+
+def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
+    """Every field under its name; in functions of their own, which may be overwritten."""
     found = solution.stress
     fields = {
         "displacement": solution.displacement,
@@ -73,19 +102,15 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
         "principal_stresses": found.principal,
         "density": found.shear_energy_density,
     }
+    # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
     values = solution.displacement.x.array
     if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
         fields |= {"recovered_stress": found.recovered.tensor, "recovered_von_mises": found.recovered.von_mises}
-    if kind == "vtx":
-        for name, function in fields.items():
-            with io.VTXWriter(solution.comm, folder / f"{name}.bp", [function], engine="BP4") as file:
-                file.write(0.0)
-        return [f"{name}.bp" for name in fields]
-    parallel.on_root(solution.comm, lambda: (folder / VTU).mkdir())
-    broken = [_in_cells(solution, function, name) for name, function in fields.items()]
-    with io.VTKFile(solution.comm, folder / VTU / "fields.pvd", "w") as file:
-        file.write_function(broken, 0.0)
-    return [f"{VTU}/fields.pvd"]
+    if kind == VTU:
+        return {name: _in_cells(solution, function, name) for name, function in fields.items()}
+    displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
+    displacement.x.array[:] = values
+    return fields | {"displacement": displacement}
 
 
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:

@@ -21,9 +21,9 @@ from signorini_fx.errors import cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import as_rows
 from signorini_fx.report.fields import FIELDS, unknown
-from signorini_fx.results.body_pictures import BodyPictures
+from signorini_fx.results.body_pictures import BodyPictures, draw_load_steps
 from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
-from signorini_fx.results.folder import SUMMARY, ResultFolder
+from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.values import kind_of
@@ -36,11 +36,16 @@ _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
     *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
-    *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
-    *("contact_surface.png", "contact_surface.pdf"),
+    *(
+        f"{name}.{kind}"
+        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps")
+        for kind in ("png", "pdf")
+    ),
+    "deformed.gif",
     *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
     "report.html",
     LAST_LEVEL,
+    CHECKPOINT,
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
 _CONSTANT_COLUMNS = ("gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
@@ -104,7 +109,7 @@ def _write(
         folder.reserve(size_of_fields(solution, fields))
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
-    along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
+    along_steps = _contact_by_step(solution) if steps and table is not None else []
     drawn = BodyPictures.gathered(solution, asked) if pictures is not False else None
     facets = None if plane else _contact_facets(solution)
 
@@ -114,7 +119,7 @@ def _write(
             write_csv(part / "outer.csv", as_rows(solution.history.outer))
             if solution.price_list:
                 write_csv(part / "price_list.csv", as_rows(solution.price_list))
-            if len(steps) > 1:
+            if steps:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
@@ -126,6 +131,8 @@ def _write(
                 write_csv(part / "contact_steps.csv", along_steps)
             if drawn is not None:
                 drawn.draw(solution, table, part)
+            if drawn is not None and table is not None and len(steps) > 1:
+                draw_load_steps(part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
@@ -180,7 +187,7 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     """The contact boundary of each load step in turn, step number first; collective."""
     names = [effect.boundary for effect in solution.scene.contact]
     found: list[dict[str, Any]] = []
-    for result in solution.steps:
+    for result in solution.shown_steps:
         if result.contact is not None:
             columns = contact_table(result.contact, names).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]

@@ -22,6 +22,8 @@ from signorini_fx import parallel
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
 
 SUMMARY = "summary.json"
+# The complete load steps of a run that has not ended.
+CHECKPOINT = "checkpoint"
 _PART = ".part"
 
 
@@ -62,24 +64,12 @@ class ResultFolder:
             self._remove()
 
     def reserve(self, size: float) -> None:
-        """Check that this many bytes can be written here: libraries that write fields do not survive a full disk.
+        """Check that this many bytes can be written here, see the function ``reserve``.
 
         Raises:
             OutputError: they cannot be written.
         """
-
-        def allocate() -> None:
-            trial = self.part / "reserved"
-            try:
-                with trial.open("wb") as file:
-                    os.posix_fallocate(file.fileno(), 0, max(int(size), 1))
-                trial.unlink()
-            except OSError as error:
-                if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                    raise cannot_be_written(self.path, error) from None
-                trial.unlink(missing_ok=True)  # the file system cannot tell
-
-        parallel.on_root(self._comm, allocate)
+        reserve(self._comm, self.part, size)
 
     def commit(self, ours: Iterable[str]) -> None:
         """Move what was written into place, the summary last, and release the folder.
@@ -139,6 +129,32 @@ class ResultFolder:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def reserve(comm: MPI.Comm, part: Path, size: float) -> None:
+    """Check that this many bytes can be written: libraries that write fields do not survive a full disk; collective.
+
+    Args:
+        comm: the ranks.
+        part: a folder inside the one that an error names.
+        size: bytes.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+
+    def allocate() -> None:
+        trial = part / "reserved"
+        try:
+            with trial.open("wb") as file:
+                os.posix_fallocate(file.fileno(), 0, max(int(size), 1))
+            trial.unlink()
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+                raise cannot_be_written(part.parent, error) from None
+            trial.unlink(missing_ok=True)  # the file system cannot tell
+
+    parallel.on_root(comm, allocate)
 
 
 def _lock(descriptor: int) -> None:

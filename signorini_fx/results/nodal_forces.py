@@ -28,6 +28,7 @@ from signorini_fx.body.loads import compile_loads, load_degree, stresses, tracti
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction
 
 Array = npt.NDArray[np.float64]
@@ -120,13 +121,13 @@ class NodalForces:
         y = displacement.x.array.reshape(-1, self.dimension)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
 
-    def external(self, step: int, scale: float = 1.0) -> Array:
+    def external(self, step: float, scale: float = 1.0) -> Array:
         """L of a load step times ``scale``, shape (owned nodes, d)."""
         scene, degree = self.scene, load_degree(self.scene.element.degree)
         total = self._zero()
         compiled = np.zeros((self.owned, self.dimension))
         for load in scene.loads:
-            factor = scale * (1.0 if load.factors is None else load.factors[step])
+            factor = scale * factor_at(scene.factors_of(load), step)
             if isinstance(load, PrescribedDisplacement):
                 continue
             values = load.components[: self.dimension]

@@ -92,14 +92,14 @@ class Resultants:
         tagged: its mesh.
         displacement: y.
         contact: the contact boundary of this rank; None without contact.
-        step: the load step, from 0.
+        place: of the load step in the lists of factors, see ``scene.load_steps``.
     """
 
     scene: Scene
     tagged: TaggedMesh
     displacement: fem.Function
     contact: ContactState | None
-    step: int
+    place: float
 
     def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
         """What acts through a named boundary; zero where nothing does; collective.
@@ -147,14 +147,14 @@ class Resultants:
 
     @cached_property
     def _supports(self) -> Supports:
-        return Supports.of(self._nodal, self.step, 1.0)
+        return Supports.of(self._nodal, self.place, 1.0)
 
     @cached_property
     def _left(self) -> Array:
         """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
         nodal = self._nodal
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
-        left = nodal.internal(every) - nodal.external(self.step)
+        left = nodal.internal(every) - nodal.external(self.place)
         if self.contact is not None:
             nodes = ContactNodes.of(self.scene, nodal, self._x, Tractions.of(self.contact))
             reached, forces, _ = nodes.forces()
@@ -181,7 +181,7 @@ class Resultants:
     def _loads(self, scene: Scene) -> _Forces:
         """Those of the tractions and the body force of a scene."""
         nodal = NodalForces(scene, self.tagged, self.displacement.function_space)
-        return _Forces(self._x, nodal.external(self.step))
+        return _Forces(self._x, nodal.external(self.place))
 
     def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""

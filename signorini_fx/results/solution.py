@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from dolfinx import fem
@@ -15,7 +15,7 @@ from signorini_fx.contact.state import ContactState, Functionals
 from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.contact_boundaries import ContactFigures, Overturning, contact_figures, overturning
 from signorini_fx.results.resultants import Resultants
@@ -28,8 +28,12 @@ class StepResult:
     """The result of a load step.
 
     Attributes:
-        step: its number, from 0.
+        step: its number, from 1.
+        place: its place in the lists of factors, see ``scene.load_steps``: 0 for the first factor.
+        time: its time.
+        name: its name; "": it has none.
         status: how it ended.
+        displacement: y.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
@@ -38,7 +42,11 @@ class StepResult:
     """
 
     step: int
+    place: float
+    time: float
+    name: str
     status: Status
+    displacement: fem.Function
     contact: ContactState | None
     certificate: Certificate
     deformation: Deformation
@@ -48,10 +56,13 @@ class StepResult:
     def __repr__(self) -> str:
         return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"
 
+    def __str__(self) -> str:
+        return str(StepRecord(self.step, self.name, self.time))
+
 
 @dataclass(frozen=True, repr=False)
 class Solution:
-    """The result of a solve; with load steps, of the last one.
+    """The result of a solve; with load steps, of the last one that has a solution.
 
     Attributes:
         scene: the scene that was solved.
@@ -62,7 +73,8 @@ class Solution:
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the check of the conditions of the problem after the solve.
-        steps: one result per load step, up to the last one that was tried.
+        steps: one result per load step, up to the last one that was tried; the fields above but for scene, status and
+            algorithm are those of ``last_step``.
         history: every linear solve and every regularised problem.
         parameters: the values of gamma_n, gamma_t and sigma that were used.
         timings: wall seconds by phase, on this rank.
@@ -111,6 +123,28 @@ class Solution:
         """Whether this is a solution, certificate included."""
         return self.status is Status.CONVERGED
 
+    @property
+    def last_step(self) -> StepResult:
+        """The load step that the results are of: the last one with a solution, or the first one if it has none."""
+        return self.shown_steps[-1]
+
+    def at(self, step: StepResult) -> Solution:
+        """The solution with the results of another one of its load steps."""
+        return replace(
+            self,
+            status=step.status,
+            displacement=step.displacement,
+            contact=step.contact,
+            certificate=step.certificate,
+            steps=(step,),
+            functionals=None,
+        )
+
+    @property
+    def shown_steps(self) -> tuple[StepResult, ...]:
+        """The load steps with a solution, or the first one if it has none."""
+        return tuple(step for step in self.steps if step.status is Status.CONVERGED) or self.steps
+
     @cached_property
     def table(self) -> ContactTable:
         """The contact boundary of all ranks as a table, the same on every rank; collective.
@@ -127,12 +161,12 @@ class Solution:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
         """
-        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis, self._last_step)
+        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis, self._place)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, self._last_step)
+        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, self._place)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
@@ -149,9 +183,9 @@ class Solution:
         return None if self.contact is None else overturning(self.scene, self.contact)
 
     @property
-    def _last_step(self) -> int:
-        """The load step that the displacement belongs to."""
-        return self.steps[-1].step if self.steps else 0
+    def _place(self) -> float:
+        """The place in the lists of factors of the load step that the displacement belongs to."""
+        return self.last_step.place if self.steps else 0.0
 
     @property
     def comm(self) -> MPI.Comm:
@@ -170,4 +204,14 @@ class ConvergenceError(SignoriniError):
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
         warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
-        super().__init__(f"{solution.status.value}: {solution.status.advice}{''.join(warnings)}")
+        super().__init__(f"{outcome(solution)}{''.join(warnings)}")
+
+
+def outcome(solution: Solution) -> str:
+    """How a solve without a solution ended, and what to do; with load steps, which one, and what there is."""
+    status, last, failed = solution.status, solution.last_step, solution.steps[-1]
+    text = f"{status.value}: {status.advice}"
+    if not solution.scene.several_steps or failed.status is Status.CONVERGED:
+        return text
+    kept = f"; the results are those of {last}" if last is not failed else ""
+    return f"{failed}: {text}{kept}"

@@ -169,10 +169,10 @@ class Stresses(StressFields):
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
 
     Attributes:
-        step: the load step, from 0.
+        place: of the load step in the lists of factors, see ``scene.load_steps``.
     """
 
-    step: int
+    place: float
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -206,7 +206,7 @@ class Stresses(StressFields):
         energy = NodalForces(d.scene, d.tagged, d.space).strain_energy(self.displacement)
         if not energy > 0:
             return None
-        squares = self._recovery.squares(self.displacement.x.petsc_vec, self.step).sum()
+        squares = self._recovery.squares(self.displacement.x.petsc_vec, self.place).sum()
         return float(np.sqrt(parallel.global_sum(d.comm, squares) / (2 * energy)))
 
     def as_dict(self) -> dict[str, Any]:

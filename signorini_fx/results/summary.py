@@ -18,8 +18,8 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.display import clean
-from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationRecord, OuterRecord
+from signorini_fx.display import clean, results_of
+from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
@@ -57,8 +57,8 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "dofs": solution.discretisation.dofs,
         "ranks": solution.comm.size,
         "linear_algebra": solution.linear_algebra,
-        "strain_energy": solution.steps[-1].strain_energy,
-        "deformation": asdict(max((step.deformation for step in solution.steps), key=lambda one: one.largest)),
+        "strain_energy": solution.last_step.strain_energy,
+        "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda one: one.largest)),
         "pieces": solution.discretisation.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
         "resultants": solution.resultants.as_rows(),
@@ -74,17 +74,26 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         }
     if solution.price_list:
         summary["price_list"] = [asdict(row) for row in solution.price_list]
-    if len(solution.steps) > 1:
-        summary["steps"] = [_step_summary(result) for result in solution.steps]
+    if solution.scene.several_steps:
+        last, shown = solution.last_step, solution.shown_steps
+        summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
+        summary["steps"] = [_step_summary(result, figures=result in shown) for result in solution.steps]
     summary["compiled"] = solution.discretisation.inventory.forms
     summary["certificate"] = solution.certificate.as_dict()
-    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
+    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
     summary["versions"] = versions()
     return summary
 
 
-def _step_summary(result: StepResult) -> dict[str, Any]:
-    row: dict[str, Any] = {"step": result.step, "status": result.status.value, "linear_solves": result.linear_solves}
+def _step_summary(result: StepResult, *, figures: bool) -> dict[str, Any]:
+    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not a number."""
+    row: dict[str, Any] = {
+        "step": result.step,
+        "name": result.name,
+        "time": result.time,
+        "status": result.status.value,
+        "linear_solves": result.linear_solves,
+    }
     contact = result.contact
     if contact is not None:
         contact_force, friction_force = contact.forces
@@ -95,7 +104,13 @@ def _step_summary(result: StepResult) -> dict[str, Any]:
             **_by_axis("mean_tangential_displacement", contact.mean_tangential_displacement),
             "friction_work": contact.friction_work,
         }
-    return row | {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
+    row |= {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
+    return row if figures else {name: _nothing(name, value) for name, value in row.items()}
+
+
+def _nothing(name: str, value: Any) -> Any:
+    """Not a number, in place of a figure of a load step without a solution."""
+    return float("nan") if isinstance(value, float) and name != "time" else value
 
 
 def _by_axis(name: str, value: Any) -> dict[str, float]:
@@ -180,10 +195,12 @@ def blas_in_use() -> str:
 _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
 
 
-def table_row(record: IterationRecord | OuterRecord | str) -> str:
+def table_row(record: Record) -> str:
     """One line of the iteration table, the first with its header; an outer record closes its regularised problem."""
     if isinstance(record, str):
         return f"       {record}"
+    if isinstance(record, StepRecord):
+        return f"--- {record} ".ljust(len(_HEADER), "-")
     if isinstance(record, OuterRecord):
         change = "" if record.change is None else f", change of the friction bound {record.change:.2e}"
         return f"       {record.outer:5d}  {record.status} after {record.linear_solves} linear solves{change}"
@@ -195,7 +212,7 @@ def table_row(record: IterationRecord | OuterRecord | str) -> str:
     return header + numbers
 
 
-def print_progress(record: IterationRecord | OuterRecord | str) -> None:
+def print_progress(record: Record) -> None:
     """An observer for ``solve``: prints each linear solve, each regularised problem and each event as one line.
 
     Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
@@ -213,13 +230,21 @@ def render(summary: dict[str, Any]) -> str:
         f"  linear algebra   {summary['linear_algebra']}",
     ]
     told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
-    elements = [event.removeprefix("elements: ") for event in told if event.startswith("elements: ")]
-    tried = [event for event in told if not event.startswith("elements: ")]
-    for name, events in (("fall-backs", tried), ("elements", elements)):
+    named = {"restart": "restart: ", "elements": "elements: ", "increments": "load step "}
+    kinds = {
+        name: [event.removeprefix(f"{name}: ") for event in told if event.startswith(prefix)]
+        for name, prefix in named.items()
+    }
+    if halved := len(kinds["increments"]):
+        kinds["increments"] = [f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"]
+    kinds["fall-backs"] = [event for event in told if not event.startswith(tuple(named.values()))]
+    for name, events in kinds.items():
         if events:
             lines.insert(2, f"  {name:16s} {'; '.join(events)}")
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")
+    if "results_of" in summary:
+        lines.insert(1, f"  results of       {results_of(summary)}")
     lines += _warnings(summary)
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return "\n".join(lines)

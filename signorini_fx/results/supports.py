@@ -11,6 +11,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.load_steps import factor_at
 
 Nodal = npt.NDArray[np.float64]
 
@@ -42,7 +43,7 @@ class Supports:
     askew_by: npt.NDArray[np.int64]
 
     @classmethod
-    def of(cls, forces: NodalForces, step: int, scale: float) -> Supports:
+    def of(cls, forces: NodalForces, step: float, scale: float) -> Supports:
         """Those of a load step times ``scale``; a later effect wins; collective."""
         scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
         shape = (owned, forces.dimension)
@@ -53,7 +54,7 @@ class Supports:
         for position, effect in enumerate(scene.displacement):
             nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
             nodes = nodes[nodes < owned]
-            factor = scale * (1.0 if effect.factors is None else effect.factors[step])
+            factor = scale * factor_at(scene.factors_of(effect), step)
             prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
             if effect.normal is not None:
                 outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))

@@ -12,6 +12,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import ceil
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -26,6 +27,7 @@ from pydantic import (
 )
 
 from signorini_fx.scene.base import Table
+from signorini_fx.scene.load_steps import LoadSteps, factor_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.scene.values import (
     Finite,
@@ -286,6 +288,7 @@ class Scene(Table):
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
     """
@@ -304,6 +307,7 @@ class Scene(Table):
         ],
         ...,
     ] = ()
+    load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
 
@@ -348,6 +352,14 @@ class Scene(Table):
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
+        for name in ("names", "times"):
+            given = getattr(self.load_steps, name)
+            if given is not None and len(given) != self.steps:
+                raise ValueError(
+                    f"load_steps.{name} has {len(given)} entries, one for each of {self.steps} factors is expected"
+                )
+        if self.grows_from_nothing and self.time_at(0) <= 0:
+            raise ValueError("load_steps.times must be positive: without factors the loads begin to grow at time 0")
         return self
 
     @property
@@ -357,8 +369,42 @@ class Scene(Table):
 
     @property
     def steps(self) -> int:
-        """Number of load steps."""
+        """Number of factors of each load; that of the load steps, unless there is a ramp between them."""
         return max((len(load.factors) for load in self.loads if load.factors is not None), default=1)
+
+    @property
+    def automatic_steps(self) -> int | None:
+        """Into how many load steps a ramp divides each interval; None: there is no ramp."""
+        return self.load_steps.steps
+
+    @property
+    def grows_from_nothing(self) -> bool:
+        """Whether all loads grow together in a ramp, because none of them has factors."""
+        return self.automatic_steps is not None and all(load.factors is None for load in self.loads)
+
+    @property
+    def expected_steps(self) -> int:
+        """Number of load steps, if none of a ramp has to be divided."""
+        if self.automatic_steps is None:
+            return self.steps
+        return self.automatic_steps if self.grows_from_nothing else 1 + (self.steps - 1) * self.automatic_steps
+
+    @property
+    def several_steps(self) -> bool:
+        """Whether there may be more than one load step."""
+        return self.steps > 1 or self.automatic_steps is not None
+
+    def factors_of(self, load: BodyForce | SurfaceTraction | PrescribedDisplacement) -> tuple[float, ...]:
+        """The factors of a load."""
+        return load.factors or (1.0,) * self.steps
+
+    def time_at(self, place: float) -> float:
+        """The time of a place in the lists of factors, see ``scene.load_steps``."""
+        return round(factor_at(self.load_steps.times or tuple(map(float, range(1, self.steps + 1))), place), 12)
+
+    def name_at(self, place: float) -> str:
+        """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
+        return self.load_steps.names[ceil(place)] if self.load_steps.names else ""
 
     @property
     def young(self) -> float:

@@ -29,14 +29,16 @@ from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Before, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import boundary_levels
+from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.nested import carry_over
+from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.strategy import run
 from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import PATH_ERROR_SHARE
@@ -56,6 +58,7 @@ def solve_mesh(
     state: ContactState | None,
     after: After = _nothing_more,
     coarser: MeshLevel | None = None,
+    kept: Kept | None = None,
 ) -> tuple[Solution, Task | None, Outcome | None]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
     multigrid.
@@ -74,10 +77,10 @@ def solve_mesh(
     start = task.start
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
-    elif boundary_levels.worthwhile(task):
+    elif boundary_levels.worthwhile(task) and not (kept is not None and kept.begun()):
         with timings.phase("iterate"):
             start = boundary_levels.start_from_few_nodes(task)
-    solution, outcome = solve_contact(discretisation, task, start, timings, after)
+    solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
     return solution, task, outcome
 
 
@@ -87,60 +90,141 @@ def solve_contact(
     start: Start,
     timings: Timings,
     after: After = _nothing_more,
+    kept: Kept | None = None,
 ) -> tuple[Solution, Outcome]:
-    """All load steps, until one has no solution, and how the last of them ended; ``after`` is called after each."""
+    """All load steps, until one has no solution, and how the last one with a solution ended.
+
+    Args:
+        discretisation: of the scene.
+        task: its contact problem.
+        start: where the first load step starts.
+        timings: of the mesh.
+        after: called after each load step with a solution.
+        kept: the checkpoint, which load steps are taken from and stored in; None: there is none.
+    """
     scene, history = discretisation.scene, task.history
-    steps: list[StepResult] = []
     original = start.data if task.rest is None else replace(start.data, gap=start.data.gap + task.rest.u_n)
+    path = LoadPath(scene)
+    steps: list[StepResult] = []
     last: Before | None = None
-    for step in range(scene.steps):
-        before = history.linear_solves
-        history.move(step=step + 1, steps=scene.steps)
-        with timings.phase("iterate"):
-            outcome = run(task, start)
-        with timings.phase("certify"):
-            displacement = from_rest(discretisation, task.rest, outcome.displacement())
-            contact = task.contact(outcome, start)
-            certificate = certify(
-                scene,
-                discretisation.tagged,
-                displacement,
-                Tractions.of(contact),
-                law=task.promised(outcome),
-                step=step,
-                before=last,
-            )
-            last = Before.of(displacement, Tractions.of(contact), task.promised(outcome), last)
-            deformation = deformation_of(discretisation, displacement)
-            status = _judged(outcome.status, certificate, deformation, scene)
-            energy = certificate.strain_energy
-        solves = history.linear_solves - before
-        steps.append(StepResult(step, status, contact, certificate, deformation, energy, solves))
-        if status is not Status.CONVERGED:
+    while True:
+        marks = history.linear_solves, len(history.outer), len(history.events)
+        begun = task.iterate.newton.checkpoint()
+        recalled = None
+        if kept is not None and kept.checkpoint.found:
+            with timings.phase("restart"):
+                recalled = kept.recall(discretisation, task, start)
+        if kept is not None and recalled is not None:
+            result = _certified(discretisation, task, recalled.start, recalled.outcome, last, timings)
+            if result.status is Status.CONVERGED:
+                recalled.accept(history, timings, path)
+                start, outcome = recalled.start, recalled.outcome
+            else:
+                history.add(f"restart: {result}: {result.status.value}: it is solved again")
+                kept.forget(start.step)
+                task.iterate.newton.restore(begun)
+                recalled = None
+        if recalled is None:
+            start = replace(start, place=path.next)
+            if scene.several_steps:
+                history.add(StepRecord(start.step + 1, scene.name_at(start.place), scene.time_at(start.place)))
+            history.move(step=start.step + 1, steps=scene.steps)
+            with timings.phase("iterate"):
+                outcome = run(task, start)
+            result = _certified(discretisation, task, start, outcome, last, timings)
+            if result.status is not Status.CONVERGED and path.shorten(result.status):
+                history.add(f"{result}: {result.status.value}: half the increment")
+                task.iterate.newton.restore(begun)
+                continue
+        result = replace(result, linear_solves=history.linear_solves - marks[0])
+        steps.append(result)
+        if result.status is Status.CONVERGED or len(steps) == 1:
+            ended, law, data = outcome, task.promised(outcome), outcome.problem.data
+        if result.status is not Status.CONVERGED:
             break
-        after(discretisation, outcome, steps[-1])
-        if step + 1 < scene.steps:
-            start = outcome.next_step(start)
+        after(discretisation, outcome, result)
+        if recalled is None:
+            path.advance(result.linear_solves)
+            if kept is not None:
+                with timings.phase("checkpoint"):
+                    kept.store(discretisation, task, start, outcome, result, path, timings, marks)
+        if path.ended:
+            break
+        assert result.contact is not None
+        last = Before.of(result.displacement, Tractions.of(result.contact), law, last)
+        start = outcome.next_step(start)
+    shown = next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
     values = None
     if not task.has_coulomb:
-        values = functionals(certificate.potential_energy, contact, replace(outcome.problem.data, gap=contact.gap))
+        assert shown.contact is not None
+        given = replace(data, gap=shown.contact.gap)
+        values = functionals(shown.certificate.potential_energy, shown.contact, given)
     solution = Solution(
         scene=scene,
-        status=status,
-        algorithm=_algorithm_name(scene, monolithic=outcome.monolithic),
+        status=steps[-1].status,
+        algorithm=_algorithm_name(scene, monolithic=ended.monolithic),
         discretisation=discretisation,
-        displacement=displacement,
-        contact=contact,
+        displacement=shown.displacement,
+        contact=shown.contact,
         functionals=values,
-        certificate=certificate,
+        certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        parameters=_parameters(outcome, energy),
+        parameters=_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
         findings=tuple(_findings(discretisation, steps, task.start.law, original)),
         timings=timings,
     )
-    return solution, outcome
+    return solution, ended
+
+
+def _certified(
+    discretisation: Discretisation, task: Task, start: Start, outcome: Outcome, last: Before | None, timings: Timings
+) -> StepResult:
+    """The result of a load step, with the certificate's verdict; its linear solves are not counted yet."""
+    scene = discretisation.scene
+    with timings.phase("certify"):
+        displacement = from_rest(discretisation, task.rest, outcome.displacement())
+        contact = task.contact(outcome, start)
+        certificate = certify(
+            scene,
+            discretisation.tagged,
+            displacement,
+            Tractions.of(contact),
+            law=task.promised(outcome),
+            step=start.place,
+            before=last,
+        )
+        deformation = deformation_of(discretisation, displacement)
+        status = _judged(outcome.status, certificate, deformation, scene)
+    return step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
+
+
+def step_result(
+    scene: Scene,
+    number: int,
+    place: float,
+    status: Status,
+    displacement: fem.Function,
+    contact: ContactState | None,
+    certificate: Certificate,
+    deformation: Deformation,
+    linear_solves: int = 0,
+) -> StepResult:
+    """The result of a load step; ``number``: of those before it."""
+    return StepResult(
+        step=number + 1,
+        place=place,
+        time=scene.time_at(place),
+        name=scene.name_at(place),
+        status=status,
+        displacement=displacement,
+        contact=contact,
+        certificate=certificate,
+        deformation=deformation,
+        strain_energy=certificate.strain_energy,
+        linear_solves=linear_solves,
+    )
 
 
 def _judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
@@ -182,9 +266,13 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         system.configure(ksp, symmetric=True)
         ksp.setFromOptions()
         x = system.start.copy()
-    for step in range(discretisation.scene.steps):
+    scene, path = discretisation.scene, LoadPath(discretisation.scene)
+    while not path.ended:
+        place = path.next
+        if scene.several_steps:
+            history.add(StepRecord(len(steps) + 1, scene.name_at(place), scene.time_at(place)))
         with timings.phase("iterate"):
-            system.set_step(step)
+            system.set_step(place)
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
@@ -193,23 +281,28 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
         with timings.phase("certify"):
             displacement = discretisation.function(x)
-            certificate = certify(discretisation.scene, discretisation.tagged, displacement, None, step=step)
+            certificate = certify(scene, discretisation.tagged, displacement, None, step=place)
             deformation = deformation_of(discretisation, displacement)
-            status = _judged(status, certificate, deformation, discretisation.scene)
-            energy = certificate.strain_energy
+            status = _judged(status, certificate, deformation, scene)
         solves = int(status is not Status.NOT_HELD)
-        steps.append(StepResult(step, status, None, certificate, deformation, energy, solves))
-        if status is not Status.CONVERGED:
+        step = step_result(scene, len(steps), place, status, displacement, None, certificate, deformation, solves)
+        steps.append(step)
+        if status is Status.CONVERGED:
+            path.advance(solves)
+        elif not path.shorten(status):
             break
+        else:
+            steps.pop()
+    shown = next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
     return Solution(
         scene=discretisation.scene,
         status=status,
         algorithm="linear",
         discretisation=discretisation,
-        displacement=displacement,
+        displacement=shown.displacement,
         contact=None,
         functionals=None,
-        certificate=certificate,
+        certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
         linear_algebra=linear_algebra,
@@ -245,9 +338,8 @@ def contact_task(
     )
 
 
-def _parameters(outcome: Outcome, energy: float) -> dict[str, float]:
+def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
     """The parameters of the regularisation for the summary."""
-    data = outcome.problem.data
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
     if outcome.regularisation_error is not None:
         size = np.sqrt(2 * energy)

@@ -25,11 +25,13 @@ from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord, Progress
+from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
@@ -43,6 +45,8 @@ def solve(
     observers: Sequence[Callable[[Any], None]] = (),
     on_level: Callable[[Solution], object] = lambda solution: None,
     on_progress: Callable[[Progress], object] | None = None,
+    checkpoint: str | Path | None = None,
+    restart: bool = False,
 ) -> Solution:
     """Solve a scene.
 
@@ -50,12 +54,17 @@ def solve(
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
-        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs.
+        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
+            ``StepRecord`` where one of several load steps begins.
         on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
         on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
+        checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
+            until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
+            steps or levels, without a requested accuracy; otherwise nothing is stored.
+        restart: go on from what is stored there, on any number of ranks.
 
     Raises:
-        SceneError: the scene is wrong, or does not fit its mesh.
+        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the checkpoint.
         TypeError: an argument is of the wrong kind.
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
@@ -67,6 +76,7 @@ def solve(
     options.refuse_mistyped(comm)
     history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
     coarse = coarser_scenes(scene, scene.solver.levels)
+    stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.accuracy is not None:
         coarser: MeshLevel | None = None
 
@@ -79,14 +89,33 @@ def solve(
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
-        solution, task, _ = solve_mesh(scene, comm, history, None)
+        solution, task, _ = solve_mesh(scene, comm, history, None, kept=None if stored is None else Kept(stored, 0))
         if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
             solution = _from_coarser(scene, comm, history, solution)
     else:
-        solution = _solve_nested([*coarse, scene], comm, history, on_level)
+        solution = _solve_nested([*coarse, scene], comm, history, on_level, stored)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
+
+
+def _checkpoint(
+    scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
+) -> Checkpoint | None:
+    """The checkpoint of a run; None if there is nothing to store."""
+    if folder is None and restart:
+        raise SceneError([("restart", "needs the folder of the checkpoint")])
+    pieces = bool(scene.contact) and (scene.several_steps or scene.solver.levels > 1)
+    if folder is None or not pieces or scene.accuracy is not None:
+        if restart:
+            needs = "needs a scene with contact, with several load steps or levels, and without [accuracy]"
+            raise SceneError([("restart", f"{needs}: solve from the beginning")])
+        return None
+    stored = Checkpoint(comm, folder, scene, restart=restart)
+    if restart:
+        found = f"{stored.found} complete load steps" if scene.several_steps else f"{stored.found} complete meshes"
+        history.add(f"restart: {found} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}")
+    return stored
 
 
 def refuse_other_than_comm(comm: object) -> None:
@@ -104,6 +133,7 @@ def _solve_nested(
     comm: MPI.Comm,
     history: History,
     on_level: Callable[[Solution], object] = lambda solution: None,
+    stored: Checkpoint | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one."""
     base_memory = peak_memory(comm)
@@ -117,7 +147,8 @@ def _solve_nested(
             solved_so_far = [(level.dofs, level.seconds) for level in levels]
             to_come = seconds_to_come(solved_so_far, len(scenes) - number, last.dimension, last.krylov_from)
             history.move(end=time.perf_counter() + to_come)
-        solved = solve_level(scene, comm, history, state, number, coarser)
+        kept = None if stored is None else Kept(stored, number)
+        solved = solve_level(scene, comm, history, state, number, coarser, kept)
         solution, state = solved.solution, None
         coarser = MeshLevel.of(solution.discretisation, coarser)
         if solution.converged:
@@ -140,6 +171,7 @@ def solve_level(
     state: ContactState | None,
     number: int,
     coarser: MeshLevel | None = None,
+    kept: Kept | None = None,
 ) -> Solved:
     """Solve on one of several meshes, and estimate its errors; collective."""
     history.add(f"level {number}")
@@ -152,10 +184,12 @@ def solve_level(
         data = outcome.problem.data
         compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
         found.append(
-            estimate_errors(d, d.displacement(outcome.displacement()), step.strain_energy, table, step.step, compliance)
+            estimate_errors(
+                d, d.displacement(outcome.displacement()), step.strain_energy, table, step.place, compliance
+            )
         )
 
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser)
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, kept)
     if not solution.converged or task is None or outcome is None or not found:
         return Solved(solution, task)
     errors = worst_of(found)
@@ -197,10 +231,10 @@ def _level_result(
         own: the linear solves on this mesh.
         errors: the estimated errors on it.
     """
-    seconds = parallel.global_max(solution.comm, sum(solution.timings.seconds.values()))
+    seconds = parallel.global_max(solution.comm, sum(solution.timings.total.values()))
     contact, table = solution.contact, solution.table
     assert contact is not None
-    size = np.sqrt(2 * solution.steps[-1].strain_energy)
+    size = np.sqrt(2 * solution.last_step.strain_energy)
     regularisation = pressure_regularisation = 0.0
     data = outcome.problem.data
     if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
@@ -228,6 +262,9 @@ def _level_result(
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
-        force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
+        # Of the load steps that all meshes have in common.
+        force=np.concatenate(
+            [np.concatenate(step.contact.forces) for step in solution.steps if step.contact and step.place.is_integer()]
+        ),
         krylov_from=krylov_from(solution.discretisation, solution.scene.solver.linear_algebra),
     )

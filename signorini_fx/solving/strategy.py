@@ -41,7 +41,7 @@ from signorini_fx.tuned import (
 
 def run(task: Task, start: Start) -> Outcome:
     """Solve a load step; the iterates stay in ``task.iterate``."""
-    task.iterate.take_loads(start.step, start.scale)
+    task.iterate.take_loads(start.place, start.scale)
     if task.settings.algorithm == "alm":
         data = start.data
         enough = with_enough_digits(data, _natural(task))

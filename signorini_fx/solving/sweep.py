@@ -93,7 +93,7 @@ def sweep(
     refuse_other_than_comm(comm)
     if (coefficients is None) == (loads is None):
         raise SceneError([("sweep", "give either coefficients or loads")])
-    if scene.steps > 1 or not scene.contact:
+    if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])

@@ -42,7 +42,8 @@ class Start:
         sets: active sets of the first linear solve; None: from the iterate.
         iteration: number of the first linear solve.
         multipliers: (lambda, mu) to start from, if there are any.
-        step: the load step, from 0.
+        step: how many load steps have been solved before.
+        place: of the load step in the lists of factors, see ``scene.load_steps``.
         scale: multiple of its loads and prescribed displacements.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
@@ -54,6 +55,7 @@ class Start:
     iteration: int = 1
     multipliers: tuple[Nodal, Nodal] | None = None
     step: int = 0
+    place: float = 0.0
     scale: float = 1.0
     regularisation_error: float | None = None
     elastic_slip: Nodal | None = None
@@ -112,6 +114,7 @@ class Outcome:
             start.law,
             multipliers=(pressure, shear),
             step=start.step + 1,
+            place=start.place + 1,
             regularisation_error=self.regularisation_error,
             elastic_slip=elastic,
         )
@@ -241,11 +244,11 @@ class Iterate:
         exact = self.exact_newton
         return self._newton(exact.problem, exact.x, symmetric=False)
 
-    def take_loads(self, step: int, scale: float) -> None:
+    def take_loads(self, place: float, scale: float) -> None:
         """Apply the loads and prescribed displacements of a load step, times ``scale``, to the current iterate."""
-        self._task.system.set_step(step, scale)
+        self._task.system.set_step(place, scale)
         if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._task.system:
-            self.exact_newton.problem.system.set_step(step, scale)
+            self.exact_newton.problem.system.set_step(place, scale)
         fixed = self._task.system.fixed
         self.x.getArray()[fixed] = self._task.system.start.getArray(readonly=True)[fixed]
 

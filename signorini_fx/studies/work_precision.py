@@ -81,7 +81,7 @@ def run_study(
         SceneError: the scene is not of that kind.
         ConvergenceError: there is no reference.
     """
-    if not scene.contact or scene.steps > 1:
+    if not scene.contact or scene.several_steps:
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
     factors = _QUICK_FACTORS if quick else _FACTORS

@@ -1,0 +1,140 @@
+"""The deformed body from load step to load step, as an animation."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from signorini_fx.report import view
+from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.report.solid_body import deformed_solid
+from signorini_fx.report.style import Floats
+
+MOST_FRAMES = 40  # matplotlib takes half a second for each
+_MILLISECONDS, _LAST = 300, 1500  # of a frame, and of the last one
+_MARGIN = 0.04
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The body at a load step.
+
+    Attributes:
+        name: of the load step.
+        displacement: at the points, length, shape (n, d).
+        values: von Mises stress of each cell, in space of each facet, shape (m,).
+    """
+
+    name: str
+    displacement: Floats
+    values: Floats
+
+
+def shown(count: int) -> list[int]:
+    """The load steps that are drawn: all, or every second, third, ..., and the last."""
+    stride = ceil(count / MOST_FRAMES)
+    return [*range(0, count - 1, stride), count - 1]
+
+
+def moving_body(
+    path: str | Path,
+    points: Floats,
+    cells: npt.NDArray[np.int64],
+    moments: Sequence[Moment],
+    *,
+    outline: npt.NDArray[np.int64] | None = None,
+    foundation: Foundation | None = None,
+    foundations: Sequence[tuple[Floats, Floats]] = (),
+    title: str = "",
+) -> None:
+    """Write a GIF of the deformed body, one frame per load step; magnification, colours and frame stay the same.
+
+    Args:
+        path: the file.
+        points: positions, length, shape (n, d).
+        cells: the cells of a body of the plane, see ``deformed_mesh``, or the facets of one in space, see
+            ``deformed_solid``.
+        moments: the load steps, in order.
+        outline: of a body of the plane, see ``deformed_mesh``.
+        foundation: of a body of the plane.
+        foundations: of a body in space.
+        title: what to say above each frame.
+
+    Raises:
+        ValueError: there is nothing to draw.
+    """
+    if not moments:
+        raise ValueError("there are no load steps")
+    furthest = max((moment.displacement for moment in moments), key=lambda y: float(np.abs(y).max(initial=0.0)))
+    factor = magnification(points, furthest)
+    # Singular corners would leave the rest without colour: the scale ends where a hundredth of the cells is above.
+    stresses = np.concatenate([moment.values for moment in moments])
+    top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0
+    plane = points.shape[1] == 2
+    places = [points + factor * moment.displacement for moment in moments]
+    drawn = [(foundation.nodes, foundation.offset)] if foundation is not None else list(foundations)
+    seen: Callable[[Floats], Floats] = (lambda x: x) if plane else view.oblique().flat
+    body = seen(np.concatenate([points, *places]))
+    low, high = body.min(axis=0), body.max(axis=0)
+    around = 0.3 * float(max(high - low))  # a foundation that runs far away is not shown
+    ground = np.concatenate([body, *(seen(nodes + factor * gap) for nodes, gap in drawn)])
+    ground = np.clip(ground, low - around, high + around)
+    low, high = ground.min(axis=0), ground.max(axis=0)
+    margin = _MARGIN * float(max(high - low))
+    frame = (low - margin, high + margin)
+    with tempfile.TemporaryDirectory() as folder:
+        pictures = []
+        for number, moment in enumerate(moments):
+            stem = Path(folder) / f"{number:04d}"
+            said = f"{title}, {moment.name}" if title else moment.name
+            if outline is not None:
+                deformed_mesh(
+                    stem,
+                    points,
+                    cells,
+                    moment.displacement,
+                    moment.values,
+                    outline=outline,
+                    foundation=foundation,
+                    factor=factor,
+                    top=top,
+                    frame=frame,
+                    title=said,
+                    suffixes=[".png"],
+                )
+            else:
+                deformed_solid(
+                    stem,
+                    points,
+                    cells,
+                    moment.displacement,
+                    moment.values,
+                    foundations=foundations,
+                    factor=factor,
+                    top=top,
+                    frame=frame,
+                    title=said,
+                    suffixes=[".png"],
+                )
+            with Image.open(stem.with_suffix(".png")) as picture:
+                half = (picture.width // 2, picture.height // 2)
+                pictures.append(picture.convert("RGB").resize(half, Image.Resampling.LANCZOS))
+        palette = _palette([pictures[0], pictures[len(pictures) // 2], pictures[-1]])
+        pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+        durations = [*[_MILLISECONDS] * (len(pictures) - 1), _LAST]
+        pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True)
+
+
+def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
+    """One palette for all frames, so that a colour stays the same: it covers what occurs, however rare it is."""
+    together = Image.new("RGB", (pictures[0].width, sum(picture.height for picture in pictures)))
+    for number, picture in enumerate(pictures):
+        together.paste(picture, (0, number * picture.height))
+    return together.quantize(colors=256, method=Image.Quantize.MAXCOVERAGE)

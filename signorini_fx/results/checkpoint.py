@@ -1,0 +1,350 @@
+"""Checkpoints: the complete load steps of a run on disk, for any number of ranks.
+
+Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
+cell by cell in the order of the input of the mesh, which all ranks write together and which does not depend on them;
+what belongs to the contact nodes with their positions; and figures with the digests of these files.  A folder that
+lacks something, or whose digests differ, does not count.
+
+adios4dolfinx 0.9.3 keeps functions in the same order, but creates its graphs of ranks by MPI_Dist_graph_create, which
+does not always end in Open MPI 5.0.7.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.errors import SceneError, cannot_be_written
+from signorini_fx.results.files import describe
+from signorini_fx.results.folder import CHECKPOINT, reserve
+from signorini_fx.scene.model import MeshFile, Scene
+
+Nodal = npt.NDArray[np.float64]
+Figures = dict[str, Any]
+
+_FORMAT = 1
+_SCENE, _FIGURES, _NODES, _FIELD, _PART = "scene.json", "figures.json", "nodes.npz", "displacement.bin", ".part"
+# Nodes are the same if their positions agree to this share of the size of the body.
+_SAME = 1e-9
+_ABSENT = "(absent)"
+
+
+class Checkpoint:
+    """The checkpoint of a run; every method is collective.
+
+    Args:
+        comm: the ranks of the run.
+        folder: the result folder.
+        scene: the scene of the run.
+        restart: whether to go on from the load steps that an earlier run has left; otherwise these are removed as soon
+            as a new one is complete.
+
+    Attributes:
+        path: where the load steps are.
+        found: how many complete load steps there are to go on from.
+
+    Raises:
+        SceneError: the checkpoint is that of another scene; all keys that differ are named.
+    """
+
+    def __init__(self, comm: MPI.Comm, folder: str | Path, scene: Scene, *, restart: bool) -> None:
+        self.path = Path(folder) / CHECKPOINT
+        self._comm = comm
+        self._scene = scene
+        self._complete: dict[tuple[int, int], Figures] = {}
+        self._begun = False
+        if restart:
+            self._complete = parallel.on_root(comm, self._open)
+            self._begun = bool(self._complete)
+        self.found = len(self._complete)
+
+    def figures(self, level: int, step: int) -> Figures | None:
+        """The figures of a load step; None if it is not there, and then neither are later ones.
+
+        Args:
+            level: number of the mesh.
+            step: number of the load step, from 0.
+        """
+        found = self._complete.get((level, step))
+        if found is None:
+            self._forget((level, step))
+        return found
+
+    def read(
+        self, level: int, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
+    ) -> tuple[fem.Function, dict[str, Nodal]] | None:
+        """The displacement of a load step, and the values at the contact nodes of this rank, as they were written.
+
+        Args:
+            level: number of the mesh.
+            step: number of the load step, from 0.
+            space: of the displacement, on the same mesh, which may be distributed in another way.
+            boundary: the contact nodes.
+            size: of the body, length.
+
+        Returns:
+            None if they cannot be read, or belong to other nodes.
+        """
+        folder = self._folder(level, step)
+        displacement = fem.Function(space, name="displacement")
+        found: dict[str, Nodal] | None = None
+        try:
+            _read_field(folder / _FIELD, displacement)
+            with np.load(folder / _NODES, allow_pickle=False) as file:
+                stored = {name: file[name] for name in file.files}
+            found = _placed(stored, boundary, displacement, size)
+        except (MPI.Exception, OSError, ValueError, KeyError):  # the step is solved again
+            found = None
+        if parallel.any_rank(self._comm, found is None) or found is None:
+            return None
+        return displacement, found
+
+    def write(
+        self,
+        level: int,
+        step: int,
+        displacement: fem.Function,
+        boundary: ContactBoundary,
+        nodal: Mapping[str, Nodal],
+        figures: Figures,
+    ) -> None:
+        """Store a load step.
+
+        Args:
+            level: number of the mesh.
+            step: number of the load step, from 0.
+            displacement: y.
+            boundary: the contact nodes.
+            nodal: values at those of this rank, shape (n,) or (n, k); vectors in the axes of space.
+            figures: plain data for JSON.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        part = self.path / _PART
+        self._begin()
+        reserve(self._comm, part, _size_of(displacement))
+        error = None
+        try:
+            _write_field(part / _FIELD, displacement)
+        except MPI.Exception as reason:
+            error = cannot_be_written(self.path, reason)
+        parallel.raise_together(self._comm, error)
+        moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+        columns = {"part": boundary.part.astype(np.float64), "x": boundary.x, "y": moved, **nodal}
+        widths = [1 if np.ndim(values) == 1 else values.shape[1] for values in columns.values()]
+        table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
+        rows = parallel.rows_on_root(self._comm, table)
+
+        def finish() -> None:
+            try:
+                pieces = np.split(rows, np.cumsum(widths)[:-1], axis=1)
+                named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
+                with (part / _NODES).open("wb") as file:
+                    np.savez(file, **named)
+                whole = {**figures, "files": dict(_digests(part))}
+                (part / _FIGURES).write_text(json.dumps(whole), encoding="utf-8")
+                target = self._folder(level, step)
+                shutil.rmtree(target, ignore_errors=True)
+                part.rename(target)
+            except OSError as reason:
+                raise cannot_be_written(self.path, reason) from None
+
+        parallel.on_root(self._comm, finish)
+
+    def _folder(self, level: int, step: int) -> Path:
+        return self.path / f"{level}-{step:05d}"
+
+    def _begin(self) -> None:
+        """Make room for a load step; before the first one, remove what an earlier run has left."""
+
+        def make() -> None:
+            try:
+                if not self._begun:
+                    shutil.rmtree(self.path, ignore_errors=True)
+                    self.path.mkdir(parents=True)
+                    told = {"format": _FORMAT, "scene": _described(self._scene)}
+                    (self.path / _SCENE).write_text(json.dumps(told), encoding="utf-8")
+                shutil.rmtree(self.path / _PART, ignore_errors=True)
+                (self.path / _PART).mkdir()
+            except OSError as reason:
+                raise cannot_be_written(self.path, reason) from None
+
+        parallel.on_root(self._comm, make)
+        self._begun = True
+
+    def _forget(self, first: tuple[int, int]) -> None:
+        """Remove a load step and all later ones: they continue from another state."""
+        later = [key for key in self._complete if key >= first]
+        for key in later:
+            del self._complete[key]
+
+        def remove() -> None:
+            for key in later:
+                shutil.rmtree(self._folder(*key), ignore_errors=True)
+
+        parallel.on_root(self._comm, remove)
+
+    def forget(self, level: int, step: int) -> None:
+        """Remove a load step that turned out to be no solution, and all later ones."""
+        self._forget((level, step))
+
+    def _open(self) -> dict[tuple[int, int], Figures]:
+        """The complete load steps on disk; on one rank."""
+        try:
+            told = json.loads((self.path / _SCENE).read_text(encoding="utf-8"))
+            if told["format"] != _FORMAT:
+                return {}
+            before = told["scene"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
+        differences = list(_differences(before, _described(self._scene)))
+        if differences:
+            again = f"restore it, or solve without restart, which removes {self.path}"
+            raise SceneError(
+                [(key, f"was {was} in the run to go on from, and is {now}: {again}") for key, was, now in differences]
+            )
+        found = {}
+        for folder in sorted(self.path.glob("*-*")):
+            level, _, step = folder.name.partition("-")
+            if level.isdecimal() and step.isdecimal() and (figures := _whole(folder)) is not None:
+                found[int(level), int(step)] = figures
+        return found
+
+
+def _whole(folder: Path) -> Figures | None:
+    """The figures of a complete load step; None if something is missing or changed."""
+    try:
+        figures: Figures = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
+        return figures if figures.pop("files") == dict(_digests(folder)) else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _digests(folder: Path) -> Iterator[tuple[str, str]]:
+    """Name and SHA-256 of every file in a folder but the figures."""
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path.name != _FIGURES:
+            with path.open("rb") as file:
+                yield str(path.relative_to(folder)), hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], MPI.Datatype]:
+    """The first ``cells`` cells of this rank by their numbers in the input of the mesh: the numbers, increasing, the
+    nodes of each in the order of its vertices there, and the type of a row of values.
+
+    Up to degree 2, and only there, this order does not depend on how the mesh is distributed.
+    """
+    numbers = np.asarray(space.mesh.topology.original_cell_index[:cells])
+    order = np.argsort(numbers)
+    nodes = np.asarray(space.dofmap.list)[:cells][order].astype(np.int64)
+    row = MPI.DOUBLE.Create_contiguous(space.dofmap.list.shape[1] * space.dofmap.index_map_bs)
+    row.Commit()
+    return numbers[order].astype(np.int32), nodes, row
+
+
+def _transfer(
+    comm: MPI.Intracomm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal
+) -> None:
+    """Write or read the rows with these numbers, all ranks together."""
+    place = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
+    place.Commit()
+    file = MPI.File.Open(comm, str(path), mode)
+    try:
+        file.Set_view(0, MPI.DOUBLE, place)
+        (file.Read_all if mode == MPI.MODE_RDONLY else file.Write_all)([values, MPI.DOUBLE])
+    finally:
+        file.Close()
+        place.Free()
+        row.Free()
+
+
+def _write_field(path: Path, function: fem.Function) -> None:
+    """Write the values of a function cell by cell, in the order of the input of the mesh; collective."""
+    space = function.function_space
+    topology = space.mesh.topology
+    numbers, nodes, row = _rows_of(space, topology.index_map(topology.dim).size_local)
+    values = np.ascontiguousarray(function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes])
+    _transfer(space.mesh.comm, path, MPI.MODE_CREATE | MPI.MODE_WRONLY, numbers, row, values)
+
+
+def _read_field(path: Path, function: fem.Function) -> None:
+    """Read what ``_write_field`` has written, on any number of ranks; collective."""
+    space = function.function_space
+    cells = len(space.mesh.topology.original_cell_index)
+    numbers, nodes, row = _rows_of(space, cells)
+    values = np.empty((*nodes.shape, space.dofmap.index_map_bs))
+    _transfer(space.mesh.comm, path, MPI.MODE_RDONLY, numbers, row, values)
+    function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes.ravel()] = values.reshape(-1, values.shape[2])
+    function.x.scatter_forward()
+
+
+def _size_of(displacement: fem.Function) -> float:
+    """About how many bytes a load step takes."""
+    space = displacement.function_space
+    topology = space.mesh.topology
+    cells = topology.index_map(topology.dim).size_global
+    return 8.0 * cells * space.dofmap.list.shape[1] * space.dofmap.index_map_bs + 1e5
+
+
+def _described(scene: Scene) -> dict[str, Any]:
+    """The scene as JSON with all defaults, its mesh file by content; the title is nothing that changes a result."""
+    told: dict[str, Any] = json.loads(json.dumps(describe(scene)))
+    told.pop("title", None)
+    if isinstance(scene.mesh, MeshFile):
+        try:
+            with Path(scene.mesh.file).open("rb") as file:
+                told["mesh"]["content"] = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError:
+            told["mesh"]["content"] = "unreadable"
+    return told
+
+
+def _differences(before: Any, now: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+    """Every key whose value differs, with both values."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for name in dict.fromkeys((*before, *now)):
+            inner = f"{key}.{name}" if key else str(name)
+            yield from _differences(before.get(name, _ABSENT), now.get(name, _ABSENT), inner)
+    elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        for place, (one, other) in enumerate(zip(before, now, strict=True)):
+            yield from _differences(one, other, f"{key}[{place}]")
+    elif before != now:
+        yield key, json.dumps(before), json.dumps(now)
+
+
+def _placed(
+    stored: Mapping[str, Nodal], boundary: ContactBoundary, displacement: fem.Function, size: float
+) -> dict[str, Nodal] | None:
+    """The stored values at the contact nodes of this rank; None if they belong to other nodes.
+
+    Nodes are found by position; where two bodies touch each other, two nodes have the same one, and another
+    displacement.
+    """
+    dim = boundary.x.shape[1]
+    moved = displacement.x.array.reshape(-1, dim)[boundary.nodes]
+    part = stored["part"].ravel()
+    row: npt.NDArray[np.int64] = np.zeros(boundary.size, dtype=np.int64)
+    far = float(np.abs(stored["y"]).max(initial=0.0)) or 1.0
+    for number in np.unique(boundary.part):
+        here, there = boundary.part == number, np.flatnonzero(part == number)
+        if not there.size:
+            return None
+        tree = cKDTree(np.column_stack((stored["x"][there] / size, _SAME * stored["y"][there] / far)))
+        distance, nearest = tree.query(np.column_stack((boundary.x[here] / size, _SAME * moved[here] / far)))
+        if (distance > _SAME).any():
+            return None
+        row[here] = there[nearest]
+    return {name: values[row] for name, values in stored.items() if name not in ("part", "x", "y")}

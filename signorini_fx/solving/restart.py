@@ -1,0 +1,221 @@
+"""Restart: a load step as it is stored in a checkpoint, and how its outcome is rebuilt from there.
+
+What is stored is the iterate and its sets with the data of its problem.  Multipliers, contact state and certificate
+are evaluated again on restart, and a step whose certificate does not hold is solved again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from signorini_fx import parallel
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
+from signorini_fx.problem.exact import ExactProblem
+from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
+from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.solution import StepResult
+from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.task import Outcome, Start, Task
+
+
+@dataclass(frozen=True)
+class Recalled:
+    """A load step of an earlier run.
+
+    Attributes:
+        outcome: how it ended, with the iterate in place.
+        start: where it started, at its place.
+        increment: of the ramp after it.
+        iterations: its linear solves.
+        outer: its regularised problems.
+        events: its events.
+        seconds: wall seconds by phase so far, the largest of all ranks.
+    """
+
+    outcome: Outcome
+    start: Start
+    increment: float
+    iterations: list[IterationRecord]
+    outer: list[OuterRecord]
+    events: list[str]
+    seconds: dict[str, float]
+
+    def accept(self, history: History, timings: Timings, path: LoadPath) -> None:
+        """Take it for a load step of this run."""
+        history.recall(self.iterations, self.outer, self.events)
+        # The seconds of the earlier run are counted once, with the last step that was recalled from it.
+        for phase, seconds in self.seconds.items():
+            timings.earlier[phase] = seconds
+        path.resume(self.start.place, self.increment)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The checkpoint of a run on one of its meshes; all methods are collective.
+
+    Attributes:
+        checkpoint: of the run.
+        level: number of the mesh.
+    """
+
+    checkpoint: Checkpoint
+    level: int
+
+    def begun(self) -> bool:
+        """Whether the first load step on this mesh is there."""
+        return self.checkpoint.figures(self.level, 0) is not None
+
+    def forget(self, step: int) -> None:
+        """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
+        self.checkpoint.forget(self.level, step)
+
+    def store(
+        self,
+        d: Discretisation,
+        task: Task,
+        start: Start,
+        outcome: Outcome,
+        result: StepResult,
+        path: LoadPath,
+        timings: Timings,
+        marks: tuple[int, int, int],
+    ) -> None:
+        """Store a load step that has a solution.
+
+        Args:
+            d: the discretisation.
+            task: the contact problem.
+            start: where the load step started.
+            outcome: how it ended.
+            result: its result.
+            path: the way through the load steps, after it.
+            timings: of the mesh.
+            marks: numbers of linear solves, regularised problems and events before it.
+        """
+        problem, history = outcome.problem, task.history
+        tangents, sets = task.boundary.tangents, problem.sets
+        nodal: dict[str, Nodal] = {
+            "contact": sets.contact.astype(np.float64),
+            "direction": _in_space(sets.direction, tangents),
+            "turning": sets.turning,
+        }
+        rest_t = 0.0 if task.rest is None else task.rest.u_t
+        parameters = {}
+        for name, data in (("given", outcome.data), ("solved", problem.data)):
+            nodal[f"{name}.lambda_hat"] = data.lambda_hat
+            nodal[f"{name}.mu_hat"] = _in_space(data.mu_hat, tangents)
+            nodal |= {
+                f"{name}.{key}": values for key in ("bound", "coupling") if (values := getattr(data, key)) is not None
+            }
+            if data.slip_origin is not None:
+                nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, tangents)
+            parameters[name] = [data.gamma_n, data.gamma_t, data.sigma]
+        solves, problems, events = marks
+        figures = {
+            "place": start.place,
+            "increment": path.increment,
+            "parameters": parameters,
+            "exact": isinstance(problem, ExactProblem),
+            "monolithic": outcome.monolithic,
+            "augmented": outcome.augmented,
+            "regularisation_error": outcome.regularisation_error,
+            "iterations": as_rows(history.iterations[solves:]),
+            "outer": as_rows(history.outer[problems:]),
+            "events": history.events[events:],
+            "seconds": parallel.largest_timings(d.comm, timings.total),
+        }
+        self.checkpoint.write(self.level, start.step, result.displacement, task.boundary, nodal, figures)
+
+    def recall(self, d: Discretisation, task: Task, start: Start) -> Recalled | None:
+        """Rebuild a load step; None if it is not there, or does not fit.
+
+        Args:
+            d: the discretisation.
+            task: the contact problem; its iterate becomes that of the load step.
+            start: where the load step starts; its place is that of the earlier run.
+        """
+        figures = self.checkpoint.figures(self.level, start.step)
+        if figures is None:
+            return None
+        found = self.checkpoint.read(self.level, start.step, d.space, task.boundary, d.tagged.size)
+        if found is None:
+            self.forget(start.step)
+            return None
+        displacement, nodal = found
+        start = replace(start, place=float(figures["place"]))
+        task.iterate.take_loads(start.place, start.scale)
+        if task.rest is not None:
+            displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
+        x, tangents = d.unknowns(displacement), task.boundary.tangents
+        direction = _along(nodal["direction"], tangents)
+        slipping = np.linalg.norm(direction, axis=1) > 0.5
+        direction = np.where(slipping[:, None], unit(direction), 0.0)
+        sets = ActiveSets.of(nodal["contact"].ravel() > 0, direction, nodal["turning"].ravel())
+        given, solved = (
+            _data(task, start, name, nodal, figures["parameters"][name], tangents) for name in ("given", "solved")
+        )
+        newton = task.iterate.newton
+        # The regularised problem is where the next load step begins, also where this one has no regularisation.
+        newton.pose(given if figures["exact"] else solved, sets)
+        newton.restore((task.system.unknowns(x), sets))
+        if figures["exact"]:
+            newton = task.iterate.exact_newton
+            newton.pose(solved, sets)
+            newton.restore((newton.problem.system.unknowns(x), sets))
+        outcome = Outcome(
+            Status.CONVERGED,
+            newton,
+            given,
+            monolithic=figures["monolithic"],
+            augmented=figures["augmented"],
+            regularisation_error=figures["regularisation_error"],
+        )
+        return Recalled(
+            outcome,
+            start,
+            float(figures["increment"]),
+            [IterationRecord(**row) for row in figures["iterations"]],
+            [OuterRecord(**row) for row in figures["outer"]],
+            figures["events"],
+            figures["seconds"],
+        )
+
+
+def _data(
+    task: Task, start: Start, name: str, nodal: Mapping[str, Nodal], parameters: list[Any], tangents: Nodal
+) -> RegularisedData:
+    """The data of a problem, as they were stored under a name."""
+
+    def values(key: str) -> Nodal | None:
+        found = nodal.get(f"{name}.{key}")
+        return None if found is None else found.ravel()
+
+    gamma_n, gamma_t, sigma = parameters
+    origin = nodal.get(f"{name}.slip_origin")
+    rest_t = 0.0 if task.rest is None else task.rest.u_t
+    return replace(
+        start.data,
+        gamma_n=gamma_n,
+        gamma_t=gamma_t,
+        sigma=sigma,
+        lambda_hat=nodal[f"{name}.lambda_hat"].ravel(),
+        mu_hat=_along(nodal[f"{name}.mu_hat"], tangents),
+        bound=values("bound"),
+        coupling=values("coupling"),
+        slip_origin=None if origin is None else _along(origin, tangents) - rest_t,
+    )
+
+
+def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:
+    """Tangential vectors, shape (n, d - 1), in the axes of space, shape (n, d)."""
+    return np.einsum("ijk,ik->ij", tangents, vectors)
+
+
+def _along(vectors: Nodal, tangents: Nodal) -> Nodal:
+    """Their components along the tangents, the inverse of ``_in_space``."""
+    return np.einsum("ijk,ij->ik", tangents, vectors)

@@ -1,0 +1,335 @@
+"""Load steps with names and times, and ramps that find their own increments."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone
+from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
+
+from signorini_fx.cli import main
+from signorini_fx.errors import SceneError
+from signorini_fx.records import Status, StepRecord
+from signorini_fx.report.load_steps import load_steps
+from signorini_fx.report.moving_body import MOST_FRAMES, shown
+from signorini_fx.report.page import write_report
+from signorini_fx.results.files import write_results
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.summary import render, table_row
+from signorini_fx.scene.load_steps import factor_at
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.solver import solve
+
+
+def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps=None, **solver):
+    """Pressed in full, then pushed on its left side up to ``push`` times the limit of friction."""
+    pushed = {"boundary": "left", "x": push * LIMIT, "factors": list(factors)}
+    scene = {
+        "traction": [{"boundary": "top", "y": -PRESSURE}, pushed],
+        "load_steps": {"steps": steps, "times": list(map(float, range(len(factors))))} | (load_steps or {}),
+    }
+    return block(nx, scene, **solver)
+
+
+def test_factors_between_load_steps():
+    """Linear from factor to factor, and from nothing to the first one."""
+    factors = (2.0, 4.0, 0.0)
+    places = (-1.0, -0.5, 0.0, 0.25, 1.0, 1.5, 2.0)
+    assert [factor_at(factors, place) for place in places] == [0.0, 1.0, 2.0, 2.5, 4.0, 2.0, 0.0]
+
+
+# --- a limit load ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("push", [1.2, 3.0, 40.0])
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
+def test_limit_load(push, method):
+    """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with a certificate."""
+    solution = solve(ramp(push, **method), check=False)
+    assert solution.status is Status.SLIDES
+    last, failed = solution.last_step, solution.steps[-1]
+    assert 0.99 / push <= last.time <= 1 / push < failed.time <= 1.01 / push
+    assert friction_force(last.contact) == pytest.approx(last.time * push * LIMIT, rel=1e-8)
+    assert solution.certificate.holds
+    assert solution.displacement is last.displacement
+    assert solution.contact is last.contact
+    assert all(step.status is Status.CONVERGED for step in solution.steps[:-1])
+
+
+def test_limit_load_from_nothing():
+    """Without factors all loads grow together; Tresca friction of bound g holds at most g times the length."""
+    bound = 2.0
+    scene = block(
+        30,
+        {
+            "traction": [{"boundary": "top", "x": 2 * bound, "y": -PRESSURE}],
+            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": bound}},
+            "load_steps": {"steps": 4},
+        },
+    )
+    solution = alone(scene, check=False)
+    assert solution.status is Status.SLIDES
+    assert 0.99 * 0.5 <= solution.last_step.time <= 0.5
+    assert solution.steps[0].time == 0.25
+    assert friction_force(solution.contact) == pytest.approx(solution.last_step.time * 2 * bound * LENGTH, rel=1e-8)
+
+
+def test_a_ramp_that_holds_ends_at_its_factors():
+    """Every factor is a load step, whatever the increments."""
+    solution = alone(ramp(0.9, 3, factors=(0.0, 1.0, -0.5)))
+    assert solution.converged
+    times = [step.time for step in solution.steps]
+    assert {0.0, 1.0, 2.0} <= set(times)
+    assert times == sorted(set(times))
+    assert friction_force(solution.contact) == pytest.approx(-0.45 * LIMIT, rel=1e-8)
+
+
+def test_a_ramp_is_the_same_as_its_factors():
+    """With increments that are never changed it is the list of factors."""
+    path = [0.0, 0.5, 1.0]
+    by_hand = alone(ramp(0.9, None, factors=path, load_steps={"times": path}))
+    found = alone(ramp(0.9, 2))
+    assert [step.time for step in found.steps] == path
+    for one, other in zip(found.steps, by_hand.steps, strict=True):
+        np.testing.assert_allclose(one.contact.shear, other.contact.shear, rtol=0, atol=1e-12 * PRESSURE)
+    assert found.history.linear_solves == by_hand.history.linear_solves
+
+
+# --- the increments, apart from any solve -----------------------------------------------------------------------------
+
+
+def walk(path, limit, solves=2, most=200):
+    """The places that a path tries, where there is a solution up to ``limit``."""
+    tried = []
+    while len(tried) < most:
+        tried.append(path.next)
+        if path.next <= limit:
+            path.advance(solves)
+            if path.ended:
+                return tried
+        elif not path.shorten(Status.SLIDES):
+            return tried
+    raise AssertionError("no end")
+
+
+@pytest.mark.parametrize("limit", [1e-3, 0.0101, 0.3, 0.55555, 0.999, 2 / 3])
+def test_the_limit_is_enclosed(limit):
+    """The last place with a solution is within 1 % below the limit, the last one without within 1 % above."""
+    path = LoadPath(ramp(1.0))
+    tried = walk(path, limit)
+    assert 0.99 * limit <= path.reached <= limit < tried[-1] <= 1.01 * limit
+    assert len(tried) < 60
+
+
+def test_easy_steps_become_larger():
+    """After two easy ones the increment is doubled, and never more than that."""
+    assert walk(LoadPath(ramp(1.0)), 2.0) == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+    assert walk(LoadPath(ramp(1.0)), 2.0, solves=1000) == pytest.approx([0.0, *np.linspace(0.1, 1.0, 10)])
+
+
+def test_what_no_increment_changes():
+    """A body that nothing holds ends the ramp at once, as does the first of several factors."""
+    path = LoadPath(ramp(1.0))
+    assert not path.shorten(Status.SLIDES)
+    path.advance(2)
+    assert not path.shorten(Status.LINEAR_SOLVER)
+    assert path.shorten(Status.CYCLING)
+    from_nothing = LoadPath(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
+    assert not from_nothing.shorten(Status.NOT_HELD)
+    assert from_nothing.shorten(Status.SLIDES)
+
+
+def test_without_a_ramp_every_factor_is_a_step():
+    path = LoadPath(ramp(1.0, None, factors=(0.0, 0.2, 1.0, 0.5)))
+    assert walk(path, 9.0) == [0.0, 1.0, 2.0, 3.0]
+    assert not path.shorten(Status.SLIDES)
+
+
+# --- names, times, counting -------------------------------------------------------------------------------------------
+
+NAMED = {"names": ["press", "push"], "times": [0.0, 2.0]}
+
+
+def test_log():
+    """Each load step has a heading with number, name and time; numbers begin with 1."""
+    seen = []
+    alone(ramp(0.9, 2, load_steps=NAMED), observers=[seen.append])
+    steps = [record for record in seen if isinstance(record, StepRecord)]
+    assert steps == [StepRecord(1, "press", 0.0), StepRecord(2, "push", 1.0), StepRecord(3, "push", 2.0)]
+    assert table_row(steps[1]).startswith("--- load step 2 (push, time 1) ---")
+    quiet = []
+    alone(ramp(0.9, None, factors=[1.0]), observers=[quiet.append])
+    assert not any(isinstance(record, StepRecord) for record in quiet)
+
+
+def test_error_names_the_step():
+    with pytest.raises(ConvergenceError) as error:
+        alone(ramp(2.0, 2, load_steps=NAMED))
+    (first, *_) = str(error.value).splitlines()
+    assert first.startswith("load step ")
+    assert "(push, time 1.0" in first
+    assert "slides, no static equilibrium" in first
+    assert f"; the results are those of {error.value.solution.last_step}" in first
+
+
+@pytest.fixture(scope="module")
+def failed(tmp_path_factory):
+    """A ramp that slides, and its result folder."""
+    solution = solve(ramp(1.9, 4, nx=12, load_steps=NAMED), MPI.COMM_SELF, check=False)
+    folder = tmp_path_factory.mktemp("failed")
+    return solution, write_results(solution, folder), folder
+
+
+def rows(folder, name):
+    with (folder / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_files_of_a_failed_ramp(failed):
+    """All results are those of the last step with a solution; the step without one has a row, but no figures."""
+    solution, summary, folder = failed
+    steps = rows(folder, "steps.csv")
+    assert [int(row["step"]) for row in steps] == list(range(1, len(steps) + 1))
+    assert [row["name"] for row in steps] == ["press", *["push"] * (len(steps) - 1)]
+    assert steps[-1]["status"] == "slides, no static equilibrium"
+    assert steps[-1]["friction_force_x"] == "nan"
+    last = solution.last_step
+    of = {"step": last.step, "name": "push", "time": last.time, "status": "converged"}
+    assert summary["results_of"] == json.loads((folder / "summary.json").read_text())["results_of"] == of
+    assert summary["friction_force"][0] == float(steps[-2]["friction_force_x"])
+    told = next(line for line in render(summary).splitlines() if line.startswith("  results of"))
+    assert told == (
+        f"  results of       the last one with a solution, load step {last.step} (push, time {last.time:.6g}); "
+        f"load step {last.step + 1} has none at time {solution.steps[-1].time:.6g}"
+    )
+    numbers = {int(row["step"]) for row in rows(folder, "contact_steps.csv")}
+    assert numbers == set(range(1, last.step + 1))
+    assert summary["certificate"]["holds"]
+
+
+def test_fields_of_every_step(failed):
+    """The file has all steps with a solution, at their times, and their values."""
+    adios2 = pytest.importorskip("adios2")
+    solution, _, folder = failed
+    steps = solution.steps[:-1]
+    with adios2.Stream(str(folder / "displacement.bp"), "r") as file:
+        found = [(float(file.read("step")), file.read("displacement")) for _ in file.steps()]
+    assert [time for time, _ in found] == [step.time for step in steps]
+    for (_, values), step in zip(found, steps, strict=True):
+        ours = np.sort(np.linalg.norm(values.reshape(-1, 3), axis=1))
+        theirs = np.sort(np.linalg.norm(step.displacement.x.array.reshape(-1, 2), axis=1))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * theirs.max())
+
+
+def test_pictures(failed, monkeypatch):
+    """An animation with a frame for each step with a solution; the curve leaves the others out."""
+    from PIL import Image
+
+    from signorini_fx.report import load_steps as drawing
+
+    solution, _, folder = failed
+    with Image.open(folder / "deformed.gif") as moving:
+        assert moving.n_frames == len(solution.steps) - 1
+    assert (folder / "load_steps.png").is_file()
+    seen = []
+    monkeypatch.setattr(drawing, "finish", lambda figure, *_: seen.append(figure))
+    table = {name: np.array([row[name] for row in rows(folder, "steps.csv")]) for name in rows(folder, "steps.csv")[0]}
+    figures = {
+        name: column if name in ("name", "status") else column.astype(float)
+        for name, column in table.items()
+        if name != "certificate_holds"
+    }
+    load_steps("unused", figures)
+    upper, lower = seen[0].axes
+    times = [step.time for step in solution.steps[:-1]]
+    assert list(upper.lines[0].get_xdata()) == times
+    assert {text.get_text() for text in upper.texts} == {"press", "push"}
+    np.testing.assert_allclose(-lower.lines[0].get_ydata() / 1.9 / LIMIT, np.array(times) / 2, atol=1e-6)
+
+
+def test_report(failed):
+    """The page says what the results are of, and has the animation."""
+    _, summary, folder = failed
+    page = write_report(folder, None).read_text()
+    assert f"load step {summary['results_of']['step']} (push, time " in page
+    assert "do not use them" not in page
+    assert "data:image/gif" in page
+
+
+def test_frames():
+    assert shown(3) == [0, 1, 2]
+    assert len(shown(1000)) <= MOST_FRAMES + 1
+    assert shown(1000)[-1] == 999
+
+
+def test_without_contact(tmp_path):
+    """A body in space without contact: the strain energy grows with the square of the load."""
+    scene = {
+        "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
+        "traction": [{"boundary": "top", "z": -10.0}],
+        "load_steps": {"steps": 2},
+    }
+    solution = alone(parse_scene(scene))
+    assert [step.time for step in solution.steps] == [0.5, 1.0]
+    assert solution.steps[0].strain_energy == pytest.approx(0.25 * solution.steps[1].strain_energy, rel=1e-9)
+    write_results(solution, tmp_path, fields=False)
+    assert (tmp_path / "deformed.gif").is_file()
+
+
+def test_exit_code_tells_of_the_failure(tmp_path, capsys):
+    """And the message says what the results are of."""
+    file = tmp_path / "scene.toml"
+    file.write_text(
+        f"""
+mesh = {{ generator = "rectangle", parameters = {{ length = 3.0, nx = 6, ny = 2 }} }}
+material = {{ young = 5000.0, poisson = 0.3 }}
+[[traction]]
+boundary = "top"
+y = -20.0
+[[traction]]
+boundary = "left"
+x = {2 * LIMIT}
+factors = [0.0, 1.0]
+[[contact]]
+boundary = "bottom"
+friction = {{ law = "coulomb", coefficient = 0.3 }}
+[load_steps]
+steps = 2
+"""
+    )
+    out = tmp_path / "out"
+    assert main(["solve", str(file), "--out", str(out), "--no-fields", "--no-pictures"]) == 1
+    said = capsys.readouterr()
+    assert "the results are those of load step " in said.err
+    assert said.out.count("  warning  ") == 1
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"steps": 0}, "load_steps.steps"),
+        ({"steps": 2.5}, "load_steps.steps"),
+        ({"names": ["one"]}, "load_steps.names has 1 entries, one for each of 2 factors"),
+        ({"times": [1.0, 1.0]}, "times must increase"),
+        ({"times": [0.0, 1.0, 2.0]}, "load_steps.times has 3 entries"),
+        ({"ramp": 3}, "load_steps.ramp"),
+    ],
+)
+def test_bad_load_steps(given, message):
+    with pytest.raises(SceneError, match=message.replace(".", r"\.")):
+        ramp(1.0, load_steps={"times": [0.0, 1.0]} | given)
+
+
+def test_loads_that_begin_before_time_0():
+    loads = {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2, "times": [0.0]}}
+    with pytest.raises(SceneError, match="must be positive"):
+        block(6, loads)

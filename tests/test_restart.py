@@ -1,0 +1,369 @@
+"""Checkpoints: a run that is killed goes on from its last complete load step or mesh, on any number of ranks."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx.errors import SceneError
+from signorini_fx.records import StepRecord
+from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.files import write_results
+from signorini_fx.results.folder import CHECKPOINT
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+PUSHED = """
+title = "block, pressed and pushed"
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 24, ny = 8 } }
+material = { young = 5000.0, poisson = 0.3 }
+[[traction]]
+boundary = "top"
+y = -20.0
+[[traction]]
+boundary = "top"
+x = 4.0
+factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]
+[[contact]]
+boundary = "bottom"
+gap = "1e-4 * (x[0] - 1.5)**2"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+NESTED = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 64, ny = 16 } }
+material = { young = 5000.0, poisson = 0.3 }
+solver = { levels = 3 }
+[[displacement]]
+boundary = "top"
+x = 0.002
+y = -0.01
+[[contact]]
+boundary = "bottom"
+gap = "0.002 * (x[0] - 1.5)**2"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+# A block of which one side is held along x, pushed along y, so that both tangents carry shear.
+IN_SPACE = """
+mesh = { generator = "box", parameters = { nx = 4, ny = 4, nz = 3 } }
+material = { young = 5000.0, poisson = 0.3 }
+[[displacement]]
+boundary = "top"
+x = 0.001
+y = 0.0005
+z = -0.004
+factors = [0.3, 0.6, 0.8, 1.0]
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+METHODS = {
+    "fp": {},
+    "newton": {"coulomb": "newton"},
+    "exact": {"algorithm": "exact"},
+    "alm": {"algorithm": "alm"},
+    "continuation": {"algorithm": "continuation"},
+    "path-following": {"algorithm": "path-following"},
+    "full": {"linear_algebra": "full"},
+    "krylov": {"linear_algebra": "krylov"},
+}
+
+
+class Killed(Exception):
+    """The end of a run in these tests."""
+
+
+def scene(text, **solver):
+    data = tomllib.loads(text)
+    data["solver"] = data.get("solver", {}) | solver
+    return parse_scene(data)
+
+
+def until(step):
+    """An observer that ends the run where a load step begins, or a mesh."""
+
+    def watch(record):
+        if (isinstance(record, StepRecord) and record.step == step) or record == f"level {step}":
+            raise Killed
+
+    return watch
+
+
+def interrupted(scene, comm, folder, step):
+    """A run that ends where a load step or a mesh begins; what is complete before is in the folder."""
+    with pytest.raises(Killed):
+        solve(scene, comm, checkpoint=folder, observers=[until(step)])
+
+
+def shared(tmp_path):
+    """A folder that all ranks see."""
+    return Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
+
+
+def assert_same(solution, reference, tolerance=1e-8):
+    """Every load step has the same contact state, on any number of ranks of the first."""
+    assert [step.status for step in solution.steps] == [step.status for step in reference.steps]
+    for one, other in zip(solution.steps, reference.steps, strict=True):
+        assert (one.step, one.place, one.time) == (other.step, other.place, other.time)
+        assert one.certificate.holds
+        for ours, theirs in zip(one.contact.forces, other.contact.forces, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * np.abs(other.contact.forces[0]).max())
+    ours, theirs = solution.table.columns, reference.table.columns
+    assert (ours["state"] == theirs["state"]).all()
+    assert (ours["friction"] == theirs["friction"]).all()
+    for name in ("pressure", "u_n"):
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=tolerance * np.abs(theirs[name]).max())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", METHODS)
+def test_from_one_rank_to_all(tmp_path, method):
+    """Begun on one rank and ended on all of them, load steps are those of an uninterrupted run."""
+    folder, given = shared(tmp_path), scene(PUSHED, **METHODS[method])
+    if MPI.COMM_WORLD.rank == 0:
+        interrupted(given, MPI.COMM_SELF, folder, 4)
+    MPI.COMM_WORLD.barrier()
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0] == f"restart: 3 complete load steps in {folder / CHECKPOINT}"
+    assert_same(solution, solve(given))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", ["fp", "exact"])
+def test_from_all_ranks_to_one(tmp_path, method):
+    """The other way round."""
+    folder, given = shared(tmp_path), scene(PUSHED, **METHODS[method])
+    interrupted(given, MPI.COMM_WORLD, folder, 5)
+    if MPI.COMM_WORLD.rank == 0:
+        solution = solve(given, MPI.COMM_SELF, checkpoint=folder, restart=True)
+        reference = solve(given, MPI.COMM_SELF)
+        assert_same(solution, reference)
+        assert [r.linear_solves for r in solution.steps[:4]] != [0] * 4
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", ["fp", "exact", "newton"])
+def test_in_space(tmp_path, method):
+    """Directions of slip are kept as vectors, which do not depend on the choice of tangents."""
+    folder, given = shared(tmp_path), scene(IN_SPACE, **METHODS[method])
+    interrupted(given, MPI.COMM_WORLD, folder, 3)
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert_same(solution, solve(given))
+
+
+@pytest.mark.mpi
+def test_meshes(tmp_path):
+    """Of a nested iteration the complete meshes are kept, and the price list has a row for each of them."""
+    folder, given = shared(tmp_path), scene(NESTED)
+    interrupted(given, MPI.COMM_WORLD, folder, 2)
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0] == f"restart: 2 complete meshes in {folder / CHECKPOINT}"
+    reference = solve(given)
+    assert_same(solution, reference)
+    assert solution.history.linear_solves == reference.history.linear_solves
+    for ours, theirs in zip(solution.price_list, reference.price_list, strict=True):
+        assert ours.dofs == theirs.dofs
+        assert ours.linear_solves == theirs.linear_solves
+        assert ours.energy == pytest.approx(theirs.energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("text", [PUSHED, NESTED])
+def test_what_was_done_is_not_done_again(tmp_path, text):
+    """The history has the linear solves of both runs, but a restart shows only its own."""
+    given, seen = scene(text), []
+    interrupted(given, MPI.COMM_SELF, tmp_path, 2)
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True, observers=[seen.append])
+    own = [record.solve for record in seen if hasattr(record, "solve")]
+    assert own[0] > 1
+    assert [record.solve for record in solution.history.iterations] == list(range(1, own[-1] + 1))
+
+
+def broken(folder, what):
+    """Damage the last of three load steps."""
+    step = folder / CHECKPOINT / "0-00002"
+    if what == "removed":
+        (step / "displacement.bin").unlink()
+    elif what == "figures":
+        (step / "figures.json").write_text('{"files": {')
+    else:
+        file = step / "nodes.npz" if what == "nodes" else step / "displacement.bin"
+        file.write_bytes(file.read_bytes()[:-100])
+
+
+@pytest.mark.parametrize("what", ["removed", "figures", "nodes", "field"])
+def test_truncated(tmp_path, what):
+    """A load step that is not whole is left out, and solved again."""
+    given = scene(PUSHED)
+    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
+    broken(tmp_path, what)
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert_same(solution, solve(given, MPI.COMM_SELF))
+
+
+def test_a_hole_ends_what_is_there(tmp_path):
+    """What comes after a load step that is missing belongs to another history."""
+    given = scene(PUSHED)
+    interrupted(given, MPI.COMM_SELF, tmp_path, 6)
+    (tmp_path / CHECKPOINT / "0-00001" / "nodes.npz").unlink()
+    seen = []
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True, observers=[seen.append])
+    assert [record.step for record in seen if isinstance(record, StepRecord)] == [2, 3, 4, 5, 6]
+    assert_same(solution, solve(given, MPI.COMM_SELF))
+
+
+def test_the_certificate_judges(tmp_path):
+    """A whole checkpoint with a wrong displacement is not believed."""
+    given = scene(PUSHED)
+    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
+    step = tmp_path / CHECKPOINT / "0-00002"
+    figures = json.loads((step / "figures.json").read_text())
+    other = tmp_path / CHECKPOINT / "0-00001"
+    (step / "displacement.bin").write_bytes((other / "displacement.bin").read_bytes())
+    with np.load(step / "nodes.npz") as ours, np.load(other / "nodes.npz") as theirs:
+        np.savez(step / "nodes.npz", **{**ours, "y": theirs["y"]})
+    from signorini_fx.results.checkpoint import _digests
+
+    (step / "figures.json").write_text(json.dumps({**figures, "files": dict(_digests(step))}))
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert solution.history.events[0].startswith("restart: 3 complete load steps")
+    assert solution.history.events[1] == (
+        "restart: load step 3 (time 3): certificate does not hold: it is solved again"
+    )
+    assert_same(solution, solve(given, MPI.COMM_SELF))
+
+
+def test_another_scene(tmp_path):
+    """Every key that differs is named, with both values; the title may change."""
+    interrupted(scene(PUSHED), MPI.COMM_SELF, tmp_path, 3)
+    changed = PUSHED.replace("coefficient = 0.3", "coefficient = 0.4").replace("-0.4]", "-0.5]")
+    with pytest.raises(SceneError) as error:
+        solve(scene(changed, tolerance=1e-8), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert [key for key, _ in error.value.problems] == [
+        "traction[1].factors[5]",
+        "contact[0].friction.coefficient",
+        "solver.tolerance",
+    ]
+    assert error.value.problems[1][1].startswith("was 0.3 in the run to go on from, and is 0.4: ")
+    renamed = scene(PUSHED.replace("block,", "brick,"))
+    assert solve(renamed, MPI.COMM_SELF, checkpoint=tmp_path, restart=True).converged
+
+
+def test_a_mesh_file_that_has_changed(tmp_path):
+    """It is known by its content."""
+    file = tmp_path / "mesh.msh"
+    file.write_text("one mesh")
+    text = "\n".join(line for line in PUSHED.splitlines() if not line.startswith("mesh"))
+    given = scene(f"mesh = {{ file = {str(file)!r} }}\n{text}")
+    told = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
+    told._begin()
+    file.write_text("another mesh")
+    with pytest.raises(SceneError, match=r"mesh\.content"):
+        Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (PUSHED.replace("factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", ""), "several load steps or levels"),
+        (PUSHED + "[accuracy]\ntarget = 0.1\n", "without"),
+    ],
+)
+def test_nothing_to_go_on_from(tmp_path, text, message):
+    """A scene without load steps or levels has no checkpoint."""
+    with pytest.raises(SceneError, match=message):
+        solve(scene(text), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+
+
+def test_a_folder_is_needed():
+    with pytest.raises(SceneError, match="needs the folder"):
+        solve(scene(PUSHED), MPI.COMM_SELF, restart=True)
+
+
+def test_results_remove_the_checkpoint(tmp_path):
+    """Until the result is complete it stays, and a restart without one begins at the beginning."""
+    given = scene(PUSHED)
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert solution.history.events[0] == f"restart: nothing in {tmp_path / CHECKPOINT}"
+    assert sorted(path.name for path in (tmp_path / CHECKPOINT).iterdir()) == [
+        *(f"0-0000{step}" for step in range(6)),
+        "scene.json",
+    ]
+    write_results(solution, tmp_path, fields=False, pictures=False)
+    assert not (tmp_path / CHECKPOINT).exists()
+
+
+# --- the command line, and signals that nobody can catch --------------------------------------------------------------
+
+# The observer of a run that kills each of its ranks where the fourth load step begins.
+SUICIDE = """
+import os, signal, sys
+from mpi4py import MPI
+from signorini_fx.records import StepRecord
+from signorini_fx.solving.solver import solve
+
+def kill(record):
+    if isinstance(record, StepRecord) and record.step == 4:
+        MPI.COMM_WORLD.barrier()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+solve(sys.argv[1], checkpoint=sys.argv[2], observers=[kill])
+"""
+
+
+def run(ranks, *arguments):
+    """A Python process on several ranks: its exit code, and what it has printed."""
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    command = [*launcher, sys.executable, *map(str, arguments)]
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
+    with subprocess.Popen(command, env=own, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            output, errors = process.communicate(timeout=500)
+        except subprocess.TimeoutExpired:
+            process.terminate()  # a launcher that is killed leaves its ranks behind
+            raise
+    return process.returncode, output, errors
+
+
+def rows(file):
+    with file.open() as text:
+        return list(csv.DictReader(text))
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
+@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (3, 1)])
+def test_killed(tmp_path, before, after):
+    """Killed with -9 and restarted on another number of ranks, the tables are those of an uninterrupted run."""
+    file, out = tmp_path / "scene.toml", tmp_path / "out"
+    file.write_text(PUSHED)
+    code, _, _ = run(before, "-c", SUICIDE, file, out)
+    assert code == -signal.SIGKILL if before == 1 else code != 0
+    assert sum(path.name.startswith("0-") for path in (out / CHECKPOINT).iterdir()) == 3
+    command = ("-m", "signorini_fx", "solve", file, "--no-pictures", "--no-fields", "--out")
+    code, output, errors = run(after, *command, out, "--restart")
+    assert code == 0, errors
+    assert f"  restart          3 complete load steps in {out / CHECKPOINT}" in output.splitlines()
+    assert not (out / CHECKPOINT).exists()
+    assert run(1, *command, tmp_path / "reference")[0] == 0
+    for name in ("steps.csv", "contact.csv", "contact_steps.csv"):
+        ours, theirs = rows(out / name), rows(tmp_path / "reference" / name)
+        assert len(ours) == len(theirs)
+        for column in theirs[0]:
+            one, other = ([row[column] for row in table] for table in (ours, theirs))
+            try:
+                one, other = np.array(one, dtype=float), np.array(other, dtype=float)
+            except ValueError:
+                assert one == other
+                continue
+            # Coordinates, displacements and forces that are round-off are compared with the unit.
+            scale = max(np.abs(other).max(), 1e-6)
+            if column != "linear_solves":
+                np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * scale, err_msg=f"{name} {column}")
