@@ -17,7 +17,7 @@ from signorini_fx.scene.reading import parse_scene
 
 SCHEMA = json.loads((resources.files("signorini_fx") / "results" / "summary.schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"
+PAGES = [Path(__file__).parent.parent / "docs" / name for name in ("results.md", "in-space.md")]
 
 
 def standing(push, law, press=1.0):
@@ -132,9 +132,9 @@ def test_what_is_not_described(written, place):
 
 
 def test_the_schema():
-    """It is a schema; all its keys are in the guide, and its version is that of the summary."""
+    """It is a schema; all its keys are in the reference, and its version is that of the summary."""
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    text = GUIDE.read_text(encoding="utf-8")
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     assert {key for key in SCHEMA["properties"] if f"`{key}`" not in text} == set()
     for key in ("resultants", "contact_boundaries"):
         assert {k for k in SCHEMA["properties"][key]["items"]["properties"] if f"`{k}`" not in text} == set()

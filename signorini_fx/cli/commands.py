@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
@@ -11,8 +12,10 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signorini_fx.cli.completion import completion_script
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.cli.options import overrides
+from signorini_fx.cli.options import overrides, parser
+from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 
 if TYPE_CHECKING:
@@ -57,20 +60,36 @@ def solve(options: argparse.Namespace) -> int:
         files.write_results(solution, path / files.LAST_LEVEL, fields=fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
 
+    line = ProgressLine()
+
+    def show(record: Any) -> None:
+        line.erase()
+        parallel.log_on_root(comm, table_row(record))
+
     observers: list[Callable[[Any], None]] = [progress]
     if not options.quiet:
-        observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
+        observers.append(show)
+    # Watched on all ranks or on none, shown by the one that has the terminal.
+    watched = parallel.on_root(comm, lambda: not options.quiet and sys.stderr.isatty())
+    watcher = (line if parallel.is_root(comm) else lambda _: None) if watched else None
     try:
         with ResultFolder(comm, path) as folder:
-            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
+            try:
+                solution = solver.solve(
+                    scene, comm, check=False, observers=observers, on_level=write_level, on_progress=watcher
+                )
+            finally:
+                line.erase()
             progress.solved = True
-            summary = files.write_results(solution, folder, fields=fields, pictures=not options.no_pictures)
+            pictures = False if options.no_pictures else options.picture or True
+            summary = files.write_results(solution, folder, fields=fields, pictures=pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
+        advice = f": {solution.status.advice}" if options.quiet else ""  # it stands in the summary otherwise
+        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}{advice}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 
@@ -214,6 +233,11 @@ def mesh_file(options: argparse.Namespace) -> str:
         return render(mesh_info(mesh), str(options.target))
     info = mesh_info(read_file(options.file, size=options.size))
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
+
+
+def completion(options: argparse.Namespace) -> str:
+    """The script that completes the command line."""
+    return completion_script(parser(), options.shell)
 
 
 def schema(options: argparse.Namespace) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
+from signorini_fx.cli.completion import SHELLS
 from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
@@ -74,6 +75,12 @@ def parser() -> argparse.ArgumentParser:
     )
     fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    solve.add_argument(
+        "--picture",
+        action="append",
+        choices=("pressure", "principal", "displacement", "density"),
+        help="field to draw on the deformed body beside the von Mises stress; may be repeated",
+    )
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
@@ -106,6 +113,8 @@ def parser() -> argparse.ArgumentParser:
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
+    completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
+    completion.add_argument("shell", choices=SHELLS, help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 

@@ -109,8 +109,9 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     contact = solution.contact
     assert contact is not None
     columns = table.columns
-    acting = columns["bound"] > 0
     touching = columns["state"] != "open"
+    # Tresca friction acts on open nodes too, which are no zone of the contact.
+    acting = (columns["bound"] > 0) & touching
     contact_force, friction_force = contact.forces
     zones = {
         "contact": table.zones(touching),
@@ -194,6 +195,14 @@ def table_row(record: IterationRecord | OuterRecord | str) -> str:
     return header + numbers
 
 
+def print_progress(record: IterationRecord | OuterRecord | str) -> None:
+    """An observer for ``solve``: prints each linear solve, each regularised problem and each event as one line.
+
+    Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
+    """
+    parallel.log_on_root(MPI.COMM_WORLD, table_row(record))
+
+
 def render(summary: dict[str, Any]) -> str:
     """The summary for a terminal."""
     lines = [
@@ -223,7 +232,7 @@ def render(summary: dict[str, Any]) -> str:
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
             *(
-                f"  {name:16s} {_force(summary, key, ('contact_moment', 'friction_moment'))}, about the origin"
+                f"  {name:16s} {_force(summary, key)}, about the origin"
                 for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
                 if key in summary
             ),
@@ -248,9 +257,10 @@ def render(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _force(summary: dict[str, Any], name: str, both: tuple[str, str] = ("contact_force", "friction_force")) -> str:
-    """A resultant; components that are round-off of the forces or moments at work count as nought."""
-    size = float(np.abs([summary[one] for one in both]).max())
+def _force(summary: dict[str, Any], name: str) -> str:
+    """A resultant force or moment; components that are round-off of those at work count as zero."""
+    kind = name.partition("_")[2]
+    size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
