@@ -294,6 +294,21 @@ def test_where_nothing_can_be_said():
     assert linear.overturning is None
 
 
+def test_what_is_not_a_number():
+    """A solve that failed may leave anything behind: then there are no rows, and no figure is made up."""
+    solution = alone(plane(body_force={"y": -1.0}, contact={"boundary": "bottom", "friction": COULOMB}))
+    assert repr(solution.resultants) == "<Resultants: bottom; of(boundary), body_force(), every()>"
+    assert solution.resultants._repr_html_().count("<tr>") == 3
+    solution.displacement.x.array[:] = np.nan
+    solution.contact.pressure[:] = np.nan
+    solution.contact.shear[:] = np.nan
+    assert solution.resultants.as_rows() == []
+    assert solution.overturning is None
+    assert solution.contact_figures[0].sliding_safety is None
+    found = solution.stress.as_dict()
+    assert (found["recovered"], found["error"]) == (None, None)
+
+
 def test_mistakes():
     """A boundary that the mesh has not, and a point of another dimension."""
     found = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0})).resultants

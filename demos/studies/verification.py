@@ -284,7 +284,54 @@ def incompressible() -> Iterator[Row]:
             yield Row(benchmark, quantity, "Q2 on 90 x 30", reference, ours, 5e-3)
 
 
-BENCHMARKS = (patch_tests, hertz, example1, friction, incompressible)
+def stresses() -> Iterator[Row]:
+    """A quarter of a cylinder in plane strain under internal pressure: the extremes of Lame's stress, at the bore."""
+    outer, inner, pressure, poisson = 3.0, 1.5, 2.0, 0.3
+    parameters = {"radius": outer, "thickness": outer - inner, "angle": 90.0, "symmetric": True}
+    parameters |= {"size": 0.1, "contact_size": 0.1, "order": 2}
+    solution = alone(
+        parse_scene(
+            {
+                "mesh": {"generator": "ring_segment", "parameters": parameters},
+                "element": {"degree": 2},
+                "material": {"young": 1000.0, "poisson": poisson},
+                "displacement": [{"boundary": name, "normal": 0.0} for name in ("symmetry", "right")],
+                "traction": {"boundary": "inner", "pressure": pressure},
+            }
+        )
+    )
+    mean = pressure * inner**2 / (outer**2 - inner**2)
+    hoop, radial, out = mean * (1 + (outer / inner) ** 2), -pressure, 2 * poisson * mean
+    mises = math.sqrt(((hoop - radial) ** 2 + (radial - out) ** 2 + (out - hoop) ** 2) / 2)
+    found = solution.stress.recovered
+    for name, exact, ours in (
+        ("largest von Mises stress", mises, found.largest().value),
+        ("largest principal stress", hoop, found.largest("principal", 0).value),
+        ("smallest principal stress", radial, found.smallest().value),
+        ("largest stress out of the plane", out, found.largest("zz").value),
+    ):
+        yield Row("Cylinder under pressure, P2", f"{name}, recovered", "Lame's formula", exact, ours, 2e-3)
+    # Half of the body: the pressure on the cut of the bore.
+    held = solution.resultants.of("symmetry")
+    yield Row(
+        "Cylinder under pressure, P2", "force on the cut", "statics", pressure * inner, float(-held.force[0]), 1e-9
+    )
+
+
+def standing() -> Iterator[Row]:
+    """A block that its weight holds against a push at half its height."""
+    push = 0.2 * FRICTION * LOAD * 3.0
+    solution = alone(block({"traction": [{"boundary": "top", "y": -LOAD}, {"boundary": "left", "x": push}]}))
+    (foot,), tipping = solution.contact_figures, solution.overturning
+    assert tipping is not None
+    assert tipping.safety is not None
+    assert foot.sliding_safety is not None
+    exact = 3.0 * LOAD * 1.5 / (push / 2)
+    yield Row("A block that is pushed", "safety against overturning", "statics", exact, tipping.safety, 1e-8)
+    yield Row("A block that is pushed", "safety against sliding", "F N over the push", 5.0, foot.sliding_safety, 1e-8)
+
+
+BENCHMARKS = (patch_tests, hertz, example1, friction, incompressible, stresses, standing)
 
 
 def rows() -> list[Row]:

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.contact.state import ContactState
-from signorini_fx.display import clean
+from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces
@@ -79,7 +79,7 @@ class _Forces:
     values: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
 
@@ -100,6 +100,14 @@ class Resultants:
     displacement: fem.Function
     contact: ContactState | None
     place: float
+
+    def __repr__(self) -> str:
+        return f"<Resultants: {', '.join(self._names)}; of(boundary), body_force(), every()>"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks; collective."""
+        rows = [[str(value) for value in row.values()] for row in self.as_rows()]
+        return html_table(("boundary", "acts", "force", "moment", "about", "acts at"), rows, "resultants on the body")
 
     def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
         """What acts through a named boundary; zero where nothing does; collective.
@@ -122,9 +130,7 @@ class Resultants:
 
     def every(self) -> list[Resultant]:
         """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
-        scene = self.scene
-        names = [e.boundary for e in scene.displacement] + [e.boundary for e in (*scene.traction, *scene.contact)]
-        found = [self.of(name) for name in dict.fromkeys(names)]
+        found = [self.of(name) for name in self._names]
         return [*found, *([self.body_force()] if self.scene.body_force is not None else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
@@ -134,6 +140,13 @@ class Resultants:
         found = self.every()
         size = max((one.size[0] for one in found), default=0.0), max((one.size[1] for one in found), default=0.0)
         return [one.as_dict(size, self.tagged.size) for one in found]
+
+    @property
+    def _names(self) -> list[str]:
+        """The boundaries through which something acts."""
+        scene = self.scene
+        names = [e.boundary for e in scene.displacement] + [e.boundary for e in (*scene.traction, *scene.contact)]
+        return list(dict.fromkeys(names))
 
     @cached_property
     def _nodal(self) -> NodalForces:
