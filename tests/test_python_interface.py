@@ -1,5 +1,6 @@
 """The package from Python: names, help, arguments of another kind, short forms."""
 
+import inspect
 import pydoc
 
 import numpy as np
@@ -163,3 +164,10 @@ def test_points_of_a_sweep_are_short():
     """They hold whole problems."""
     (point,) = sfx.sweep(example1(coefficient=0.3, nx=12, ny=4), COMM, coefficients=[0.2])
     assert repr(point) == f"<SweepPoint 0.2: converged, {point.linear_solves} linear solves>"
+
+
+def test_signature_of_a_table():
+    """Keys and defaults, as help and a notebook show them."""
+    shown = "(*, boundary, gap=0.0, direction=None, friction=NoFriction(law='none'), kind='unilateral')"
+    assert str(inspect.signature(sfx.UnilateralContact)) == shown
+    assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, hypothesis='plane strain'")
