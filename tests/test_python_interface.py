@@ -2,6 +2,7 @@
 
 import inspect
 import pydoc
+import tempfile
 
 import numpy as np
 import pytest
@@ -171,3 +172,13 @@ def test_signature_of_a_table():
     shown = "(*, boundary, gap=0.0, direction=None, friction=NoFriction(law='none'), kind='unilateral')"
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, hypothesis='plane strain'")
+
+
+def test_pictures(tmp_path, monkeypatch):
+    """Those of a result folder, for a notebook; nothing stays behind."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    drawn = sfx.pictures(alone(example1(bound=1.5, nx=12, ny=4)))
+    assert repr(drawn) == "<Pictures: deformed, profiles, history>"
+    assert all(data.startswith(b"\x89PNG") for data in drawn.png.values())
+    assert drawn._repr_html_().count("<img") == 3
+    assert list(tmp_path.iterdir()) == []
