@@ -58,7 +58,6 @@ OUTSIDE = (
     "meshio",
     "scipy",
     "matplotlib",
-    "pyvista",
     "pydantic",
 )
 

@@ -1,15 +1,19 @@
 """The picture of the deformed body: where body and foundation are drawn, and when one panel is not enough."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
 from signorini_fx.report import deformed_body
-from signorini_fx.report.deformed_body import SHEAR_ENERGY, Foundation, deformed_mesh, magnification
+from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.report.fields import FIELDS
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))
 POINTS = np.vstack((BOTTOM, BOTTOM + np.array([0.0, 1.0])))
+OUTLINE = np.array([[0, 1], [1, 14]])
 CELLS = np.array([[k, k + 1, k + 14, k + 13] for k in range(12)])
 DOWN = np.array([0.0, -1.0])
 
@@ -20,7 +24,9 @@ def drawn(monkeypatch, gap, displacement, **options):
     monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title: kept.append((figure, title)))
     touching = gap <= -displacement[:13, 1] + 1e-12
     foundation = Foundation(BOTTOM, gap[:, None] * DOWN, touching)
-    deformed_mesh("nowhere", POINTS, CELLS, displacement, np.ones(12), foundation=foundation, **options)
+    deformed_mesh(
+        "nowhere", POINTS, CELLS, displacement, np.ones(12), outline=OUTLINE, foundation=foundation, **options
+    )
     figure, title = kept[0]
     return [axes for axes in figure.axes if axes.get_xlabel() == "$x_1$"], title
 
@@ -71,7 +77,8 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
 
 def test_an_asked_factor_makes_one_panel(monkeypatch):
     """As the figures of the paper need it, in the gray tones that the paper has."""
-    (axes,), title = drawn(monkeypatch, 0.3 * (X - 1.5) ** 2, sinking(0.001), factor=20.0, field=SHEAR_ENERGY)
+    gray = replace(FIELDS["density"], colours="gray_r")
+    (axes,), title = drawn(monkeypatch, 0.3 * (X - 1.5) ** 2, sinking(0.001), factor=20.0, field=gray)
     assert "20" in title
     (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
-    assert cells.get_cmap().name == "shear energy"
+    assert cells.get_cmap().name == "gray_r"

@@ -9,7 +9,7 @@ from scenes import alone, example1
 
 from signorini_fx.accuracy import stress_recovery as estimators
 from signorini_fx.body import material
-from signorini_fx.results.files import gather_cells
+from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.scene.model import LinearElastic
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -82,8 +82,8 @@ def test_cells_for_pictures(name, hypothesis, cell):
     assert len(middles) == len(areas)
     expected = gathered.points @ np.transpose(gradient)
     np.testing.assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    np.testing.assert_allclose(gathered.density, shear_energy(gradient, hypothesis), rtol=1e-10)
-    np.testing.assert_allclose(gathered.mises, von_mises(gradient, hypothesis), rtol=1e-10)
+    np.testing.assert_allclose(gathered.values["density"], shear_energy(gradient, hypothesis), rtol=1e-10)
+    np.testing.assert_allclose(gathered.values["von_mises"], von_mises(gradient, hypothesis), rtol=1e-10)
 
 
 @pytest.mark.mpi

@@ -12,8 +12,8 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,8 +27,10 @@ from signorini_fx import cli, parallel
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.report import load_steps, markup, pyvista_pictures, sections
+from signorini_fx.report import advice, evidence, interactive, load_steps, markup
 from signorini_fx.report import page as report
+from signorini_fx.report.digits import figure
+from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.reading import read_csv
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
@@ -141,6 +143,10 @@ class Page(HTMLParser):
     def text(self):
         return " ".join(self.texts)
 
+    @property
+    def classes(self):
+        return {name for _, kind, value in self.attributes if kind == "class" for name in value.split()}
+
     def of(self, kind):
         return [text for tag, text in self.cells if tag == kind]
 
@@ -155,24 +161,35 @@ def pictures(page):
 
 
 def test_page_is_whole(folder):
-    """Well-formed, one of each frame, readable on a phone, outcome and certificate first, links lead somewhere."""
+    """Well-formed, one of each frame, readable on a phone, results before what stands behind them; links lead on."""
     page = Page(folder)
     assert page.source.startswith("<!DOCTYPE html>")
-    for name in ("html", "head", "body", "title", "h1", "main", "style"):
+    for name in ("html", "head", "body", "title", "h1", "main"):
         assert page.tags.count(name) == 1
     assert ("meta", "content", "width=device-width, initial-scale=1") in page.attributes
     assert "@media print" in page.source
-    assert page.of("h2")[:2] == ["Outcome", "Certificate"]
+    headings = page.of("h2")
+    assert headings[:2] == ["Outcome", "Deformed body"]
+    assert headings[-1] == "Made with"
+    behind = [headings.index(name) for name in ("Price list", "Certificate", "Iteration") if name in headings]
+    assert all(
+        headings.index(name) < min(behind) for name in headings if name.startswith(("Contact", "Forces", "Load"))
+    )
     targets = {value.removeprefix("#") for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
     assert targets == page.ids
     assert len(targets) == len(page.of("h2"))
 
 
 def test_page_needs_nothing_else(folder):
-    """No script, no address, no file: pictures are in the page, each with words for those who do not see it."""
+    """No address, no file: pictures are in the page, each with words for those who do not see it; so is the library."""
     page = Page(folder)
-    assert not set(page.tags) & {"script", "link", "iframe", "object", "embed", "base", "form"}
-    assert re.findall(r"https?:|url\(|@import|//\w", re.sub(r'"data:[^"]*"', "", page.source)) == []
+    assert not set(page.tags) & {"link", "iframe", "object", "embed", "base", "form"}
+    scripts = re.findall(r"<script[^>]*>(.*?)</script>", page.source, flags=re.DOTALL)
+    own = [text for text in scripts if not text.startswith("/* dygraphs")]
+    assert len(scripts) - len(own) == ("plots" in page.classes)
+    rest = re.sub(r'"data:[^"]*"|<script[^>]*>/\* dygraphs.*?</script>', "", page.source, flags=re.DOTALL)
+    assert re.findall(r"https?:|url\(|@import|[^:]//\w|sourceMappingURL", rest) == []
+    assert all("sourceMappingURL" not in text for text in scripts)
     for tag, name, value in page.attributes:
         assert not name.startswith("on")
         if name in ("src", "href", "srcset"):
@@ -200,11 +217,12 @@ def test_numbers(folder):
         if name not in ("holds", "law"):
             assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(value, rel=0.05, abs=1e-300)
     cards = page.of("dd")
-    for key in ("max_pressure", "strain_energy"):
-        if key in summary:
-            assert f"{summary[key]:.6g}" in cards
-    if "contact_force" in summary and summary["converged"]:
-        assert f"(0, {summary['contact_force'][1]:.6g})" in cards
+    if "price_list" not in summary:
+        for key in ("max_pressure", "strain_energy"):
+            if key in summary:
+                assert f"{summary[key]:.4g}" in cards
+        if "contact_force" in summary and summary["converged"]:
+            assert f"(0, {summary['contact_force'][1]:.4g})" in cards
     assert str(summary["dofs"]) in cards
     if (folder / "history.csv").stat().st_size:
         for row in rows_of(folder / "history.csv"):
@@ -215,16 +233,16 @@ def test_numbers(folder):
     for step in summary.get("steps", []):
         assert f"{step['strain_energy']:.6g}" in cells
     for runs in summary.get("zones", {}).values():
-        assert {f"{math.dist(*run):.6g}" for run in runs} <= set(cells)
+        assert {f"{math.dist(*run):.4g}" for run in runs} <= set(cells)
 
 
 def test_sections(folders):
     """What a scene does not have is not on its page."""
     headings = {name: set(Page(folder).of("h2")) for name, folder in folders.items()}
-    assert {"Zones", "Contact boundary", "Iteration", "Load steps"} <= headings["steps"]
+    assert {"Forces and zones", "Contact boundary", "Iteration", "Load steps"} <= headings["steps"]
     assert "Price list" in headings["levels"]
     assert "Load steps" not in headings["levels"]
-    assert not {"Zones", "Contact boundary", "Iteration", "Load steps", "Price list"} & headings["linear"]
+    assert not {"Forces and zones", "Contact boundary", "Iteration", "Load steps", "Price list"} & headings["linear"]
     kinds = {name: [kind for kind, _ in pictures(Page(folder))] for name, folder in folders.items()}
     assert kinds["linear"] == ["png"]
     assert kinds["not held"] == ["png", "svg+xml"]  # no friction, no linear solve
@@ -277,13 +295,13 @@ def test_next_steps(folders):
     def said(name, **changes):
         folder = folders[name]
         contact = read_csv(folder / "contact.csv") if name != "linear" else {}
-        return " ".join(sections.next_steps({**summary_of(folder), **changes}, contact))
+        return " ".join(advice.next_steps({**summary_of(folder), **changes}, contact))
 
     failed = said("not held")
     assert "signorini-fx check" in failed
     assert "--levels" not in failed
     assert Page(folders["not held"]).text.count(Status.NOT_HELD.advice) == 1
-    assert Page(folders["two boundaries"]).text.count("made by refinement, or in Python") == 1
+    assert Page(folders["two boundaries"]).text.count("made in Python") == 1
     assert "--levels 3" in said("two boundaries")
     assert "--levels 3" not in said("steps")
     assert said("linear") == ""
@@ -318,9 +336,9 @@ def test_verdict(folders):
 def test_figures_of_the_certificate():
     """Every figure has a meaning; what the page says is judged refuses the certificate, and nothing else does."""
     zero = Certificate()
-    assert set(sections.JUDGED) == {*JUDGED, *REPORTED}
+    assert set(evidence.JUDGED) == {*JUDGED, *REPORTED}
     assert zero.holds
-    for name, (limit, meaning) in sections.JUDGED.items():
+    for name, (limit, meaning) in evidence.JUDGED.items():
         assert meaning
         assert replace(zero, **{name: 1e300}).holds == (limit is None)
         if limit is not None:
@@ -461,68 +479,129 @@ def test_one_step_is_not_kept_twice(folders):
     assert not (folders["levels"] / "contact_steps.csv").exists()
 
 
-# --- fields by pyvista -----------------------------------------------------------------------------------------------
-
-
-def body():
-    """Two triangles."""
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    return points, np.array([[0, 1, 2], [0, 2, 3]]), 0.01 * points, np.array([1.0, 2.0]), 5.0
-
-
-@pytest.mark.parametrize(
-    "module",
-    ["import os\nos.abort()\n", "raise ImportError('no libGL')\n", "import time\ntime.sleep(60)\n"],
-    ids=["ends the process", "does not load", "hangs"],
-)
-def test_pyvista_that_cannot_draw(tmp_path, monkeypatch, module):
-    """No such pictures, and no harm."""
-    (tmp_path / "pyvista.py").write_text(module, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(pyvista_pictures, "_PATIENCE", 3.0)
-    assert find_spec("pyvista") is not None
-    (tmp_path / "out").mkdir()
-    assert pyvista_pictures.draw_fields(tmp_path / "out", *body()) == []
-    assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_the_process_that_draws_finds_the_package(tmp_path, monkeypatch):
-    """Wherever it is begun, and whether the package is installed or not."""
-    begun = []
-    monkeypatch.delenv("PYTHONPATH", raising=False)
-    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: object())
-    monkeypatch.setattr(pyvista_pictures.subprocess, "run", lambda command, **options: begun.append(options["env"]))
-    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
-    assert (Path(begun[0]["PYTHONPATH"]) / "signorini_fx" / "report" / "pyvista_pictures.py").is_file()
-
-
-def test_without_pyvista(tmp_path, monkeypatch):
-    """No process is begun."""
-    monkeypatch.setattr(pyvista_pictures.importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr(pyvista_pictures.subprocess, "run", None)
-    assert pyvista_pictures.draw_fields(tmp_path, *body()) == []
-
-
-@pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed")
-def test_fields(tmp_path):
-    """Each field as a picture with colours in it, where this machine can draw at all."""
-    drawn = pyvista_pictures.draw_fields(tmp_path, *body())
-    if not drawn:
-        pytest.skip("VTK cannot draw on this machine")
-    assert drawn == [f"{stem}.png" for stem in pyvista_pictures.FIELDS]
-    for name in drawn:
-        with Image.open(tmp_path / name) as image:
-            pixels = np.asarray(image.convert("RGB")).astype(int)
-        assert np.mean(np.ptp(pixels, axis=2) > 40) > 0.2
-
-
-def test_fields_are_on_the_page(folders, tmp_path):
+def test_other_fields_are_on_the_page(folders, tmp_path):
     """Those that are in the folder, with their names."""
     copy = broken(folders["linear"], tmp_path)
     (copy / "field_density.png").write_bytes((copy / "deformed.png").read_bytes())
     report.write_report(copy)
     page = Page(copy)
     assert [kind for kind, _ in pictures(page)] == ["png", "png"]
-    assert pyvista_pictures.FIELDS["field_density"] in page.text
-    assert pyvista_pictures.FIELDS["field_displacement"] not in page.text
+    assert FIELDS["density"].label in page.text.lower()
+    assert FIELDS["displacement"].label not in page.text.lower()
+
+
+# --- digits ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (5.48123, None, "5.481"),  # nothing is known: four digits
+        (5.48123, 0.42, "5"),  # +- 2.3
+        (5.48123, 0.05, "5.5"),  # +- 0.3
+        (5.48123, 3e-4, "5.481"),  # +- 0.0016
+        (5.48123, 1e-15, "5.48123"),
+        (548123.0, 0.42, "500000"),
+        (1.23456e-7, 0.03, "1.23e-07"),
+        (9.9996, 0.001, "10.000"),
+        (20.0, 0.0, "20"),
+        (-20.0, 0.01, "-20.0"),
+        ([0.00123, -20.056], 0.01, "(0, -20.1)"),  # components are uncertain by 0.2, as the vector is
+        ([0.0, 0.0], 0.1, "(0, 0)"),
+        (math.inf, 0.1, "inf"),
+        (17, 0.3, "17"),  # a count
+        (None, 0.1, ""),
+    ],
+)
+def test_digits(value, error, text):
+    """No digit beyond the first that is uncertain."""
+    assert figure(value, error) == text
+
+
+def test_figures_have_the_digits_of_their_estimates(folders):
+    """On a page with a price list, with the error beside them."""
+    page, summary = Page(folders["levels"]), summary_of(folders["levels"])
+    row = [row for row in summary["price_list"] if not row["predicted"]][-1]
+    assert row["peak"] > 1e-3  # so that the six digits of before would be wrong
+    expected = figure(summary["max_pressure"], row["peak"])
+    assert len(expected) < len(f"{summary['max_pressure']:.6g}")
+    cards = page.of("dd")
+    assert expected in cards
+
+
+# --- curves to zoom into ---------------------------------------------------------------------------------------------
+
+
+def curves(page):
+    """The data of the plots of each boundary."""
+    found = re.findall(r'<script type="application/json">(.*?)</script>', page.source, flags=re.DOTALL)
+    return [json.loads(text) for text in found]
+
+
+def test_curves_are_those_of_the_table(folders, monkeypatch, tmp_path):
+    """Every node with its coordinate and values, at axes of their own for stresses and lengths."""
+    library(monkeypatch, tmp_path)
+    folder = broken(folders["steps"], tmp_path)
+    report.write_report(folder)
+    (data,) = curves(Page(folder))
+    contact = read_csv(folder / "contact.csv")
+    assert [panel["unit"] for panel in data["panels"]] == ["stress", "length", "stress", "length"]
+    drawn = {
+        name: np.array([row[1 + k] for row in panel["rows"]], dtype=float)
+        for panel in data["panels"]
+        for k, name in enumerate(panel["names"])
+    }
+    names = {"contact pressure": "pressure", "shear stress": "shear", "rigid foundation": "gap"}
+    names |= {"normal displacement": "u_n", "tangential displacement": "u_t", "friction bound": "bound"}
+    for name, column in names.items():
+        np.testing.assert_allclose(drawn[name], contact[column], rtol=1e-5)
+    np.testing.assert_allclose([row[0] for row in data["panels"][0]["rows"]], contact["x"], rtol=1e-5, atol=1e-12)
+    # The colours cover the boundary without gaps.
+    assert data["states"][0][0] == pytest.approx(0.0, abs=1e-12)
+    assert data["states"][-1][1] == pytest.approx(3.0)
+    assert all(one[1] == other[0] for one, other in pairwise(data["states"]))
+
+
+def library(monkeypatch, folder):
+    """Something that goes for dygraphs."""
+    place = folder / "dygraphs"
+    place.mkdir()
+    (place / "dygraph.min.js").write_text("var Dygraph = 1;\n//# sourceMappingURL=x.js.map\n", encoding="utf-8")
+    (place / "dygraph.min.css").write_text(".a{}\n/*# sourceMappingURL=x.css.map */", encoding="utf-8")
+    monkeypatch.setattr(interactive, "_PLACES", (place,))
+
+
+def test_library_is_in_the_page_with_its_licence(folders, monkeypatch, tmp_path):
+    """Only where there are curves; without the library there is no script, and the pictures are there in any case."""
+    copy = broken(folders["levels"], tmp_path)
+    monkeypatch.setattr(interactive, "_PLACES", ())
+    report.write_report(copy)
+    without = Page(copy)
+    assert "script" not in without.tags
+    assert "plots" not in without.classes
+    library(monkeypatch, tmp_path)
+    report.write_report(copy)
+    page = Page(copy)
+    assert "var Dygraph = 1;" in page.source
+    assert "Permission is hereby granted, free of charge" in page.source
+    assert pictures(page) == pictures(without)
+    linear = tmp_path / "linear.html"
+    report.write_report(folders["linear"], linear)
+    assert "script" not in linear.read_text(encoding="utf-8")
+
+
+def test_code_cannot_end_its_element():
+    """A library that contains the end tag would be taken for a part of the page."""
+    with pytest.raises(ValueError, match="ends its own element"):
+        markup.script("'</Script>'")
+
+
+# --- provenance ------------------------------------------------------------------------------------------------------
+
+
+def test_date(folders):
+    """The day on which it was solved."""
+    for folder in folders.values():
+        finished = summary_of(folder)["finished"]
+        assert datetime.now(UTC) - datetime.fromisoformat(finished) < timedelta(hours=2)
+        assert f"solved on {finished[:10]}" in Page(folder).text

@@ -26,6 +26,7 @@ from signorini_fx import cli
 from signorini_fx.errors import ResultError
 from signorini_fx.report import contact_surface, load_steps, page, sections_in_space, solid_body, view
 from signorini_fx.report.boundary_profiles import STATES
+from signorini_fx.report.digits import figure
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import outer_surface
 from signorini_fx.results.files import write_results
@@ -136,7 +137,7 @@ def test_pressure_is_that_of_the_table(folder):
         low, high = mesh.get_clim()
         assert low == 0
         assert high == pytest.approx(pressure.max())
-        assert mesh.get_cmap().name == "cividis"
+        assert mesh.get_cmap().name == "viridis_r"
         # What is coloured is what touches: every node in contact, and no facet without one.
         corners = mesh._triangulation.triangles
         used = np.unique(corners[corners < len(pressure)])
@@ -302,10 +303,14 @@ def test_outer_surface(cells):
         assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(14.0)
         middle = surface.points[surface.facets].mean(axis=1)
         assert np.einsum("ij,ij->", middle, areas) / 3 == pytest.approx(3.0)
-    scale, top = np.abs(single.displacement).max(), single.mises.max()
+    scale, top = np.abs(single.displacement).max(), single.values["von_mises"].max()
     rows = [
         np.hstack(
-            (s.points[s.facets].mean(axis=1), s.displacement[s.facets].mean(axis=1) / scale, s.mises[:, None] / top)
+            (
+                s.points[s.facets].mean(axis=1),
+                s.displacement[s.facets].mean(axis=1) / scale,
+                s.values["von_mises"][:, None] / top,
+            )
         )
         for s in (together, single)
     ]
@@ -325,7 +330,7 @@ def test_colours_of_the_body_are_its_stress():
         }
     )
     surface = outer_surface.gather_outer_surface(alone(scene))
-    np.testing.assert_allclose(surface.mises, 5.0, rtol=1e-6)  # uniaxial
+    np.testing.assert_allclose(surface.values["von_mises"], 5.0, rtol=1e-6)  # uniaxial
     rising = np.arange(1.0, len(surface.facets) + 1)
     foundation = [(np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]]), np.zeros((4, 3)))]
     figure, factor = solid_body.solid_figure(surface.points, surface.facets, surface.displacement, rising, foundation)
@@ -344,7 +349,7 @@ def test_colours_of_the_body_are_its_stress():
     which = [int(np.argmin(np.linalg.norm(middles - place, axis=1))) for place in places]
     assert sorted(which) == list(range(len(faces)))
     tones = rising[front][which] / rising[front].max()
-    ours, theirs = faces[:, :3], mpl.colormaps["cividis"](tones)[:, :3]
+    ours, theirs = faces[:, :3], mpl.colormaps["viridis_r"](tones)[:, :3]
     ours, theirs = (rgb / np.linalg.norm(rgb, axis=1, keepdims=True) for rgb in (ours, theirs))
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
     assert faces[:, :3].max(axis=1).min() > 0
@@ -419,7 +424,7 @@ def test_page(folder):
     """Well-formed, whole in itself, with the sections of space and none of the plane, and the numbers of the files."""
     found, summary = Page(folder), summary_of(folder)
     headings = found.of("h2")
-    assert headings[:2] == ["Outcome", "Certificate"]
+    assert headings[:4] == ["Outcome", "Deformed body", "Contact surface", "Forces and areas"]
     assert {"Contact surface", "Forces and areas", "Iteration", "Deformed body"} <= set(headings)
     assert not {"Zones", "Contact boundary", "Price list"} & set(headings)
     assert not set(found.tags) & {"script", "link", "iframe"}
@@ -430,13 +435,12 @@ def test_page(folder):
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):
-        shown = ", ".join(f"{0.0 if abs(c) <= 1e-9 * size else c:.6g}" for c in summary[name])
-        assert f"({shown})" in cells
-        assert f"{np.linalg.norm(summary[name]):.6g}" in cells
+        assert figure([0.0 if abs(c) <= 1e-9 * size else c for c in summary[name]]) in cells
+        assert f"{np.linalg.norm(summary[name]):.4g}" in cells
     names = [entry["boundary"] for entry in summary["scene"]["contact"]]
     start = cells.index("all" if len(names) > 1 else names[0], cells.index("both"))
     expected = [summary["areas"][name] for name in ("contact", "stick", "slip")]
-    np.testing.assert_allclose([float(area) for area in cells[start + 2 : start + 5]], expected, rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose([float(area) for area in cells[start + 2 : start + 5]], expected, rtol=5e-4, atol=1e-12)
     rows = rows_of(folder / "contact.csv")
     assert f"Every contact node, {len(rows)} rows" in found.text
     row = max(rows, key=lambda one: float(one["pressure"]))
@@ -455,11 +459,11 @@ def test_moments_and_line_of_action(folders):
     (row,) = re.findall(r"<tr><td[^>]*>\(([^)]*)\)</td><td[^>]*>([^<]*)</td></tr>", line)
     through = np.array([float(c) for c in row[0].split(",")])
     force, moment = np.array(summary["contact_force"]), np.array(summary["contact_moment"])
-    assert float(row[1]) == pytest.approx(3.0, rel=1e-5)
+    assert float(row[1]) == pytest.approx(3.0, rel=5e-4)
     along = float(row[1]) * force / np.linalg.norm(force)
-    np.testing.assert_allclose(np.cross(through, force) + along, moment, rtol=1e-4, atol=1e-4 * np.abs(moment).max())
+    np.testing.assert_allclose(np.cross(through, force) + along, moment, rtol=5e-4, atol=5e-4 * np.abs(moment).max())
     by_hand = contact["weight"] * contact["pressure"]
-    assert through[0] == pytest.approx(np.average(contact["x"], weights=by_hand), rel=1e-5)
+    assert through[0] == pytest.approx(np.average(contact["x"], weights=by_hand), rel=5e-4)
 
 
 def test_long_tables_are_folded(folders):

@@ -6,23 +6,27 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.report.deformed_body import SHEAR_ENERGY, Foundation, deformed_mesh
-from signorini_fx.results.files import gather_cells
+from signorini_fx.report.deformed_body import Foundation, deformed_mesh
+from signorini_fx.report.fields import FIELDS
+from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab
 from .report import Entry, Picture, Table, power
 from .scenes import coulomb, example1, example2, tresca
 
+_GRAYS = LinearSegmentedColormap.from_list("shear energy", ["#ffffff", "#0d0d0d"])
 _STYLE: dict[str, Any] = {
     "font.size": 8,
     "mathtext.fontset": "dejavusans",
@@ -402,8 +406,9 @@ def _deformed(stem: Path, solution: Solution) -> None:
         cells.points,
         cells.cells,
         cells.displacement,
-        cells.density,
-        field=SHEAR_ENERGY,
+        cells.values["density"],
+        outline=cells.outline,
+        field=replace(FIELDS["density"], colours=_GRAYS),
         foundation=Foundation(nodes, normals * c["gap"][:, None]),
         factor=20.0,
     )

@@ -67,8 +67,20 @@ def parser() -> argparse.ArgumentParser:
         metavar="60s|4GB",
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
-    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    fields = solve.add_mutually_exclusive_group()
+    fields.add_argument(
+        "--fields",
+        choices=("vtx", "vtu"),
+        help="format of the fields for ParaView: vtx (ADIOS2; default where dolfinx has it) or vtu",
+    )
+    fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    solve.add_argument(
+        "--picture",
+        action="append",
+        choices=("pressure", "principal", "displacement", "density"),
+        help="field to draw on the deformed body beside the von Mises stress; may be repeated",
+    )
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
@@ -99,7 +111,8 @@ def parser() -> argparse.ArgumentParser:
     for one in (convert, info):
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
     completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
     completion.add_argument("shell", choices=SHELLS, help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from signorini_fx.report.style import (
     times_power,
 )
 
+SIDES = ("contact", "friction")
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
     "open": ("#f0f0f0", "open"),
@@ -44,6 +45,8 @@ STATES = {
     "stick": ("#262626", "stick"),
     "contact": ("#8c8c8c", "in contact, no friction"),
 }
+
+_SMALL_PART = 0.5  # of a boundary: if the surroundings of the contact are less, only they are drawn
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,126 @@ class Boundary:
         """Whether a friction law acts anywhere on it."""
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
 
-    def states(self, *, of_friction: bool) -> list[str]:
-        """Keys of ``STATES``, n of them: the state in the contact, or that of the friction law wherever it acts."""
-        state, friction = self.columns["state"], self.columns["friction"]
-        without = np.where(state == "open", "open", "contact")
-        acts = friction != "none"
-        return [str(key) for key in np.where(acts, friction if of_friction else state, without)]
+    @property
+    def window(self) -> tuple[float, float] | None:
+        """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
+        low, high = float(self.coordinate.min()), float(self.coordinate.max())
+        inside = self.coordinate[np.asarray(self.columns["state"]) != "open"]
+        if not inside.size:
+            return None
+        first, last = float(inside.min()), float(inside.max())
+        spacing = (high - low) / max(len(self.coordinate) - 1, 1)
+        around = 0.75 * (last - first) + 2 * min(spacing, 0.02 * (high - low))
+        first, last = max(first - around, low), min(last + around, high)
+        return (first, last) if last - first < _SMALL_PART * (high - low) else None
+
+    def near(self) -> Boundary:
+        """The nodes in the window; the whole boundary if there is none."""
+        if self.window is None:
+            return self
+        first, last = self.window
+        rows = np.flatnonzero((self.coordinate >= first) & (self.coordinate <= last))
+        piece = np.searchsorted(self.starts, rows, side="right")
+        starts = [0, *(int(k) + 1 for k in np.flatnonzero((np.diff(rows) > 1) | (np.diff(piece) > 0)))]
+        columns = {key: np.asarray(column)[rows] for key, column in self.columns.items()}
+        return Boundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
+
+    def states(self) -> list[str]:
+        """Keys of ``STATES``, n of them: the state in the contact.
+
+        Tresca friction acts on open nodes too, where stick and slip would only confuse.
+        """
+        state = self.columns["state"]
+        closed = np.where(self.columns["friction"] != "none", state, "contact")
+        return [str(key) for key in np.where(state == "open", "open", closed)]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One quantity along a boundary.
+
+    Attributes:
+        name: in words.
+        symbol: for mathtext.
+        values: at the nodes, shape (n,).
+        style: of the line.
+    """
+
+    name: str
+    symbol: str
+    values: Floats
+    style: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Quantities of one unit, drawn on one axis.
+
+    Attributes:
+        unit: stress or length.
+        curves: the most important one first.
+        reach: what lies further from zero is cut off.
+        least: what the axis shows at least, so that round-off looks like zero.
+    """
+
+    unit: str
+    curves: Sequence[Curve]
+    reach: float = math.inf
+    least: float = 0.0
+
+    @property
+    def power(self) -> int:
+        """The power of ten that the figures at the axis are multiplied by."""
+        largest = min(largest_of(*(curve.values for curve in self.curves)), self.reach)
+        return decimal_power(max(largest, self.least))
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Of the axis, with a margin."""
+        return _limits([curve.values for curve in self.curves], self.reach, self.least)
+
+
+def panels_of(boundary: Boundary, side: str) -> list[Panel]:
+    """What is drawn of a boundary: its stresses, and its lengths.
+
+    Args:
+        boundary: the boundary.
+        side: ``contact``: pressure, normal displacement and gap; ``friction``: shear, its bounds, tangential
+            displacement.
+    """
+    if side == "contact":
+        pressure, motion, gap = (boundary.floats(name) for name in ("pressure", "u_n", "gap"))
+        # The foundation is drawn where it is near, and its nearest point is always visible.
+        nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
+        return [
+            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER)]),
+            Panel(
+                "length",
+                [
+                    Curve("normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
+                    Curve("rigid foundation", "d", gap, LIMIT),
+                ],
+                max(2.5 * largest_of(motion), 1.2 * nearest),
+            ),
+        ]
+    shear, bound, motion = (boundary.floats(name) for name in ("shear", "bound", "u_t"))
+    # A bound that is never reached, or that is practically infinite, should not flatten the shear.
+    bounds = [
+        Curve("friction bound", r"\pm\,\mathfrak{F}\,g", bound, LIMIT),
+        Curve("friction bound, other direction", "", -bound, LIMIT),
+    ]
+    return [
+        Panel(
+            "stress",
+            [Curve("shear stress", r"\mu", shear, MULTIPLIER), *bounds],
+            10 * largest_of(shear) or math.inf,
+        ),
+        Panel(
+            "length",
+            [Curve("tangential displacement", r"\tau_T\,\mathbf{y}", motion, MOTION)],
+            least=1e-4 * largest_of(motion, boundary.floats("u_n")),
+        ),
+    ]
 
 
 def boundary_profiles(
@@ -84,54 +201,68 @@ def boundary_profiles(
     table: Table,
     *,
     title: str = "",
-    sides: Sequence[str] = ("friction", "contact"),
+    sides: Sequence[str] = SIDES,
     suffixes: Sequence[str] = BOTH,
 ) -> None:
-    """Draw the curves along the contact boundary, as in Figures 3 and 4 of the paper, one row per boundary.
+    """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: shear stress mu, its bounds and the tangential displacement.  Right: contact pressure lambda, rigid foundation
-    and normal displacement.  Lengths are multiplied by a power of ten that the legend states.  Foundation and bounds
-    are cut off where they lie far beyond the other curves.  The colours of the strip below show, on the left, the state
-    of the friction law wherever it acts (Tresca friction acts on open nodes too), on the right the state of the
-    contact. Without friction there is only the right panel.
+    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation.  Right: shear stress
+    mu with its bounds, and below it the tangential displacement.  Stresses and lengths have axes of their own.
+    Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
+    contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
+    surroundings of that part are drawn, and the coordinate says so.
 
     Args:
         path_stem: where to write, without suffix.
         table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
             u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
         title: title of the picture.
-        sides: which of the two panels to draw.
+        sides: which of the two columns to draw.
         suffixes: of the files to write.
 
     Raises:
         ValueError: the table has no rows.
     """
-    boundaries = boundaries_of(table)
+    boundaries = [boundary.near() for boundary in boundaries_of(table)]
     if not boundaries:
         raise ValueError("the contact table has no rows")
     if not any(boundary.has_friction for boundary in boundaries):
         sides = ["contact"]
     with mpl.rc_context(STYLE):
-        size = (7.2 if len(sides) == 2 else 4.4, 2.95 * len(boundaries) + 0.4)
+        size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
         figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
-        grid = figure.add_gridspec(2 * len(boundaries), len(sides), height_ratios=[1, 0.055] * len(boundaries))
+        heights = [1, 0.8, 0.055] * len(boundaries)
+        grid = figure.add_gridspec(3 * len(boundaries), len(sides), height_ratios=heights)
         seen: set[str] = set()
         for i, boundary in enumerate(boundaries):
             for j, side in enumerate(sides):
                 name = boundary.name if len(boundaries) > 1 else ""
-                panel = figure.add_subplot(grid[2 * i, j])
+                upper = figure.add_subplot(grid[3 * i, j])
                 if side == "friction" and not boundary.has_friction:
-                    panel.set_axis_off()
-                    panel.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=panel.transAxes)
+                    upper.set_axis_off()
+                    upper.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=upper.transAxes)
                     continue
-                strip = figure.add_subplot(grid[2 * i + 1, j], sharex=panel)
-                (_tangential_panel if side == "friction" else _normal_panel)(panel, boundary, name)
-                states = boundary.states(of_friction=side == "friction")
+                lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
+                strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
+                for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
+                    _draw_panel(axes, boundary, panel, name if axes is upper else "")
+                states = boundary.states()
                 seen.update(states)
-                state_strip(strip, boundary, states, side)
+                state_strip(strip, boundary, states, "")
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
         finish(figure, path_stem, title, suffixes)
+
+
+def _draw_panel(axes: Axes, boundary: Boundary, panel: Panel, name: str) -> None:
+    power = panel.power
+    for curve in reversed(panel.curves):
+        label = {"label": f"{curve.name} ${curve.symbol}$"} if curve.symbol else {}
+        boundary.draw(axes, curve.values * 10.0**power, **curve.style, **label)
+    finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
+    low, high = panel.limits
+    axes.set_ylim(low * 10.0**power, high * 10.0**power)
+    axes.set_ylabel(f"{panel.unit}{times_power(power)}")
 
 
 def state_patches(states: set[str]) -> list[Patch]:
@@ -163,56 +294,20 @@ def boundaries_of(table: Table) -> list[Boundary]:
     return found
 
 
-def _tangential_panel(axes: Axes, boundary: Boundary, name: str) -> None:
-    stresses, motion = boundary.floats("shear"), boundary.floats("u_t")
-    # A bound that is never reached, or that is practically infinite, should not flatten the other curves.
-    bound, reach = boundary.floats("bound"), 10 * largest_of(stresses)
-    stress = min(largest_of(stresses, bound), reach) if reach > 0 else largest_of(bound)
-    up, out = _powers(stress, motion, boundary)
-    shear, bound, motion = stresses * 10.0**up, bound * 10.0**up, motion * 10.0**out
-    boundary.draw(axes, bound, **LIMIT, label=rf"friction bounds $\pm\,\mathfrak{{F}}\,g${times_power(up)}")
-    boundary.draw(axes, -bound, **LIMIT)
-    boundary.draw(axes, motion, **MOTION, label=rf"tangential displacement $\tau_T\,\mathbf{{y}}${times_power(out)}")
-    boundary.draw(axes, shear, **MULTIPLIER, label=rf"shear stress $\mu${times_power(up)}")
-    reach = max(10 * largest_of(shear), 2.5 * largest_of(motion)) or largest_of(bound)
-    finish_panel(axes, boundary, name, [shear, motion, bound, -bound], reach)
-    axes.set_ylabel(f"stress{times_power(up)},  length{times_power(out)}")
-
-
-def _normal_panel(axes: Axes, boundary: Boundary, name: str) -> None:
-    pressure, gap, motion = boundary.floats("pressure"), boundary.floats("gap"), boundary.floats("u_n")
-    up, out = _powers(largest_of(pressure), motion, boundary)
-    pressure, gap, motion = pressure * 10.0**up, gap * 10.0**out, motion * 10.0**out
-    boundary.draw(axes, gap, **LIMIT, label=f"rigid foundation $d${times_power(out)}")
-    boundary.draw(axes, motion, **MOTION, label=rf"normal displacement $\tau_N\,\mathbf{{y}}${times_power(out)}")
-    boundary.draw(axes, pressure, **MULTIPLIER, label=rf"contact pressure $\lambda${times_power(up)}")
-    # The foundation is drawn where it is near, and its nearest point is always visible.
-    reach = max(
-        2.5 * largest_of(pressure, motion), 1.2 * float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
-    )
-    finish_panel(axes, boundary, name, [pressure, motion, gap], reach)
-    axes.set_ylabel(f"stress{times_power(up)},  length{times_power(out)}")
-
-
-def _powers(stress: float, motion: Floats, boundary: Boundary) -> tuple[int, int]:
-    """Powers of ten for stresses and lengths: alike in size within a factor of about 3, and readable.
-
-    A motion that is negligible compared with the whole displacement (stick everywhere) should look like zero.
-    """
-    up = decimal_power(stress)
-    length = max(largest_of(motion), 1e-4 * largest_of(boundary.floats("u_n"), boundary.floats("u_t")))
-    if length == 0:
-        return up, 0
-    return up, round(math.log10(stress / length)) + up if stress > 0 else decimal_power(length)
-
-
-def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: list[Floats], reach: float) -> None:
-    """Axes and legend; what lies further from zero than ``reach`` is cut off."""
-    values = np.concatenate(curves)
-    values = np.clip(values[np.isfinite(values)], -reach, reach)
-    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+def _limits(curves: Sequence[Floats], reach: float, least: float = 0.0) -> tuple[float, float]:
+    """Of an axis, with a margin; what lies further from zero than ``reach`` is cut off."""
+    every = np.concatenate(curves)
+    every = np.clip(every[np.isfinite(every)], -reach, reach)
+    low, high = float(every.min(initial=0.0)), float(every.max(initial=0.0))
+    if max(-low, high) < least:
+        low, high = -least, least
     margin = 0.05 * (high - low) or 1.0
-    axes.set_ylim(low - margin, high + margin)
+    return low - margin, high + margin
+
+
+def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: Sequence[Floats], reach: float) -> None:
+    """Axes and legend; what lies further from zero than ``reach`` is cut off."""
+    axes.set_ylim(*_limits(curves, reach))
     low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
     axes.set_xlim(low, high if high > low else low + 1.0)
     axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)

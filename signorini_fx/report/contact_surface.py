@@ -19,7 +19,6 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.report import view
 from signorini_fx.report.boundary_profiles import STATES, state_patches
-from signorini_fx.report.deformed_body import upper_tone
 from signorini_fx.report.reading import Table
 from signorini_fx.report.style import (
     BOTH,
@@ -35,6 +34,7 @@ from signorini_fx.report.style import (
     readable,
     times_power,
 )
+from signorini_fx.report.tones import upper_tone
 
 Rows = npt.NDArray[np.int64]
 
@@ -44,7 +44,7 @@ _POLYGONS = {
     4: [[0, 1, 2, 3]],
     9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
 }
-_PRESSURES = "cividis"
+_PRESSURES = "viridis_r"
 _UNTOUCHED = "#f0f0f0"
 _TURNED = 0.3  # length of a mean normal below which a boundary counts as closed
 _ARROWS = 28  # number of arrows side by side along the longer side
@@ -185,7 +185,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     windows = [_window(side) for side in sides]
     wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > _WIDE
     columns = 2 if friction and not wide else 1
-    width = (7.2 if columns == 2 else 6.2 if wide else 4.4) - 0.4
+    width = (5.8 if columns == 2 else 5.4 if wide else 4.4) - 0.4
     heights = [
         float(np.clip((width / columns - 0.5) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
         for low, high, _ in windows

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from signorini_fx.report.reading import Table
 from signorini_fx.report.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
@@ -52,7 +52,7 @@ def iteration_history(
     size = min(3.5, max(1.2, 240 / solve.size))
     firsts = np.flatnonzero(np.diff(data["outer"])) + 1
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(min(7.2, max(4.4, 2.5 + 0.12 * solve.size)), 4.4), layout="constrained")
+        figure = Figure(figsize=(min(6.4, max(4.4, 2.5 + 0.12 * solve.size)), 4.4), layout="constrained")
         grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
         upper = figure.add_subplot(grid[0])
         lower = figure.add_subplot(grid[1], sharex=upper)
@@ -114,10 +114,12 @@ _QUANTITIES = {
 }
 
 
-def errors_against_time(
+def errors_and_costs(
     path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = BOTH
 ) -> None:
-    """Estimated errors against the time that they cost, one point per mesh; the next mesh as an open marker.
+    """Estimated errors against the unknowns, and against the time: one point per mesh, open the next one, predicted.
+
+    The time is that of all meshes up to this one, as a nested iteration needs them all.
 
     Args:
         path_stem: the files without their ending.
@@ -125,22 +127,39 @@ def errors_against_time(
         title: title of the scene.
         suffixes: of the files to write.
     """
+    costs = {"unknowns": [row["dofs"] for row in rows], "seconds, all meshes so far": _total_seconds(rows)}
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.6, 3.3), layout=ConstrainedLayoutEngine())
-        axes = figure.add_subplot()
-        for name, (label, colour, marker, style) in _QUANTITIES.items():
-            points = [(row["seconds"], row[name], row["predicted"]) for row in rows if row[name]]
-            if not points:
-                continue
-            seconds, errors, _ = zip(*points, strict=True)
-            axes.plot(seconds, errors, style, color=colour, linewidth=1.2, label=label)
-            for second, error, predicted in points:
-                face = "white" if predicted else colour
-                axes.plot([second], [error], marker, color=colour, markerfacecolor=face, markersize=4.5)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlabel("seconds for the mesh (open: the next one, predicted)")
-        axes.set_ylabel("estimated relative error")
-        axes.grid(visible=True, which="major", color=RULE, linewidth=0.4)
-        axes.legend()
+        figure = Figure(figsize=(5.4, 3.2), layout=ConstrainedLayoutEngine(wspace=0.06))
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, (name, cost) in zip(panels, costs.items(), strict=True):
+            for quantity, (label, colour, marker, style) in _QUANTITIES.items():
+                _draw_errors(axes, cost, rows, quantity, color=colour, marker=marker, linestyle=style, label=label)
+            axes.set(xscale="log", yscale="log", xlabel=name)
+            axes.set_xlim(min(cost) / 1.5, max(cost) * 1.5)
+            decades = math.log10(max(cost) / min(cost))
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades < 1.3 else (1,), numticks=8))
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.10g}".replace(",", "\N{THIN SPACE}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.grid(visible=True, which="major", color=RULE, linewidth=0.4)
+        panels[0].set_ylabel("estimated relative error")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, columnspacing=2)
         finish(figure, path_stem, title, suffixes)
+
+
+def _total_seconds(rows: Sequence[Mapping[str, Any]]) -> list[float]:
+    return list(itertools.accumulate(row["seconds"] for row in rows))
+
+
+def _draw_errors(axes: Axes, cost: Sequence[float], rows: Sequence[Mapping[str, Any]], name: str, **style: Any) -> None:
+    """One quantity: filled where it was solved, open and thin where it is predicted."""
+    known = [k for k, row in enumerate(rows) if row[name]]
+    solved = [k for k in known if not rows[k]["predicted"]]
+    if not solved:
+        return
+    axes.plot([cost[k] for k in solved], [rows[k][name] for k in solved], linewidth=1.3, markersize=4.5, **style)
+    ahead = [k for k in known if rows[k]["predicted"]]
+    if ahead:
+        way = [solved[-1], *ahead]
+        style = style | {"label": "_", "markerfacecolor": "white", "markevery": slice(1, None)}
+        axes.plot([cost[k] for k in way], [rows[k][name] for k in way], linewidth=0.6, markersize=4.5, **style)

@@ -12,17 +12,17 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from signorini_fx.report.style import INK, STYLE, Floats, decimal_power, finish, math_number, readable, times_power
+from signorini_fx.report.fields import FIELDS, Field
+from signorini_fx.report.style import INK, STYLE, Floats, finish, math_number, readable
+from signorini_fx.report.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
 _EDGE = "#9a9a9a"
-_GRAYS = LinearSegmentedColormap.from_list("shear energy", ["#ffffff", "#0d0d0d"])
 
 
 def magnification(points: Floats, displacement: Floats) -> float:
@@ -44,23 +44,6 @@ def magnification(points: Floats, displacement: Floats) -> float:
 
 def _diagonal(points: Floats) -> float:
     return float(np.hypot.reduce(np.ptp(points, axis=0))) if len(points) else 0.0
-
-
-@dataclass(frozen=True)
-class Field:
-    """A quantity with one value per cell, and how it is drawn.
-
-    Attributes:
-        label: what stands at the colour bar.
-        colours: from nothing to the most.
-    """
-
-    label: str
-    colours: Colormap
-
-
-SHEAR_ENERGY = Field("elastic shear energy density", _GRAYS)
-VON_MISES = Field("von Mises stress", mpl.colormaps["viridis_r"])
 
 
 @dataclass(frozen=True)
@@ -112,12 +95,14 @@ def deformed_mesh(
     displacement: Floats,
     values: Floats,
     *,
-    field: Field = VON_MISES,
+    outline: npt.NDArray[np.int64],
+    field: Field = FIELDS["von_mises"],
+    stress: Floats | None = None,
     foundation: Foundation | None = None,
     factor: float | None = None,
     title: str = "",
 ) -> None:
-    """Draw the deformed mesh on its foundation, a field in colours: with ``SHEAR_ENERGY`` Figures 2 and 6 of the paper.
+    """Draw the deformed mesh on its foundation, a field in colours.
 
     A displacement that is magnified needs a gap that is magnified alike, or the body would seem to enter the
     foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
@@ -130,11 +115,13 @@ def deformed_mesh(
 
     Args:
         path_stem: where to write, without suffix.
-        points: positions, length, shape (n, 2); a point may appear several times, once for each rank that has it.
-        cells: triangles or quadrilaterals, their points in order along the perimeter, shape (m, 3) or (m, 4).
+        points: positions, length, shape (n, 2); a point may appear several times.
+        cells: points of each cell in order along its perimeter, shape (m, k); more than its corners if it is curved.
         displacement: y at the points, length, shape (n, 2).
         values: the field, one value per cell, shape (m,).
+        outline: pairs of points along the boundary of the body, shape (e, 2).
         field: what it is.
+        stress: tensors at the middles of the cells, shape (m, 3, 3): their principal stresses are drawn as strokes.
         foundation: None: none is drawn.
         factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
             where one would not be true.
@@ -151,7 +138,8 @@ def deformed_mesh(
     pieces = [] if foundation is None else foundation.pieces()
     size = _diagonal(points)
     true = factor is not None or all(piece.looks_like_itself(chosen, size) for piece in pieces)
-    panels = [_Panel.of(points, cells, displacement, scale, pieces) for scale in ((chosen,) if true else (1.0, chosen))]
+    scales = (chosen,) if true else (1.0, chosen)
+    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
     if not true:
         panels[1] = replace(panels[1], with_foundation=False)
     what = f"displacement $\\times\\,{math_number(chosen)}$"
@@ -160,35 +148,26 @@ def deformed_mesh(
     else:
         remark = f"left: as it is; right: {what}, contact zone thick"
 
-    area = _areas(panels[0].corners)
-    top = upper_tone(values, area)
-    power = decimal_power(top)
+    tones = Tones(field, values, _areas(panels[0].corners))
     frames = [panel.frame() for panel in panels]
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
-    widest = 6.2 if true else 4.0
+    widest = 4.8 if true else 2.6
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(sum(widths), 3.0) + 0.8 * len(panels), height + 1.3), layout="constrained")
+        figure = Figure(figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained")
         grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
         for axes, panel, (low, high), width in zip(grid, panels, frames, widths, strict=True):
             cell_size = math.sqrt(float(np.median(_areas(panel.corners)))) * 72 * width / (high[0] - low[0])
-            body = panel.draw(axes, values * 10.0**power, top * 10.0**power, field, cell_size, frames[0])
+            panel.draw(axes, values, tones, cell_size, frames[0])
+            if stress is not None:
+                size = float(np.max(high - low)) * max(1.0, widest / width)
+                draw_principal(axes, panel.corners.mean(axis=1), stress, np.eye(2, 3), size)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x_1$", ylabel="$x_2$")
             axes.spines[:].set_visible(False)
             axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
             axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
-        bar = figure.colorbar(
-            body,
-            ax=list(grid),
-            orientation="horizontal",
-            extend="max" if float(values.max()) > 1.001 * top else "neither",
-            shrink=0.6,
-            aspect=45,
-            pad=0.02,
-        )
-        bar.ax.locator_params(nbins=6)
-        bar.set_label(f"{field.label}{times_power(power)}")
+        tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
 
 
@@ -199,6 +178,7 @@ class _Panel:
     points: Floats
     cells: npt.NDArray[np.int64]
     moved: Floats
+    outline: npt.NDArray[np.int64]
     factor: float
     pieces: list[Foundation]
     with_foundation: bool = True
@@ -209,12 +189,13 @@ class _Panel:
         points: Floats,
         cells: npt.NDArray[np.int64],
         displacement: Floats,
+        outline: npt.NDArray[np.int64],
         factor: float,
         pieces: list[Foundation],
     ) -> _Panel:
         moved = points + factor * displacement
         # A solve that failed may leave anything behind.
-        return cls(points, cells, np.where(np.isfinite(moved), moved, points), factor, pieces)
+        return cls(points, cells, np.where(np.isfinite(moved), moved, points), outline, factor, pieces)
 
     @property
     def corners(self) -> Floats:
@@ -235,23 +216,15 @@ class _Panel:
         margin = 0.035 * float(max(high - low))
         return low - margin, high + margin
 
-    def draw(
-        self,
-        axes: Axes,
-        values: Floats,
-        top: float,
-        field: Field,
-        cell_size: float,
-        whole: tuple[Floats, Floats],
-    ) -> PolyCollection:
+    def draw(self, axes: Axes, values: Floats, tones: Tones, cell_size: float, whole: tuple[Floats, Floats]) -> None:
         """The cells in colours, the outline, the foundations; or the contact zone where there are none."""
         edged = cell_size >= _VISIBLE_CELL
         # Vector cells without edges show seams in print, and a million of them take a viewer minutes.
         body = PolyCollection(
             list(self.corners),
-            array=values,
-            cmap=field.colours,
-            clim=(0.0, top),
+            array=values * 10.0**tones.power,
+            cmap=tones.field.colours,
+            norm=tones.norm,
             edgecolors=_EDGE if edged else "none",
             linewidths=min(0.4, 0.045 * cell_size) if edged else 0.0,
             antialiaseds=edged,
@@ -259,16 +232,15 @@ class _Panel:
             zorder=1,
         )
         axes.add_collection(body, autolim=False)
-        edges = self.moved[_outline(self.moved, self.cells)]
+        edges = self.moved[self.outline]
         axes.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.8, capstyle="round"), autolim=False)
         if not self.with_foundation:
             self._mark_contact(axes)
-            return body
+            return
         centres = self.points[self.cells].mean(axis=1)
         margin = 0.035 * float(np.max(whole[1] - whole[0]))
         for piece, line in zip(self.pieces, self.lines(), strict=True):
             _draw_foundation(axes, line, _side_of_body(piece.nodes, centres), margin)
-        return body
 
     def _mark_contact(self, axes: Axes) -> None:
         """A thick line along the edges of the body between two nodes in contact, where they have gone."""
@@ -298,32 +270,6 @@ def _areas(corners: Floats) -> Floats:
     x, y = corners[..., 0], corners[..., 1]
     twice: Floats = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
     return 0.5 * twice
-
-
-def upper_tone(density: Floats, area: Floats) -> float:
-    """The density drawn black: the largest or, if that is far above, the value not exceeded on 99 % of the area."""
-    finite = np.isfinite(density)
-    density, area = density[finite], area[finite]
-    largest = float(density.max(initial=0.0))
-    if not largest > 0:
-        return 1.0
-    order = np.argsort(density)
-    share = np.cumsum(area[order])
-    usual = float(density[order][np.searchsorted(share, 0.99 * share[-1])])
-    return usual if 0 < 1.5 * usual < largest else largest
-
-
-def _outline(points: Floats, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Edges that belong to one cell only, shape (e, 2); points at the same place count as one."""
-    grid = np.round((points - points.min(axis=0)) / (1e-9 * _diagonal(points) or 1.0)).astype(np.int64)
-    _, first, same = np.unique(grid[:, 0] * 2**32 + grid[:, 1], return_index=True, return_inverse=True)
-    cells = first[same.ravel()[cells]]
-    a, b = cells.ravel(), np.roll(cells, -1, axis=1).ravel()
-    _, where, count = np.unique(
-        np.minimum(a, b) * len(points) + np.maximum(a, b), return_index=True, return_counts=True
-    )
-    once = where[count == 1]
-    return np.column_stack((a[once], b[once]))
 
 
 def _draw_foundation(axes: Axes, line: Floats, side: float, length: float) -> None:

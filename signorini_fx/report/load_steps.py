@@ -122,7 +122,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
         for i in range(count):
             panel = figure.add_subplot(grid[2 * i])
             panels.append((panel, figure.add_subplot(grid[2 * i + 1], sharex=panel)))
-        used = {key for boundary in boundaries_of(table) for key in boundary.states(of_friction=False)}
+        used = {key for boundary in boundaries_of(table) for key in boundary.states()}
         patches = state_patches(used)
         figure.legend(handles=patches, loc="outside lower center", ncols=max(1, len(patches)), handlelength=1.6)
         heading = figure.suptitle(" ", fontsize=9)
@@ -135,7 +135,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     strip.clear()
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
                     panel.set_ylim(low - margin, high + margin)
-                    state_strip(strip, boundary, boundary.states(of_friction=False), "")
+                    state_strip(strip, boundary, boundary.states(), "")
                 heading.set_text(f"{title + ', ' if title else ''}step {step:.0f} of {steps[-1]:.0f}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow

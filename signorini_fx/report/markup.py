@@ -5,12 +5,13 @@ from __future__ import annotations
 import base64
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-_LONG = 40  # rows from which on a table is folded
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
@@ -30,6 +31,17 @@ def tag(name: str, *children: str, **attributes: str) -> Markup:
     if name in _VOID:
         return Markup(f"<{name}{given}>")
     return Markup(f"<{name}{given}>{joined(children)}</{name}>")
+
+
+def script(text: str, **attributes: str) -> Markup:
+    """Code, or data for it.
+
+    Raises:
+        ValueError: a browser would take a part of it only.
+    """
+    if "</script" in text.lower() or "<!--" in text:
+        raise ValueError("code that ends its own element")
+    return tag("script", Markup(text), **attributes)
 
 
 def joined(parts: Iterable[str]) -> Markup:
@@ -76,7 +88,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
 
 
 def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
-    """Columns of a CSV file; a long table is folded, a very long one shows its two ends."""
+    """Columns of a CSV file; folded; a very long one shows its two ends."""
     rows = list(zip(*columns.values(), strict=True))
     remark: list[Markup] = []
     if len(rows) > _MOST_ROWS:
@@ -84,11 +96,33 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
         text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
         remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
     names = [name.replace("_", " ") for name in columns]
-    summary = tag("summary", f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}")
-    return tag("details", summary, *remark, table(names, rows), **({"open": ""} if len(rows) <= _LONG else {}))
+    return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", *remark, table(names, rows))
+
+
+def folded(title: str, *parts: str) -> Markup:
+    """What is shown on demand only, and not printed."""
+    return tag("details", tag("summary", title), *parts)
 
 
 def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str = "still") -> Markup:
     """A figure with its data in the page itself."""
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     return tag("figure", tag("img", src=source, alt=alternative), tag("figcaption", caption), class_=class_)
+
+
+def drawn_by(
+    draw: Callable[..., None],
+    *arguments: Any,
+    caption: str,
+    suffix: str = ".svg",
+    class_: str = "still",
+    **options: Any,
+) -> Markup:
+    """A figure with what a drawing function writes: ``draw(path, *arguments, **options)``."""
+    with tempfile.TemporaryDirectory() as folder:
+        if suffix == ".svg":
+            draw(Path(folder) / "picture", *arguments, suffixes=[suffix], **options)
+        else:
+            draw(Path(folder) / f"picture{suffix}", *arguments, **options)
+        data = (Path(folder) / f"picture{suffix}").read_bytes()
+    return picture(data, "svg+xml" if suffix == ".svg" else suffix[1:], caption, caption, class_)

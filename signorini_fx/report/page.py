@@ -1,7 +1,7 @@
-"""A result folder as one page of HTML that needs no network, no other file and no script.
+"""A result folder as one page of HTML that needs no network and no other file; it can be read without scripts too.
 
 It is made from the files of ``solve``, without dolfinx: curves are drawn again from the CSV files as SVG, and the
-deformed body is the picture that ``solve`` drew.
+deformed body is the picture that ``solve`` drew.  What was found comes first, what stands behind it after that.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from typing import Any
 
 from signorini_fx import __version__
 from signorini_fx.errors import ResultError, cannot_be_written
-from signorini_fx.report import sections
-from signorini_fx.report.markup import Markup, tag
-from signorini_fx.report.reading import ResultFiles, read_summary
+from signorini_fx.report import evidence, sections
+from signorini_fx.report.advice import next_steps
+from signorini_fx.report.interactive import head
+from signorini_fx.report.markup import Markup, joined, tag
+from signorini_fx.report.reading import ResultFiles, in_space, read_summary
 
 PAGE = "report.html"
 
@@ -40,33 +42,37 @@ def page(folder: Path) -> str:
 
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
-    solid = sections.in_space(summary)
+    solid = in_space(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
-    found = {
-        "Outcome": sections.outcome(summary),
-        "Certificate": sections.certificate(summary),
-        "Scene and effects": sections.scene(summary),
-        "What to do next": tag("ul", *(tag("li", line) for line in sections.next_steps(summary, contact))),
-        "Deformed body": sections.deformed(folder, solid=solid),
-    }
+    found = {"Outcome": sections.outcome(summary), "Deformed body": sections.deformed(folder, solid=solid)}
     if contact and solid:
         from signorini_fx.report import sections_in_space
 
         facets = folder.facets(summary["contact_nodes"])
         found["Contact surface"] = sections_in_space.surface(contact, facets)
-        found["Forces and areas"] = sections_in_space.resultants(summary, contact)
+        found["Forces and areas"] = joined(
+            [sections_in_space.resultants(summary, contact), sections.forces(summary)],
+        )
     elif contact:
         found["Contact boundary"] = sections.profiles(contact)
-        found["Zones"] = sections.zones(summary)
+        found["Forces and zones"] = sections.forces(summary)
+    elif summary.get("resultants"):
+        found["Forces"] = sections.forces(summary)
     if "steps" in summary:
         found["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])))
+    lines = [tag("li", line) for line in next_steps(summary, contact)]
+    if lines:
+        found["What to do next"] = tag("ul", *lines)
     if "price_list" in summary:
-        found["Price list"] = sections.price_list(summary["price_list"])
+        found["Price list"] = evidence.price_list(summary["price_list"])
+    found["Certificate"] = evidence.certificate(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
-        found["Iteration"] = sections.history(folder, columns, dimension=3 if solid else 2)
-    found["Made with"] = sections.made_with(summary)
+        found["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if solid else 2)
+    found["Scene and effects"] = evidence.scene(summary)
+    found["Made with"] = evidence.made_with(summary)
     title = summary["title"] or name
+    day = f"solved on {summary['finished'].partition('T')[0]}" if "finished" in summary else ""
     style = Markup(resources.files("signorini_fx.report").joinpath("report.css").read_text(encoding="utf-8"))
     anchors = {heading: heading.lower().replace(" ", "-") for heading in found}
     parts = [tag("section", tag("h2", heading), text, id=anchors[heading]) for heading, text in found.items()]
@@ -77,11 +83,12 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
             tag("meta", charset="utf-8"),
             tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
             tag("title", f"{title}: {summary['status']}"),
+            *(head() if 'class="plots' in found.get("Contact boundary", "") else []),
             tag("style", style),
         ),
         tag(
             "body",
-            tag("header", tag("h1", title), tag("p", name, class_="note")),
+            tag("header", tag("h1", title), tag("p", ", ".join(filter(None, [name, day])), class_="note")),
             tag("nav", *(tag("a", heading, href=f"#{anchor}") for heading, anchor in anchors.items())),
             tag("main", *parts),
             tag("footer", tag("p", f"signorini_fx {__version__}: signorini-fx report {name}")),

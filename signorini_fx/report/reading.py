@@ -15,10 +15,13 @@ import numpy.typing as npt
 
 from signorini_fx.csv_text import as_name
 from signorini_fx.errors import ResultError
+from signorini_fx.records import Status
 
 Table = Mapping[str, npt.NDArray[Any]]
 # Columns of our files that are text even if every entry looks like a number: a boundary may be called "1".
 _TEXT_COLUMNS = frozenset({"boundary", "friction", "state", "status"})
+# The outcomes of a solution that is less accurate than required.
+SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
 _LARGEST_SUMMARY = 100_000_000  # bytes; it grows with the load steps only
 
 
@@ -101,6 +104,11 @@ def read_summary(folder: Path) -> dict[str, Any]:
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
         raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
     return summary
+
+
+def in_space(summary: Mapping[str, Any]) -> bool:
+    """Whether the body is in space, not in the plane."""
+    return bool(summary.get("dimension") == 3)
 
 
 class ResultFiles:

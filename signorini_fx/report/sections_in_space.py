@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.display import clean
-from signorini_fx.report.markup import Markup, joined, long_table, picture, table, tag
-from signorini_fx.report.sections import file_of
+from signorini_fx.report.digits import estimated_errors, figure
+from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, table, tag
 
 # Vectors of contact.csv, whose components are shown together.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}
@@ -22,8 +22,12 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     moment, twist = (np.array(summary[name], dtype=np.float64) for name in ("contact_moment", "friction_moment"))
     size = float(np.nanmax(np.abs([force, friction]), initial=0.0))
     lever = float(np.nanmax(np.abs([moment, twist]), initial=0.0))
+    error = estimated_errors(summary).get("contact_force")
     rows = [
-        (name, clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))
+        (
+            name,
+            *(figure(c, error) for c in (clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))),
+        )
         for name, f, m in (
             ("contact force", force, moment),
             ("friction force", friction, twist),
@@ -35,7 +39,7 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     if through is not None:
         extent = max(float(np.ptp(contact[axis])) for axis in "xyz")
         left = float(force @ moment / np.linalg.norm(force))
-        row = (clean(through, extent), left if abs(left) > 1e-9 * lever else 0.0)
+        row = (figure(clean(through, extent)), figure(left if abs(left) > 1e-9 * lever else 0.0))
         parts.append(table(["axis of the contact force, through", "moment about this axis"], [row]))
     names = np.asarray(contact["boundary"])
     weight, touching = np.asarray(contact["weight"]), contact["state"] != "open"
@@ -47,7 +51,8 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
         areas.append((name, *(float(weight[where].sum()) for where in parts_of)))
     if len(areas) > 1:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
-    parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], areas))
+    shown = [(name, *map(figure, sizes)) for name, *sizes in areas]
+    parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], shown))
     note = "Areas are sums of the weights of the nodes. Stick and slip where friction can act."
     return joined([*parts, tag("p", note, class_="note")])
 
@@ -60,7 +65,7 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
         "Contact pressure, shear as arrows; where friction acts, the state of each node, and slip as arrows, magnified "
         "as stated in the panel."
     )
-    drawn = picture(file_of(".svg", contact_surface, contact, facets), "svg+xml", "contact surface", caption)
+    drawn = drawn_by(contact_surface, contact, facets, caption=caption)
     note = (
         "Seen along the outward normal, through the body. Arrows of shear point where the body slips or would slip; "
         "the traction on the body is opposite."

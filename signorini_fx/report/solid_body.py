@@ -10,34 +10,31 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import Normalize, to_rgba
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from signorini_fx.report import view
-from signorini_fx.report.deformed_body import magnification, upper_tone
+from signorini_fx.report.deformed_body import magnification
+from signorini_fx.report.fields import FIELDS, Field
 from signorini_fx.report.style import (
     INK,
     MUTED,
     STYLE,
     Floats,
-    decimal_power,
     finish,
-    largest_of,
     math_number,
-    times_power,
 )
+from signorini_fx.report.tones import Tones, draw_principal
 
 Rows = npt.NDArray[np.int64]
 
 MOST_FACETS = 40_000  # of a picture: matplotlib takes seconds for them
-_COLOURS = "cividis"
 _GROUND = "#e3e3e3"
 _SHADE = 0.25  # how much darker a facet parallel to the light is than one perpendicular to it
-_SHARP = math.cos(math.radians(30.0))  # facets that turn by more than this meet in an edge
+_SHARP = math.cos(math.radians(40.0))  # facets that turn by more than this meet in an edge
 _VISIBLE_FACET = 4.0  # size from which on the edges of a facet are drawn, in 1/72 inch
-_LARGEST = 5.6  # width and height of the body, inches
+_LARGEST = 4.8  # width and height of the body, inches
 
 
 def deformed_solid(
@@ -45,24 +42,29 @@ def deformed_solid(
     points: Floats,
     facets: Rows,
     displacement: Floats,
-    mises: Floats,
+    values: Floats,
     *,
+    field: Field = FIELDS["von_mises"],
+    stress: Floats | None = None,
     foundations: Sequence[tuple[Floats, Floats]] = (),
     title: str = "",
 ) -> None:
     """Draw the outer surface of a deformed body in space, seen from the front, the right and above.
 
-    The colour is the von Mises stress, slightly darker where the surface turns away from the light.  If a singular edge
-    would leave the rest dark, the scale ends at the stress that is not exceeded on 99 % of the visible area.  Thin
+    The colour is a field, slightly darker where the surface turns away from the light.  If a singular edge would
+    leave the rest pale, the scale ends at the value that is not exceeded on 99 % of the visible area.  Thin
     lines on the body are its sharp edges, dashed ones those of the undeformed body.  A flat foundation is drawn as a
     gray plane if it is behind the body, otherwise as a frame.  The projection is parallel, without perspective.
 
     Args:
         path_stem: where to write, without suffix.
         points: positions, length, shape (n, 3).
-        facets: their points along the perimeter, counterclockwise as seen from outside, shape (m, 3) or (m, 4).
+        facets: their points along the perimeter, counterclockwise as seen from outside, shape (m, k); more than their
+            corners if they are curved.
         displacement: at the points, length, shape (n, 3).
-        mises: von Mises stress at each facet, shape (m,).
+        values: the field at each facet, shape (m,).
+        field: what it is.
+        stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
         foundations: of each contact boundary nodes and the vector d n from each to the foundation, lengths, both of
             shape (k, 3); like the displacement, d n is multiplied by the magnification.
         title: title of the picture.
@@ -71,13 +73,19 @@ def deformed_solid(
         ValueError: there are no facets.
     """
     with mpl.rc_context(STYLE):
-        figure, factor = solid_figure(points, facets, displacement, mises, foundations)
+        figure, factor = solid_figure(points, facets, displacement, values, foundations, field, stress)
         remark = f"displacement $\\times\\,{math_number(factor)}$"
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
 
 
 def solid_figure(
-    points: Floats, facets: Rows, displacement: Floats, mises: Floats, foundations: Sequence[tuple[Floats, Floats]]
+    points: Floats,
+    facets: Rows,
+    displacement: Floats,
+    values: Floats,
+    foundations: Sequence[tuple[Floats, Floats]],
+    field: Field = FIELDS["von_mises"],
+    stress: Floats | None = None,
 ) -> tuple[Figure, float]:
     """The figure that ``deformed_solid`` writes, and the magnification."""
     if not facets.size:
@@ -102,8 +110,12 @@ def solid_figure(
     for corners, normal in planes:
         normal = normal if (corners.mean(axis=0) - outside) @ normal > 0 else -normal  # away from the body
         _draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
-    power = decimal_power(largest_of(mises))
-    _draw_body(figure, axes, seen, moved, facets, mises * 10.0**power, 72 * inch, power)
+    _draw_body(figure, axes, seen, moved, facets, values, field, 72 * inch)
+    if stress is not None:
+        normals, _ = _normals(moved, facets)
+        front = normals @ seen.toward > 0.2
+        middles = seen.flat(moved[facets[front]].mean(axis=1))
+        draw_principal(axes, middles, stress[front], np.stack((seen.right, seen.up)), float(max(size)))
     at_rest = [seen.flat(points[line]) for line in view.lines_of(_edges(points, facets, seen))]
     rest = LineCollection(at_rest, colors=MUTED, linewidths=0.6, linestyles=[(0, (4, 2.5))], zorder=3, alpha=0.8)
     axes.add_collection(rest, autolim=False)
@@ -112,16 +124,15 @@ def solid_figure(
 
 
 def _draw_body(
-    figure: Figure, axes: Axes, seen: view.View, moved: Floats, facets: Rows, mises: Floats, inch: float, power: int
+    figure: Figure, axes: Axes, seen: view.View, moved: Floats, facets: Rows, values: Floats, field: Field, inch: float
 ) -> None:
     """Facets that face the viewer, the farthest first, with sharp edges between them."""
     normals, areas = _normals(moved, facets)
     front = np.flatnonzero(normals @ seen.toward > 0)
-    top = upper_tone(mises[front], areas[front])
-    tones = Normalize(0.0, top)
+    tones = Tones(field, values[front], areas[front])
     light = seen.toward + 0.5 * seen.up - 0.6 * seen.right
     shade = 1 - _SHADE * (1 - np.clip(normals[front] @ (light / np.linalg.norm(light)), 0.0, 1.0))
-    colours = mpl.colormaps[_COLOURS](tones(np.nan_to_num(mises[front])))
+    colours = mpl.colormaps.get_cmap(field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
     colours[:, :3] *= shade[:, None]
     edged = math.sqrt(float(np.median(areas))) * inch >= _VISIBLE_FACET
     lines = _edges(moved, facets, seen)
@@ -145,26 +156,13 @@ def _draw_body(
         rasterized=len(front) > 5000,
     )
     axes.add_collection(body, autolim=False)
-    bar = figure.colorbar(
-        ScalarMappable(tones, _COLOURS),
-        ax=axes,
-        orientation="horizontal",
-        extend="max" if largest_of(mises[front]) > 1.001 * top else "neither",
-        shrink=0.6,
-        aspect=45,
-        pad=0.02,
-    )
-    bar.ax.locator_params(nbins=6)
-    bar.set_label(f"von Mises stress{times_power(power)}")
+    tones.bar(figure, axes)
 
 
 def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:
     """Outward unit normals, shape (m, 3), and areas, shape (m,)."""
-    corners = points[facets]
-    if facets.shape[1] == 3:
-        twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    else:
-        twice = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
+    twice = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
     size = np.linalg.norm(twice, axis=1)
     return twice / np.maximum(size, 1e-300)[:, None], 0.5 * size
 

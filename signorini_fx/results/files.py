@@ -5,32 +5,28 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import parallel
-from signorini_fx.body.material import shear_energy_density
-from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.contact.table import contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import cannot_be_written
+from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import as_rows
-from signorini_fx.results.fields import size_of_fields, write_fields
+from signorini_fx.report.fields import FIELDS, unknown
+from signorini_fx.results.body_pictures import BodyPictures
+from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import SUMMARY, ResultFolder
-from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.values import kind_of
-
-if TYPE_CHECKING:
-    from signorini_fx.results.outer_surface import OuterSurface
 
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
@@ -39,10 +35,11 @@ LAST_LEVEL = "last_level"
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
-    *("fields.xdmf", "fields.h5", "contact.vtu"),
+    *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("contact_surface.png", "contact_surface.pdf"),
-    *("field_displacement.png", "field_density.png", "report.html"),
+    *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
+    "report.html",
     LAST_LEVEL,
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
@@ -51,47 +48,64 @@ _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
 def write_results(
-    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool = True
+    solution: Solution,
+    folder: str | Path | ResultFolder,
+    *,
+    fields: bool | str = True,
+    pictures: bool | Sequence[str] = True,
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
-        fields: write the fields for ParaView.
-        pictures: draw the deformed body, the contact boundary and the iteration history.
+        fields: write the fields for ParaView; ``vtx`` or ``vtu``: in this format.
+        pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
+            list of names, such as ``["principal", "displacement"]``: draw the deformed body with these fields too
+            (``pressure``, ``principal``, ``displacement``, ``density``).
 
     Returns:
         The summary.
 
     Raises:
         TypeError: the first argument is not a solution.
+        ValueError: there is no such format of fields.
+        InstallationError: dolfinx cannot write it.
+        ValueError: a field in ``pictures`` is not known.
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    kind = chosen_format(fields)
+    if not isinstance(pictures, bool):
+        pictures = [pictures] if isinstance(pictures, str) else list(pictures)
+        if wrong := unknown(pictures):
+            raise ValueError(f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(FIELDS)}")
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
-        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        summary = _write(solution, claimed, fields=kind, pictures=pictures)
         claimed.commit(_FILES)
     return summary
 
 
-def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool) -> dict[str, Any]:
+def _write(
+    solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool | Sequence[str]
+) -> dict[str, Any]:
     """Write everything into the hidden part of a claimed folder; collective."""
     comm, part = solution.comm, folder.part
+    asked = () if isinstance(pictures, bool) else tuple(pictures)
     table = solution.table if solution.contact is not None else None
     summary = summarise(solution, table)
     plane = solution.discretisation.tagged.dimension == 2
     # Keys that a scene in the plane, or one in space, does not have.
     summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
+    summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     steps = summary.get("steps", [])
-    if fields:
-        folder.reserve(size_of_fields(solution))
-        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+    if fields is not None:
+        folder.reserve(size_of_fields(solution, fields))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
-    gathered = gather_cells(solution) if pictures and plane else None
-    outer = _outer_surface(solution) if pictures and not plane else None
+    drawn = BodyPictures.gathered(solution, asked) if pictures is not False else None
     facets = None if plane else _contact_facets(solution)
 
     def write() -> None:
@@ -110,10 +124,8 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
                 write_csv(part / "contact_steps.csv", along_steps)
-            if gathered is not None:
-                _draw(solution, gathered, table, part)
-            if pictures and not plane:
-                _draw_in_space(solution, outer, table, part)
+            if drawn is not None:
+                drawn.draw(solution, table, part)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
@@ -198,6 +210,8 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
         return value
     if isinstance(value, Path):
         return value.name
+    if isinstance(value, TaggedMesh) and value.origin:
+        return {**describe(value.origin), "refined": True}
     return getattr(value, "text", f"<{type(value).__name__}>")
 
 
@@ -215,147 +229,3 @@ def _cell(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return as_text(value) if isinstance(value, str) else value
-
-
-def _hypothesis(solution: Solution) -> str:
-    """Plane strain or plane stress: one for the whole body."""
-    return solution.scene.material[0].hypothesis
-
-
-@dataclass(frozen=True)
-class GatheredCells:
-    """The whole mesh with its result on one rank, for a picture.
-
-    Attributes:
-        points: vertex positions, shape (n, 2); a vertex appears once for each rank that has it.
-        cells: vertices of each cell along its perimeter, shape (m, 3) or (m, 4).
-        displacement: at the points, shape (n, 2).
-        density: shear energy density, energy per volume, one value per cell (at its midpoint), shape (m,).
-        mises: von Mises stress there, shape (m,).
-    """
-
-    points: npt.NDArray[np.float64]
-    cells: npt.NDArray[np.int64]
-    displacement: npt.NDArray[np.float64]
-    density: npt.NDArray[np.float64]
-    mises: npt.NDArray[np.float64]
-
-
-def gather_cells(solution: Solution) -> GatheredCells:
-    """Vertices, cells and their values from all ranks, on the first one, and none on the others; collective."""
-    d = solution.discretisation
-    mesh = d.tagged.mesh
-    comm = solution.comm
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
-    linear.interpolate(solution.displacement)
-    density = shear_energy_density(solution.displacement, *d.lame, _hypothesis(solution))
-    both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
-    constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))
-    space = linear.function_space
-    cells = space.dofmap.list[:owned].astype(np.int64)
-    if cells.shape[1] == 4:
-        cells = cells[:, [0, 1, 3, 2]]
-    x = space.tabulate_dof_coordinates()[:, :2]
-    counts = comm.allgather(x.shape[0])
-    cells += sum(counts[: comm.rank])
-    per_cell = parallel.rows_on_root(
-        comm, constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[:owned, 0]]
-    )
-    return GatheredCells(
-        parallel.rows_on_root(comm, x),
-        parallel.rows_on_root(comm, cells),
-        parallel.rows_on_root(comm, linear.x.array.reshape(-1, 2)[: x.shape[0]]),
-        per_cell[:, 0],
-        per_cell[:, 1],
-    )
-
-
-def _draw(solution: Solution, gathered: GatheredCells, table: ContactTable | None, folder: Path) -> None:
-    # matplotlib takes a while to import
-    from signorini_fx.report.boundary_profiles import boundary_profiles
-    from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
-    from signorini_fx.report.pyvista_pictures import draw_fields
-    from signorini_fx.report.style import plain
-
-    title = plain(solution.scene.title)
-    foundation = None
-    if table is not None:
-        c = table.columns
-        foundation = Foundation(
-            np.column_stack((c["x"], c["y"])),
-            np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None],
-            c["state"] != "open",
-        )
-    deformed_mesh(
-        folder / "deformed",
-        gathered.points,
-        gathered.cells,
-        gathered.displacement,
-        gathered.mises,
-        foundation=foundation,
-        title=title,
-    )
-    factor = magnification(gathered.points, gathered.displacement)
-    draw_fields(folder, gathered.points, gathered.cells, gathered.displacement, gathered.density, factor)
-    if table is not None:
-        boundary_profiles(folder / "profiles", table.columns, title=title)
-    _draw_course(solution, folder)
-
-
-def _draw_course(solution: Solution, folder: Path) -> None:
-    """The convergence history for a picture."""
-    from signorini_fx.report.convergence import errors_against_time, iteration_history
-    from signorini_fx.report.style import plain
-
-    dimension = solution.discretisation.tagged.dimension
-    if solution.history.iterations:
-        iteration_history(folder / "history", as_rows(solution.history.iterations), dimension=dimension)
-    if solution.price_list:
-        errors_against_time(folder / "price_list", as_rows(solution.price_list), title=plain(solution.scene.title))
-
-
-def _outer_surface(solution: Solution) -> OuterSurface | None:
-    """The data for the picture of a body in space; None if there are too many facets; collective."""
-    from signorini_fx.report.solid_body import MOST_FACETS
-    from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
-
-    count = outer_facets(solution)
-    if count <= MOST_FACETS:
-        return gather_outer_surface(solution)
-    parallel.log_on_root(
-        solution.comm,
-        f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView",
-    )
-    return None
-
-
-def _draw_in_space(solution: Solution, outer: OuterSurface | None, table: ContactTable | None, folder: Path) -> None:
-    from signorini_fx.report.contact_surface import contact_surface
-    from signorini_fx.report.reading import read_facets
-    from signorini_fx.report.solid_body import deformed_solid
-    from signorini_fx.report.style import plain
-
-    title = plain(solution.scene.title)
-    if outer is not None:
-        foundations = foundations_of(table.columns) if table is not None else []
-        deformed_solid(
-            folder / "deformed",
-            outer.points,
-            outer.facets,
-            outer.displacement,
-            outer.mises,
-            foundations=foundations,
-            title=title,
-        )
-    if table is not None:
-        contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
-    _draw_course(solution, folder)
-
-
-def foundations_of(c: Mapping[str, Any]) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
-    """Nodes of each contact boundary in space and the vectors d n from there to the foundation, both (k, 3)."""
-    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
-    offset = normals * np.asarray(c["gap"])[:, None]
-    where = [c["boundary"] == name for name in dict.fromkeys(c["boundary"])]
-    return [(nodes[rows], offset[rows]) for rows in where]

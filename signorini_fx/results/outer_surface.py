@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import basix
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.material import shear_energy_density
-from signorini_fx.results.interpolation import interpolated
+from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
+
+Floats = npt.NDArray[np.float64]
+_SAME = 1e-8  # of the size of the body: points that are closer are one
 
 
 @dataclass(frozen=True)
@@ -22,17 +24,17 @@ class OuterSurface:
     """The exterior facets of the body; the same on any number of ranks except for their order.
 
     Attributes:
-        points: vertex positions, length, shape (n, 3).
-        facets: vertices of each facet along its perimeter, counterclockwise as seen from outside, shape (m, 3) or
-            (m, 4).
+        points: positions, length, shape (n, 3).
+        facets: points of each facet along its perimeter, counterclockwise as seen from outside, shape (m, k): its
+            corners, and more along sides that may be curved.
         displacement: at the points, length, shape (n, 3).
-        mises: von Mises stress at the midpoint of the cell behind each facet, shape (m,).
+        values: fields at the midpoint of the cell behind each facet, see ``sampling.cell_values``.
     """
 
-    points: npt.NDArray[np.float64]
+    points: Floats
     facets: npt.NDArray[np.int64]
-    displacement: npt.NDArray[np.float64]
-    mises: npt.NDArray[np.float64]
+    displacement: Floats
+    values: Mapping[str, Floats]
 
 
 def outer_facets(solution: Solution) -> int:
@@ -43,39 +45,39 @@ def outer_facets(solution: Solution) -> int:
     return int(parallel.global_sum(solution.comm, np.array(own)))
 
 
-def gather_outer_surface(solution: Solution) -> OuterSurface:
-    """The outer surface of all ranks, on the first one, and an empty one on the others; collective."""
-    d, comm = solution.discretisation, solution.comm
-    mesh = d.tagged.mesh
-    linear = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (3,))))
-    linear.interpolate(solution.displacement)
+def gather_outer_surface(solution: Solution, fields: Sequence[str] = ()) -> OuterSurface:
+    """The outer surface of all ranks, on the first one, and an empty one on the others; collective.
+
+    Args:
+        solution: where from.
+        fields: names of the fields to compute beside von Mises stress and shear energy density.
+    """
+    comm, mesh = solution.comm, solution.discretisation.tagged.mesh
+    mesh.topology.create_connectivity(2, 3)
     entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
-    space, cells = linear.function_space, entities[:, 0]
-    layout = space.dofmap.dof_layout
-    sides = 4 if space.dofmap.list.shape[1] == 4 else 6
-    closures = np.array([layout.entity_closure_dofs(2, side) for side in range(sides)], dtype=np.int64)
-    if sides == 6:
-        closures = closures[:, [0, 1, 3, 2]]
-    nodes = space.dofmap.list[cells[:, None], closures[entities[:, 1]]].astype(np.int64)
-    x = space.tabulate_dof_coordinates()
-    corners, middle = x[nodes], x[space.dofmap.list[cells]].mean(axis=1)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inwards = np.einsum("ij,ij->i", normal, corners.mean(axis=1) - middle) < 0
-    nodes[inwards] = nodes[inwards][:, ::-1]
+    kind = getattr(basix.CellType, mesh.topology.cell_name())
+    count = sampling.pieces(solution)
+    corners, sides = basix.geometry(kind), basix.topology(kind)[2]
+    per_facet = count * len(sides[0])
+    x, u = np.zeros((2, len(entities), per_facet, 3))
+    for side, vertices in enumerate(sides):
+        here = entities[:, 1] == side
+        around = sampling.perimeter(corners[[vertices[k] for k in sampling.PERIMETER[len(vertices)]]], count)
+        x[here] = sampling.positions(solution, around, entities[here, 0])
+        u[here] = sampling.values_at(solution.displacement, around, entities[here, 0])
+    middle = sampling.positions(solution, corners.mean(axis=0)[None], entities[:, 0])[:, 0]
+    normal = np.cross(x[:, count] - x[:, 0], x[:, 2 * count] - x[:, 0])
+    inwards = np.einsum("ij,ij->i", normal, x.mean(axis=1) - middle) < 0
+    x[inwards], u[inwards] = x[inwards][:, ::-1], u[inwards][:, ::-1]
 
-    used, local = np.unique(nodes, return_inverse=True)
-    numbers = space.dofmap.index_map.local_to_global(used.astype(np.int32)).astype(np.int64)
-    values = np.column_stack((x[used], linear.x.array.reshape(-1, 3)[used]))
-    facets = parallel.rows_on_root(comm, numbers[local.reshape(nodes.shape)])
-    every, first = np.unique(parallel.rows_on_root(comm, numbers), return_index=True)
-    values = parallel.rows_on_root(comm, values)[first]
-    mises = parallel.rows_on_root(comm, _von_mises(solution, cells))
-    return OuterSurface(values[:, :3], np.searchsorted(every, facets), values[:, 3:], mises)
-
-
-def _von_mises(solution: Solution, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """Von Mises stress at the midpoints of cells of this rank."""
-    d = solution.discretisation
-    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
-    constant = interpolated(ufl.sqrt(6 * d.lame[1] * density), fem.functionspace(d.tagged.mesh, ("DG", 0)))
-    return np.asarray(constant.x.array[constant.function_space.dofmap.list[cells, 0]])
+    both = parallel.rows_on_root(comm, np.concatenate((x, u), axis=2).reshape(-1, 6))
+    size = float(np.ptp(both[:, :3], axis=0).max()) if len(both) else 1.0
+    places = np.round(both[:, :3] / (_SAME * size)).astype(np.int64)
+    _, first, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    values = sampling.cell_values(solution, entities[:, 0], fields)
+    return OuterSurface(
+        both[first, :3],
+        number.reshape(-1, per_facet).astype(np.int64),
+        both[first, 3:],
+        {name: parallel.rows_on_root(comm, rows) for name, rows in values.items()},
+    )

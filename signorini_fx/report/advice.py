@@ -1,0 +1,71 @@
+"""What to do with a result."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.records import FEW_NODES, Status
+from signorini_fx.report.digits import percent
+from signorini_fx.report.reading import SHORT_OF_ACCURACY, in_space
+
+
+def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
+    """What to do with this result, most urgent first.
+
+    Args:
+        summary: the content of summary.json.
+        contact: columns of contact.csv; empty without contact.
+    """
+    advice = []
+    if summary["status"] != Status.CONVERGED.value:
+        advice.append(
+            "The first thing to do is stated at the top. Before the next solve, signorini-fx check SCENE reports what "
+            "may go wrong, and why."
+        )
+        if summary["status"] not in SHORT_OF_ACCURACY:
+            return advice
+    prices = summary.get("price_list", [])
+    if prices:
+        *_, last, following = prices
+        errors = {name: last[name] for name in ("energy", "pressure", "force", "zone", "peak") if last[name]}
+        told = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
+        cost = f"{following['seconds']:.2g} s and {following['memory']:.0f} MB, {following['dofs']} unknowns"
+        energy = f", energy error then {percent(following['energy'])}" if following["energy"] else ""
+        advice.append(f"Estimated errors of this mesh: {told}. The next one would take about {cost}{energy}.")
+        if last["energy"] and last["regularisation"] > 0.2 * last["energy"]:
+            advice.append(
+                "The regularisation takes a notable part of the error: raise solver.gamma_n and solver.gamma_t, or "
+                "take solver.algorithm = 'path-following' or 'exact'."
+            )
+    elif contact and "steps" not in summary:
+        advice.append(
+            "How accurate this is has not been estimated: solve on a finer mesh as well, and compare."
+            if in_space(summary)
+            else "How accurate this is has not been estimated: solve with --levels 3 (a mesh from a generator), or ask "
+            "for an accuracy, as with --accuracy 0.05."
+        )
+    if contact:
+        runs = _zone_sizes(contact)
+        if runs and min(runs) < FEW_NODES:
+            advice.append(
+                f"A contact zone has only {min(runs)} node{'s' * (min(runs) > 1)}: refine there before its ends or "
+                "its largest pressure are used."
+            )
+        if np.any(contact["bound"] > 0) and not np.any(contact["friction"] == "stick"):
+            advice.append("Every node with friction slips: friction is at its limit.")
+    if summary.get("fields"):
+        advice.append(f"Look at the fields in ParaView: {', '.join(summary['fields'])}.")
+    return advice
+
+
+def _zone_sizes(contact: dict[str, Any]) -> list[int]:
+    """The number of nodes in contact in each zone of a curve, in space on each boundary in contact."""
+    closed = contact["state"] != "open"
+    if "s" not in contact:
+        return [int(count) for count in np.unique(contact["boundary"][closed], return_counts=True)[1]]
+    # The arc length starts again with each connected piece, and so with each boundary.
+    piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
+    return [len(list(run)) for (_, touching), run in groupby(zip(piece, closed, strict=True)) if touching]

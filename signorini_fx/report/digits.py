@@ -1,0 +1,67 @@
+"""Numbers with the digits that their error estimates allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+# Digits of a figure without an estimate, and the most that are shown of one with an estimate.
+_UNKNOWN, _MOST = 4, 6
+# Figure of the summary -> the estimate of the price list that is its own.
+_ESTIMATES = {"contact_force": "force", "friction_force": "force", "max_pressure": "peak", "max_shear": "pressure"}
+
+
+def estimated_errors(summary: Mapping[str, Any]) -> dict[str, float]:
+    """Estimated relative errors of figures of the summary, of those that have an estimate.
+
+    That of the strain energy is the square of the error in the energy norm.
+    """
+    solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
+    if not solved:
+        return {}
+    found = {name: solved[-1].get(own) for name, own in _ESTIMATES.items()}
+    energy = solved[-1].get("energy")
+    found["strain_energy"] = None if energy is None else energy**2
+    return {name: float(error) for name, error in found.items() if error is not None}
+
+
+def figure(value: Any, error: float | None = None) -> str:
+    """A number or a vector, rounded at the first digit that is uncertain.
+
+    Args:
+        value: a number, or components, which are rounded alike.
+        error: estimated error relative to its size; None: not known, four digits are shown.
+    """
+    if isinstance(value, list | tuple):
+        size = math.hypot(*value)
+        return f"({', '.join(_rounded(component, size, error) for component in value)})"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return "" if value is None else str(value)
+    if isinstance(value, int):
+        return str(value)
+    return _rounded(value, abs(value), error)
+
+
+def _rounded(value: float, size: float, error: float | None) -> str:
+    if not (math.isfinite(value) and math.isfinite(size)):
+        return f"{value}"
+    if value == 0 or size == 0:
+        return "0"
+    largest = math.floor(math.log10(size))
+    uncertain = largest - _MOST + 1 if error == 0 else largest - _UNKNOWN + 1
+    if error:
+        uncertain = max(math.floor(math.log10(error * size) + 1e-9), largest - _MOST + 1)
+    rounded = round(value, -uncertain)
+    if rounded == 0:
+        return "0"
+    if error is None or error <= 10.0 ** (1 - _MOST):  # zeros at the end say nothing about an error
+        return f"{rounded:.{_MOST}g}"
+    if not -4 <= largest < _MOST:
+        return f"{rounded:.{max(math.floor(math.log10(abs(rounded))) - uncertain, 0)}e}"
+    return f"{rounded:.{max(-uncertain, 0)}f}"
+
+
+def percent(error: float) -> str:
+    """A relative error with two digits."""
+    return f"{100 * error:.2g} %" if error > 1e-5 else "below 0.001 %"

@@ -1,0 +1,166 @@
+"""The sections on how a result was found and why it may be trusted: certificate, prices, iteration, scene, versions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.report.markup import Markup, drawn_by, folded, is_number, joined, long_table, shown, table, tag
+from signorini_fx.report.reading import ResultFiles
+
+# Every figure of the certificate: its limit, None if it is only reported, and its meaning.
+JUDGED: dict[str, tuple[float | None, str]] = {
+    "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
+    "supports": (CERTIFICATE_TOLERANCE, "largest difference from a prescribed displacement"),
+    "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
+    "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
+    "wrong_way_slip": (CERTIFICATE_TOLERANCE, "slip in the direction of the friction force"),
+    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond that allowed by the law"),
+    "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
+    "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
+    "displacement": (None, "largest displacement over the size of the body"),
+    "penetration": (None, "deepest penetration; the regularised law allows pressure / gamma_n"),
+    "complementarity": (None, "largest product of pressure and distance"),
+    "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
+}
+
+
+def certificate(summary: dict[str, Any]) -> Markup:
+    """Every figure of the certificate beside its limit."""
+    rows, classes = [], []
+    for name, value in summary["certificate"].items():
+        if name in ("holds", "law"):
+            continue
+        limit, meaning = JUDGED.get(name, (None, ""))
+        missed = limit is not None and not (is_number(value) and value <= limit)
+        verdict = "reported" if limit is None else "violated" if missed else "holds"
+        judged = "" if limit is None else f"<= {limit:g}"
+        rows.append((_named(name.replace("_", " "), meaning), _two_digits(value), verdict, judged))
+        classes.append("missed" if missed else "")
+    law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
+    figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}
+    worst = max((name for name in figures if JUDGED.get(name, (None,))[0] is not None), key=figures.__getitem__)
+    note = (
+        "The conditions of the problem, checked after the iteration from the displacement and the contact tractions "
+        f"alone; every figure is relative: to the largest stress, deformation or force.{law}"
+    )
+    missed = "missed" in classes
+    verdict = "The certificate does NOT hold."
+    if not missed:
+        largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})"
+        verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
+    every = table(["figure", "value", "", "limit"], rows, classes)
+    parts = [tag("p", verdict), tag("p", note, class_="note")]
+    parts.append(every if missed else folded("Every figure of the certificate", every))
+    if "functionals" in summary:
+        gap = summary["functionals"]["relative_duality_gap"]
+        parts.append(tag("p", f"The relative difference of primal and dual functional is {gap:.1e}."))
+    return joined(parts)
+
+
+def scene(summary: dict[str, Any]) -> Markup:
+    """The effects of the scene, the method, and the scene as JSON."""
+    scene = summary["scene"]
+    mesh = scene["mesh"]
+    rows: list[tuple[str, str]] = []
+    if isinstance(mesh, dict) and "generator" in mesh:
+        refined = ", then divided" if mesh.get("refined") else ""
+        rows.append((_named("mesh", mesh["generator"]), f"{shown(mesh['parameters'])}{refined}"))
+    else:
+        said = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
+        rows.append(("mesh", shown(said) or "made in Python"))
+    rows.append(("element", shown(scene["element"])))
+    for kind, place in (("material", "region"), ("displacement", "boundary"), ("traction", "boundary")):
+        nothing = 0.0 if kind == "traction" else None
+        rows += [(_named(kind, entry.get(place) or ""), _data(entry, place, nothing=nothing)) for entry in scene[kind]]
+    if scene.get("body_force"):
+        rows.append(("body force", _data(scene["body_force"], nothing=0.0)))
+    for entry in scene["contact"]:
+        friction = entry.get("friction") or {"law": "none"}
+        rest = {key: value for key, value in entry.items() if key != "friction"}
+        rows.append((_named(f"{entry['kind']} contact", entry["boundary"]), _data(rest, "boundary", "kind")))
+        rows.append((_named(f"friction: {friction['law']}", entry["boundary"]), _data(friction, "law")))
+    method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
+    whole = tag("pre", json.dumps(scene, indent=1))
+    return joined(
+        [
+            table(["effect", "data"], rows),
+            tag("p", f"Method: {shown(method)}."),
+            folded("The whole scene with all defaults", whole),
+        ]
+    )
+
+
+def _named(name: str, remark: str) -> Markup:
+    """A name with a remark below it."""
+    return joined([name, tag("small", remark)] if remark else [name])
+
+
+def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = None) -> str:
+    """The text for an effect; ``nothing`` is the text for an absent load."""
+    said = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
+    factors = said.pop("factors", None)
+    return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
+
+
+def price_list(rows: list[dict[str, Any]]) -> Markup:
+    """Estimated errors and costs of each mesh."""
+    from signorini_fx.report.convergence import errors_and_costs
+
+    names = ["h", "dofs", "linear_solves", "seconds", "memory", "energy", "pressure", "force", "zone", "peak"]
+    names += ["regularisation", "iteration"]
+    shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
+    caption = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
+    note = (
+        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
+        "in space the contact area; peak: largest pressure; the parts of the energy error due to regularisation and "
+        "iteration. Memory in MB."
+    )
+    note = tag("p", note, class_="note")
+    classes = ["predicted" if row["predicted"] else "" for row in rows]
+    return joined(
+        [
+            drawn_by(errors_and_costs, rows, caption=caption),
+            folded("Every mesh", table([*(name.replace("_", " ") for name in names), ""], shorter, classes), note),
+        ]
+    )
+
+
+def _two_digits(value: float | None) -> Any:
+    """An estimate with the digits that it has."""
+    return float(f"{value:.2g}") if isinstance(value, float) else value
+
+
+def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any], *, dimension: int = 2) -> Markup:
+    """How many linear solves it took; the convergence history and its tables on demand."""
+    from signorini_fx.report.convergence import iteration_history
+
+    solves, factorised = summary["linear_solves"], summary.get("factorisations")
+    told = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
+    if factorised is not None:
+        told += f" with {factorised} factorisation{'s' * (factorised != 1)}"
+    parts = [tag("p", f"{told}.")]
+    if history:
+        caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
+        drawn = drawn_by(iteration_history, history, caption=caption, dimension=dimension)
+        if dimension == 3:  # slip has no sign
+            history = {{"slip_plus": "slip"}.get(key, key): c for key, c in history.items() if key != "slip_minus"}
+        parts += [folded("Convergence history", drawn), long_table("Every linear solve", history, "history.csv")]
+    outer = folder.columns("outer.csv")
+    if outer:
+        parts.append(long_table("Every regularised problem", outer, "outer.csv"))
+    return joined(parts)
+
+
+def made_with(summary: dict[str, Any]) -> Markup:
+    """When and with what: date, versions, ranks, compiled forms and times."""
+    versions = summary["versions"]
+    when = f"Solved on {summary['finished'].replace('T', ' ')}" if "finished" in summary else "Solved"
+    ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
+    programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
+    timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
+    both = tag("div", timings, table(["program", "version"], list(versions.items())), class_="pictures")
+    compiled = tag("p", f"Compiled: {', '.join(summary['compiled'])}.")
+    return joined([tag("p", f"{when} by {programs} on {ranks}."), folded("Times and versions", compiled, both)])

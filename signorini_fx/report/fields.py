@@ -1,0 +1,85 @@
+"""The fields that can be drawn on the deformed body: what each is called, and how it follows from values of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity with one value per cell or facet.
+
+    Attributes:
+        label: what stands at the colour bar.
+        signed: whether it has both signs, so that the scale need not begin at zero.
+        remark: what the caption adds to the label.
+        colours: name of a colour map of matplotlib, or one; perceptually uniform, dark for large values.
+    """
+
+    label: str
+    signed: bool = False
+    remark: str = ""
+    colours: Any = "viridis_r"
+
+
+# Name in options and file names -> what it is.
+FIELDS = {
+    "von_mises": Field("von Mises stress"),
+    "pressure": Field(
+        "mean pressure", signed=True, remark=", minus a third of the trace of the stress, compression positive"
+    ),
+    "principal": Field(
+        "largest principal stress in size",
+        remark=(
+            "; strokes: directions of the principal stresses, as long as the stresses are large, blue and thick for "
+            "compression, orange for tension"
+        ),
+        colours="Greys",
+    ),
+    "displacement": Field("size of the displacement"),
+    "density": Field("elastic shear energy density"),
+}
+# Those drawn on demand; the von Mises stress always is.
+ON_DEMAND = tuple(name for name in FIELDS if name != "von_mises")
+# Those that need the tensor of the stress.
+FROM_STRESS = ("pressure", "principal")
+
+
+def values_of(name: str, cells: Mapping[str, Floats]) -> Floats:
+    """A field from what was gathered of the cells, shape (m,).
+
+    Args:
+        name: in ``FIELDS``.
+        cells: ``stress`` of shape (m, 3, 3), or the field itself by its name.
+
+    Raises:
+        KeyError: neither is there.
+    """
+    if name == "pressure":
+        return np.asarray(-np.trace(cells["stress"], axis1=1, axis2=2) / 3)
+    if name == "principal":
+        stresses, _ = principal(cells["stress"])
+        return np.asarray(np.abs(stresses).max(axis=1))
+    return cells[name]
+
+
+def principal(stress: Floats) -> tuple[Floats, Floats]:
+    """Principal stresses of tensors of shape (m, 3, 3), shape (m, 3), ascending, and their directions, (m, 3, 3):
+    ``directions[i, :, k]`` is the unit vector of the k-th; nan for a tensor that is not finite.
+    """
+    finite = np.asarray(np.isfinite(stress).all(axis=(1, 2)))
+    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], stress, 0.0))
+    values[~finite] = np.nan
+    return values, vectors
+
+
+def unknown(names: Sequence[str]) -> list[str]:
+    """Those of some names that are no field."""
+    return [name for name in names if name not in FIELDS]

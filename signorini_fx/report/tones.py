@@ -1,0 +1,130 @@
+"""How a field becomes colours, and principal stresses strokes: the same in the plane and in space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from signorini_fx.report.fields import Field, principal
+from signorini_fx.report.style import BLUE, ORANGE, Floats, decimal_power, times_power
+
+_STROKES = 26  # side by side along the longer side of the picture
+_USUAL = 0.99  # of the area has colours of its own
+
+
+def upper_tone(values: Floats, area: Floats) -> float:
+    """The value drawn in the darkest colour: the largest or, if that is far above, what 99 % of the area stay below."""
+    finite = np.isfinite(values)
+    values, area = values[finite], area[finite]
+    largest = float(values.max(initial=0.0))
+    if not largest > 0:
+        return 1.0
+    order = np.argsort(values)
+    share = np.cumsum(area[order])
+    usual = float(values[order][np.searchsorted(share, _USUAL * share[-1])])
+    return usual if 0 < 1.5 * usual < largest else largest
+
+
+def _both_tones(values: Floats, area: Floats) -> tuple[float, float]:
+    """Lowest and highest value of a scale that contains zero; if they are far off, those of 98 % of the area."""
+    finite = np.isfinite(values)
+    values, area = values[finite], area[finite]
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    if low == high:
+        return 0.0, 1.0
+    order = np.argsort(values)
+    share = np.cumsum(area[order]) / area.sum()
+    first, last = (float(values[order][np.searchsorted(share, part)]) for part in (1 - _USUAL, _USUAL))
+    first, last = min(first, 0.0), max(last, 0.0)
+    return (first, last) if 0 < 1.5 * (last - first) < high - low else (low, high)
+
+
+class Tones:
+    """The scale of a field.
+
+    Args:
+        field: what it is.
+        values: one per cell, shape (m,).
+        area: of each cell, shape (m,).
+
+    Attributes:
+        field: what it is.
+        power: the figures at the colour bar are multiplied by this power of ten.
+        low, high: ends of the scale, before that.
+    """
+
+    def __init__(self, field: Field, values: Floats, area: Floats) -> None:
+        self.field = field
+        self._values = values[np.isfinite(values)]
+        self.low, self.high = _both_tones(values, area) if field.signed else (0.0, upper_tone(values, area))
+        self.power = decimal_power(max(-self.low, self.high))
+
+    @property
+    def norm(self) -> Normalize:
+        """From values times the power of ten to [0, 1]."""
+        return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
+
+    def bar(self, figure: Figure, axes: Any) -> Colorbar:
+        """The colour bar below the axes, with arrows where there is more than the scale shows."""
+        margin = 1e-3 * (self.high - self.low)
+        below = self.field.signed and float(self._values.min(initial=self.low)) < self.low - margin
+        above = float(self._values.max(initial=self.high)) > self.high + margin
+        bar = figure.colorbar(
+            ScalarMappable(self.norm, self.field.colours),
+            ax=axes,
+            orientation="horizontal",
+            extend={(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[int(below), int(above)],
+            shrink=0.7,
+            aspect=40,
+            pad=0.02,
+        )
+        bar.ax.locator_params(nbins=6)
+        bar.set_label(f"{self.field.label}{times_power(self.power)}")
+        return bar
+
+
+def draw_principal(axes: Axes, points: Floats, stress: Floats, plane: Floats, size: float) -> None:
+    """Strokes along the principal stresses at some of the points, as many as are readable.
+
+    Args:
+        axes: where to draw.
+        points: in the picture, shape (m, 2).
+        stress: tensors, shape (m, 3, 3).
+        plane: the axes of the picture in space, shape (2, 3): strokes are projected.
+        size: of the longer side of the picture.
+    """
+    rows = thinned(points, size / _STROKES)
+    values, directions = principal(stress[rows])
+    flat = np.einsum("ax,ixk->ika", plane, directions)  # row, principal stress, axis of the picture
+    usual = float(np.nanquantile(np.abs(values).max(axis=1, initial=0.0), 0.95)) if len(values) else 0.0
+    if not usual > 0:
+        return
+    strokes = flat * np.clip(values / usual, -1.2, 1.2)[..., None] * 0.42 * size / _STROKES
+    ends = np.stack((points[rows][:, None] - strokes, points[rows][:, None] + strokes), axis=2)
+    long = np.linalg.norm(strokes, axis=2) > 0.02 * size / _STROKES
+    # White rims keep both colours apart from any ground.
+    pressed, drawn_out = ends[long & (values < 0)], ends[long & (values > 0)]
+    for lines, colour, width in ((pressed, BLUE, 1.7), (drawn_out, ORANGE, 1.1)):
+        for tone, more in (("white", 1.0), (colour, 0.0)):
+            axes.add_collection(
+                LineCollection(list(lines), colors=tone, linewidths=width + more, capstyle="butt", zorder=4),
+                autolim=False,
+            )
+
+
+def thinned(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
+    """Rows of points of shape (m, 2), of each square of this size the one next to its middle."""
+    square = np.floor(points / spacing)
+    away = np.linalg.norm(points / spacing - square - 0.5, axis=1)
+    order = np.lexsort((away, square[:, 1], square[:, 0]))
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = np.any(np.diff(square[order], axis=0) != 0, axis=1)
+    return order[first]

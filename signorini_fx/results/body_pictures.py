@@ -1,0 +1,140 @@
+"""The pictures of a result: data from all ranks, drawn on the first one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.contact.table import ContactTable
+from signorini_fx.records import as_rows
+from signorini_fx.report.fields import FIELDS, values_of
+from signorini_fx.results.solution import Solution
+
+if TYPE_CHECKING:
+    from signorini_fx.results.body_cells import GatheredCells
+    from signorini_fx.results.outer_surface import OuterSurface
+
+
+@dataclass(frozen=True)
+class BodyPictures:
+    """What the pictures of a solution are made from.
+
+    Attributes:
+        fields: names of the fields that are drawn on the body, the von Mises stress first.
+        cells: of a body in the plane.
+        surface: of a body in space; None too if it has too many facets.
+    """
+
+    fields: tuple[str, ...]
+    cells: GatheredCells | None = None
+    surface: OuterSurface | None = None
+
+    @classmethod
+    def gathered(cls, solution: Solution, asked: Sequence[str] = ()) -> BodyPictures:
+        """Of a solution, with fields beside the von Mises stress; collective."""
+        fields = tuple(dict.fromkeys(("von_mises", *asked)))
+        if solution.discretisation.tagged.dimension == 2:
+            from signorini_fx.results.body_cells import gather_cells
+
+            return cls(fields, cells=gather_cells(solution, fields))
+        from signorini_fx.report.solid_body import MOST_FACETS
+        from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
+
+        count = outer_facets(solution)
+        if count <= MOST_FACETS:
+            return cls(fields, surface=gather_outer_surface(solution, fields))
+        parallel.log_on_root(
+            solution.comm,
+            f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: "
+            "see it in ParaView",
+        )
+        return cls(fields)
+
+    def draw(self, solution: Solution, table: ContactTable | None, folder: Path) -> None:
+        """All pictures, into a folder; on the first rank."""
+        # matplotlib takes a while to import
+        from signorini_fx.report.style import plain
+
+        title = plain(solution.scene.title)
+        if self.cells is not None:
+            self._draw_in_the_plane(self.cells, table, folder, title)
+        else:
+            self._draw_in_space(table, folder, title)
+        _draw_course(solution, folder)
+
+    def _draw_in_the_plane(self, cells: GatheredCells, table: ContactTable | None, folder: Path, title: str) -> None:
+        from signorini_fx.report.boundary_profiles import boundary_profiles
+        from signorini_fx.report.deformed_body import Foundation, deformed_mesh
+
+        foundation = None
+        if table is not None:
+            c = table.columns
+            offset = np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
+            foundation = Foundation(np.column_stack((c["x"], c["y"])), offset, c["state"] != "open")
+        for name in self.fields:
+            deformed_mesh(
+                folder / _stem(name),
+                cells.points,
+                cells.cells,
+                cells.displacement,
+                values_of(name, cells.values),
+                outline=cells.outline,
+                field=FIELDS[name],
+                stress=cells.values["stress"] if name == "principal" else None,
+                foundation=foundation,
+                title=title,
+            )
+        if table is not None:
+            boundary_profiles(folder / "profiles", table.columns, title=title)
+
+    def _draw_in_space(self, table: ContactTable | None, folder: Path, title: str) -> None:
+        from signorini_fx.report.contact_surface import contact_surface
+        from signorini_fx.report.reading import read_facets
+        from signorini_fx.report.solid_body import deformed_solid
+
+        foundations = foundations_of(table.columns) if table is not None else []
+        for name in self.fields if self.surface is not None else ():
+            assert self.surface is not None
+            deformed_solid(
+                folder / _stem(name),
+                self.surface.points,
+                self.surface.facets,
+                self.surface.displacement,
+                values_of(name, self.surface.values),
+                field=FIELDS[name],
+                stress=self.surface.values["stress"] if name == "principal" else None,
+                foundations=foundations,
+                title=title,
+            )
+        if table is not None:
+            contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
+
+
+def _stem(field: str) -> str:
+    return "deformed" if field == "von_mises" else f"field_{field}"
+
+
+def _draw_course(solution: Solution, folder: Path) -> None:
+    """The convergence history, and the prices of the meshes."""
+    from signorini_fx.report.convergence import errors_and_costs, iteration_history
+    from signorini_fx.report.style import plain
+
+    dimension = solution.discretisation.tagged.dimension
+    if solution.history.iterations:
+        iteration_history(folder / "history", as_rows(solution.history.iterations), dimension=dimension)
+    if solution.price_list:
+        errors_and_costs(folder / "price_list", as_rows(solution.price_list), title=plain(solution.scene.title))
+
+
+def foundations_of(c: Mapping[str, Any]) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    """Nodes of each contact boundary in space and the vectors d n from there to the foundation, both (k, 3)."""
+    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
+    offset = normals * np.asarray(c["gap"])[:, None]
+    where = [c["boundary"] == name for name in dict.fromkeys(c["boundary"])]
+    return [(nodes[rows], offset[rows]) for rows in where]
