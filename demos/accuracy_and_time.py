@@ -1,14 +1,15 @@
 # %% [markdown]
 # # What accuracy costs
 #
-# How wrong is an answer, and what would the next digit cost? With nested iteration the coarser meshes are there anyway,
-# and their solutions tell. For the contact pressure the estimate is that of the difference to the mesh before,
+# How large is the error of a result, and what would the next digit cost? A nested iteration solves on coarser meshes
+# anyway, and their solutions give an estimate. For the contact pressure it is derived from the difference between
+# successive meshes,
 #
 # $$\frac{\|\lambda - \lambda_h\|}{\|\lambda\|} \approx \eta_h ,$$
 #
-# see [theory](../docs/theory.md#the-price-list). Here it is laid beside the true error, against a much finer mesh, on
-# Example 1 of the paper with Coulomb friction. Then an accuracy is asked for, and what comes back is checked the same
-# way.
+# see [theory](../docs/theory.md#the-price-list). Here it is compared with the true error, that is, with a solution on a
+# much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy is requested, and the result is
+# checked in the same way.
 
 # %%
 import os
@@ -72,7 +73,7 @@ for count in cells:
 write_results(solution, RESULTS)
 
 # %% [markdown]
-# ## Asked for an accuracy
+# ## Requesting an accuracy
 #
 # Now the meshes are chosen by the package, which stops as soon as twice the estimate meets the target.
 

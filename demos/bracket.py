@@ -9,13 +9,13 @@
 #
 # but the pull is beside the bolt and also turns the foot, and friction that resists turning is missing elsewhere. Let
 # the foot move as a rigid body with the velocity $v(x) = (v_1 - \omega x_2,\, v_2 + \omega x_1)$. As soon as the power
-# of the load exceeds what friction can take out, it slips, so for a given pressure $\lambda$ the safety is
+# of the load exceeds what friction can dissipate, the foot slips, so for a given pressure $\lambda$ the safety is
 #
 # $$s = \min_{v_1, v_2, \omega} \frac{\int F \lambda\, |v|}{T_1 v_1 + T_2 v_2 + M \omega},$$
 #
-# with the moment $M$ of the load about the vertical axis through the origin. (It is a convex problem of two unknowns,
-# and turns about the axis where $v = 0$.) Where the pressure is, only the contact problem tells: the foot is a plate
-# that is pressed near its bolt and lifts elsewhere. And the load changes it.
+# with the moment $M$ of the load about the vertical axis through the origin. (This is a convex problem in two unknowns;
+# the foot turns about the axis where $v = 0$.) Only the contact problem tells where the pressure is: the foot is a
+# plate that is pressed near its bolt and lifts off elsewhere, and the load changes the pressure.
 
 # %%
 import os
@@ -38,7 +38,7 @@ BOLT, RADIUS, SEAT_RADIUS = 37.0, 5.5, 10.0  # of the generator: x[0] of the bol
 # %% [markdown]
 # ## Scene
 #
-# The file has three load steps: the bolt is tightened, then half and all of the load come on.
+# The file has three load steps: the bolt is tightened, then half of the load is applied, then all of it.
 
 # %%
 scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")
@@ -59,10 +59,10 @@ def loaded(*factors):
 
 
 # %% [markdown]
-# ## Tighten, and load
+# ## Tightening and loading
 #
-# The resultant of the pressure must act where statics says: forwards of the bolt by the tilting moment of the load,
-# 50 mm above the foot, over $N$. Its size is that of the bolt's force to the facets that the round seat is made of.
+# The resultant of the pressure must act where statics says: forwards of the bolt by the tilting moment of the load, 50
+# mm above the foot, over $N$. Its magnitude is the bolt's force, up to the facets that approximate the round seat.
 
 # %%
 solution = solve(scene)
@@ -99,11 +99,12 @@ simple = friction * force[-1] / np.hypot(*pull[-1])
 turning = safety(steps[-1], pull[-1])
 
 # %% [markdown]
-# ## Is that so?
+# ## Checking the safety
 #
 # The solver knows nothing of rigid bodies. It finds an equilibrium just below the load where the foot should slip, and
-# none just above. There the fixed point finds that the foot slides under the friction of the pressure that it arrived
-# at. The status is not *slides*, which statics alone would prove: another pressure with the same resultant could hold.
+# none just above. There the fixed-point iteration finds that the foot slides under the friction of its last pressure.
+# The status is not *slides*, which statics alone would prove: another pressure with the same resultant could hold the
+# foot.
 
 # %%
 held = 0.97 * turning
@@ -114,9 +115,9 @@ above = solve(loaded(0.0, 1.0, 1.03 * at_limit), check=False)
 # %% [markdown]
 # ## The foot from below
 #
-# Only the middle of the foot is pressed. Nearly all of it slips as soon as the bolt is tightened: pressed between
-# bolt and foundation the plate widens, friction holds it back, and is used up where the pressure is small. That is no
-# sliding of the whole.
+# Only the middle of the foot is pressed. Nearly all of it slips as soon as the bolt is tightened: pressed between bolt
+# and foundation the plate expands sideways, friction resists this, and reaches its limit where the pressure is small.
+# The foot as a whole does not slide.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -7,13 +7,13 @@
 #
 # $$\tfrac{1}{2} P = N \cos\varphi + T \sin\varphi, \qquad |T| \le F N .$$
 #
-# While the engine runs up, the foot is drawn up along the flanks and friction helps to hold it, $T = F N$ where all of
-# the flank slides; while it runs down, the foot cannot slip back freely and friction turns round. So
+# While the speed increases, the foot is drawn up along the flanks and friction helps to hold it, $T = F N$ where all of
+# the flank slides; while it decreases, the foot cannot slip back freely and friction reverses. So
 #
 # $$\frac{P}{2(\cos\varphi + F \sin\varphi)} \;\le\; N \;\le\; \frac{P}{2(\cos\varphi - F \sin\varphi)} :$$
 #
-# at the same speed the flanks are pressed harder on the way down than on the way up. That hysteresis, and the slip back
-# and forth near the ends of the flanks, are what dovetails crack from (fretting).
+# at the same speed the contact force on the flanks is larger while the speed decreases. This hysteresis, and the slip
+# back and forth near the ends of the flanks, are what makes dovetails crack (fretting).
 
 # %%
 import os
@@ -65,7 +65,7 @@ scene = Scene(
 )
 
 # %% [markdown]
-# ## Run up and down
+# ## Increasing and decreasing speed
 
 # %%
 solution = solve(scene)
@@ -88,10 +88,10 @@ balance = normal * np.cos(ANGLE) + shear * np.sin(ANGLE)
 low, high = (load / (np.cos(ANGLE) + sign * FRICTION * np.sin(ANGLE)) for sign in (1, -1))
 
 # %% [markdown]
-# ## The flanks remember
+# ## Hysteresis
 #
-# Equilibrium holds to round-off in every step. On the way up nearly all of each flank slides, so $N$ is at its lower
-# bound; on the way down it is above.
+# Equilibrium holds to round-off in every step. While the speed increases nearly all of each flank slides, so $N$ is at
+# its lower bound; while it decreases, $N$ is above it.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

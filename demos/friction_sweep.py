@@ -44,8 +44,8 @@ for point in sweep(scene, coefficients=list(coefficients)):
     solves.append(point.linear_solves)
 
 # %% [markdown]
-# The stick zone grows with $F$, and with it the force that friction can hold back. Beyond some $F$ nothing more changes
-# but at the very ends of the contact, where the pressure goes to zero.
+# The stick zone grows with $F$, and with it the friction force. Beyond some $F$ nothing changes any more except at the
+# very ends of the contact zone, where the pressure tends to zero.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -8,7 +8,8 @@
 #   \qquad E^* = \frac{E}{1 - \nu^2}.$$
 #
 # By symmetry half of the lower half disk is enough. With friction there is no formula: the plane is rigid, so the
-# surface of the cylinder, which would move inwards, is held back. That narrows the contact and raises its peak.
+# surface of the cylinder, which would move inwards, is held back. This makes the contact narrower and its peak pressure
+# higher.
 
 # %%
 import os

@@ -1,7 +1,8 @@
 # %% [markdown]
-# # An effect of one's own, in a few lines
+# # An effect of your own, in a few lines
 #
-# What the package does not know can often be said in terms of what it knows. Two ways, without touching its code.
+# An effect that the package does not have can often be expressed by those that it has. Here are two examples, which do
+# not change its code.
 #
 # ## 1. Heat: a load made of UFL
 #
@@ -77,8 +78,8 @@ if MPI.COMM_WORLD.rank == 0:
     print(f"uniformly heated: pressure {pressure.mean():.3f}, by the formula {formula:.3f}")
 
 # %% [markdown]
-# A hot spot touches down in its middle only. (The stress that is written is $C\varepsilon(y)$; the part $-\beta T\, I$
-# is known to nobody but this script.)
+# A hot spot touches down in its middle only. (The stress in the results is $C\varepsilon(y)$; the part $-\beta T\, I$
+# is known to this script only.)
 
 # %%
 x = ufl.SpatialCoordinate(tagged.mesh)
@@ -92,13 +93,14 @@ if MPI.COMM_WORLD.rank == 0:
 # %% [markdown]
 # ## 2. A friction law: a fixed point of Tresca problems
 #
-# Under large pressures the shear cannot grow for ever: metals yield at some $k$. A smooth law between Coulomb's and a
+# The shear cannot grow without limit with the pressure: metals yield at some $k$. A smooth law between Coulomb's and a
 # constant shear is
 #
 # $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
 #
-# The package knows Tresca friction, where the bound $g$ is given. Section 6.3 of the paper turns that into Coulomb
-# friction by the fixed point $g \leftarrow F\lambda(g)$. Any other law is the same loop with another right-hand side:
+# The package has Tresca friction, for which the bound $g$ is given. Section 6.3 of the paper obtains Coulomb friction
+# from it by the fixed-point iteration $g \leftarrow F\lambda(g)$. Any other law is the same loop with another
+# right-hand side:
 
 
 # %%
@@ -129,8 +131,8 @@ pressed = Scene(
 own, iterations = with_law(pressed, lambda pressure: 3.0 * (1 - np.exp(-0.3 * pressure / 3.0)))
 
 # %% [markdown]
-# The check that any law of one's own should pass: with $g(\lambda) = F\lambda$ the loop must give what the package's
-# own Coulomb friction gives.
+# Every law of your own should pass this check: with $g(\lambda) = F\lambda$ the loop must give the same result as the
+# package's Coulomb friction.
 
 # %%
 again, _ = with_law(pressed, lambda pressure: 0.3 * pressure)

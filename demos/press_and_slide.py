@@ -7,7 +7,8 @@
 # $$|\mu| \le F \lambda, \qquad |\mu| < F\lambda \Rightarrow \Delta\tau_T y = 0, \qquad
 #   |\mu| = F\lambda \Rightarrow \mu \text{ has the direction of } \Delta\tau_T y,$$
 #
-# so the answer depends on the path. Over a closed loop the push does the work that friction takes out of the body,
+# so the result depends on the load path. Over a closed loop the work of the push equals the work that friction
+# dissipates,
 #
 # $$\oint T \,\mathrm{d}u_{\mathrm{top}} = \sum_{\text{steps}} \int_{\Gamma_c} \mu\, \Delta\tau_T y .$$
 
@@ -27,7 +28,7 @@ RESULTS = Path("results/demos/press_and_slide")
 # %% [markdown]
 # ## Scene
 #
-# The file has 37 load steps: the pressure is there in all of them, the push is multiplied by `factors`.
+# The file has 37 load steps: the pressure acts in all of them, the push is multiplied by `factors`.
 
 # %%
 scene = read_scene(Path(__file__).parent / "scenes" / "press_and_slide.toml")
@@ -37,7 +38,7 @@ scene = scene.model_copy(update={"mesh": mesh})
 top = push.x * np.array(push.factors)
 
 # %% [markdown]
-# ## Solve, and read the loop from the steps
+# ## Solve, and take the loop from the steps
 
 # %%
 solution = solve(scene)
@@ -48,8 +49,8 @@ work = np.array([step.contact.friction_work for step in solution.steps])
 # %% [markdown]
 # ## The loop
 #
-# The second time around, from step 20 to step 36, nothing new happens. Its area, by the trapezoidal rule, is the work
-# of friction in these steps: the rule is exact only where the force is linear within a step, so they agree to a few
+# The second loop, from step 20 to step 36, repeats the first. Its area, computed by the trapezoidal rule, is the work
+# of friction in these steps; the rule is exact only where the force is linear within a step, so they agree to a few
 # percent.
 
 # %%

@@ -18,15 +18,16 @@
 # $$\delta = \frac{3 (2 - \nu) F P}{16\, G a} \Bigl( 1 - \Bigl(1 - \frac{Q}{F P}\Bigr)^{2/3} \Bigr),
 #   \qquad G = \frac{E}{2 (1 + \nu)} .$$
 #
-# **The trap.** They assume that the press makes no shear and that the push leaves the pressure as it is. That holds for
-# two equal bodies. On a rigid plane friction holds back the surface of the sphere, which would move inwards when it is
-# pressed. Dundurs' constant
+# **A common pitfall.** They assume that pressing causes no shear and that the push does not change the pressure. That
+# holds for two equal bodies. On a rigid plane friction holds back the surface of the sphere, which would move inwards
+# when it is pressed. Dundurs' constant
 #
 # $$\beta = \frac{1 - 2\nu}{2 (1 - \nu)}$$
 #
-# says how much. It is 0.29 for $\nu = 0.3$: there the press itself makes two thirds of the contact slip before the push
-# begins, and the formulae fail. It is 0.02 for $\nu = 0.49$, for which they are compared here. They also assume that
-# every point slips along the push, which is not quite so for any $\nu > 0$. So this is a check to 5 %, no benchmark.
+# measures this effect. It is 0.29 for $\nu = 0.3$: there pressing alone makes two thirds of the contact slip before the
+# push begins, and the formulae fail. It is 0.02 for $\nu = 0.49$, for which they are compared here. They also assume
+# that every point slips along the push, which is not quite true for any $\nu > 0$. So this is a check to 5 %, not a
+# benchmark.
 
 # %%
 import os
@@ -56,13 +57,13 @@ YOUNG, RADIUS, FRICTION = 200.0, 8.0, 0.3
 # ## Scene
 #
 # By symmetry half of the lower half of the sphere is enough. Its flat top is moved, down and then sideways, so that it
-# cannot tilt. Curved hexahedra follow the sphere, the gap is the height over the plane. How far the top moves is not
-# compared with anything: the approach of a body of finite size is not Hertz's. The force is measured, and radius and
-# pressure are those for the force.
+# cannot tilt. Curved hexahedra follow the sphere, the gap is the height over the plane. The displacement of the top is
+# not compared with anything: the approach of a body of finite size is not Hertz's. The force is computed, and radius
+# and pressure are those of the formulae for this force.
 
 # %%
-ABOUT = 0.8  # radius of contact, nearly
-PUSH = (0.0, 0.25, 0.5, 0.75, 0.9, 1.1)  # of the displacement at which all of the contact would slip, nearly
+ABOUT = 0.8  # approximate radius of contact
+PUSH = (0.0, 0.25, 0.5, 0.75, 0.9, 1.1)  # of the approximate displacement at which all of the contact slips
 
 
 def pushed(poisson):
@@ -99,11 +100,11 @@ def pushed(poisson):
 
 
 # %% [markdown]
-# ## What is measured
+# ## What is compared
 #
 # The mean distance of Hertz's pressure from the axis is $3\pi a/16$. The friction that is still free,
 # $F\lambda - \mu \cdot e_x$, is by the formula a Hertz pressure of radius $c$, so its mean distance gives $c$. Both are
-# finer than a count of nodes; the area of the nodes that stick gives $c$ a second time.
+# finer than a count of nodes; the area of the nodes that stick gives $c$ in a second way.
 
 
 # %%
@@ -145,8 +146,8 @@ write_results(solution, RESULTS)
 # %% [markdown]
 # ## Force against displacement
 #
-# The top moves by the $\delta$ of the formula and by what the body between top and contact gives, which is proportional
-# to $Q$. That flexibility is the one number that is fitted, to the first push; the others are a check.
+# The top moves by the $\delta$ of the formula and by the deformation of the body between top and contact, which is
+# proportional to $Q$. This flexibility is the only number that is fitted, to the first push; the others are a check.
 
 # %%
 load = solution.scene.displacement[-1]
@@ -159,7 +160,7 @@ flexibility = (moved[1] - slip[1]) / push[1]
 predicted = slip + flexibility * push
 
 # %% [markdown]
-# ## Hertz's formulae hold; those of Cattaneo and Mindlin where the press makes no shear
+# ## Hertz's formulae hold; those of Cattaneo and Mindlin hold where pressing causes no shear
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -1,21 +1,21 @@
 # %% [markdown]
-# # Torsion of a pressed cylinder: the stick radius moves in
+# # Torsion of a pressed cylinder: the stick radius shrinks
 #
-# A cylinder of radius $a$ and height $H$ is pressed onto a rough plane with the pressure $p$, then its top is turned
-# by the angle $\varphi$. Torsion moves every point around the axis, so friction turns with the point: its direction is
-# another one at every node. As long as the base sticks, the shear grows with the radius,
+# A cylinder of radius $a$ and height $H$ is pressed onto a rough plane with the pressure $p$, then its top is turned by
+# the angle $\varphi$. Torsion moves every point around the axis, so friction has a different direction at every node.
+# As long as the base sticks, the shear grows with the radius,
 #
 # $$\mu = G\varphi\, \frac{r}{H}, \qquad M = \frac{\pi}{2}\, \frac{G \varphi a^4}{H}
 #   \qquad\text{up to}\qquad \varphi_1 = \frac{F p H}{G a},$$
 #
-# where the rim begins to slip; that is three quarters of the limit below. Beyond, the stick radius $c$ moves in; when
-# all of the base slips, friction can give no more than
+# where the rim begins to slip; that is three quarters of the limit below. Beyond it the stick radius $c$ shrinks; when
+# all of the base slips, the torque of friction has reached
 #
 # $$M_{\max} = \int_0^a F p\, r\; 2 \pi r\, \mathrm{d}r = \frac{2}{3}\, F N a, \qquad N = \pi a^2 p .$$
 #
 # In between there is no formula, but a scalar problem in $(r, z)$ for the displacement around the axis, which
-# [torsion_oracle.py](studies/torsion_oracle.py) solves without this package. For it to be the same problem the press
-# itself must make no shear: $\nu = 0$.
+# [torsion_oracle.py](studies/torsion_oracle.py) solves without this package. Pressing must not cause any shear for this
+# to be the same problem: $\nu = 0$.
 
 # %%
 import os
@@ -48,8 +48,9 @@ YOUNG, RADIUS, HEIGHT, FRICTION, PRESSURE = 1000.0, 1.0, 1.0, 0.3, 10.0
 # %% [markdown]
 # ## Scene
 #
-# Press first, turn later: friction acts on what each step adds. The whole cylinder is needed, since torsion has no
-# plane of symmetry. Its side is curved (`order = 2`): a polygon in place of the circle would lack torque.
+# The cylinder is pressed first and turned later: friction acts on the increment of each step. The whole cylinder is
+# needed, since torsion has no plane of symmetry. Its side is curved (`order = 2`): a polygon in place of the circle
+# would give too small a torque.
 
 # %%
 modulus, bound = YOUNG / 2, FRICTION * PRESSURE
@@ -79,7 +80,7 @@ scene = Scene(
 )
 
 # %% [markdown]
-# ## Turn, and read torque and stick radius from the steps
+# ## Turn, and take torque and stick radius from the steps
 #
 # The stick radius is that of a disc with the area of the nodes that stick, which is sharp to half a cell.
 
@@ -100,8 +101,8 @@ off = np.abs(torque[1:] / oracle[1:] - 1)
 # %% [markdown]
 # ## Against the scalar problem
 #
-# Up to $\varphi_1$ both are the formula. Beyond, the torque comes near its limit long before the last of the base
-# slips: the friction that is still free is close to the axis, where it has no lever.
+# Up to $\varphi_1$ both follow the formula. Beyond it the torque is close to its limit long before all of the base
+# slips: the part that still sticks is close to the axis and has a small lever.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -29,6 +29,7 @@ from signorini_fx import (
     Scene,
     SurfaceTraction,
     UnilateralContact,
+    pictures,
     print_progress,
     solve,
     sweep,
@@ -71,6 +72,13 @@ scene = block(CoulombFriction(coefficient=0.3))
 # %%
 solution = solve(scene, observers=[print_progress])
 solution
+
+# %% [markdown]
+# `pictures` draws the deformed body with its von Mises stress, the curves along the contact boundary and the iteration,
+# as they are written to a result folder below:
+
+# %%
+pictures(solution)
 
 # %% [markdown]
 # *converged* says more than that an iteration ended: the conditions above, the equilibrium and the supports were

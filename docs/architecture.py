@@ -2,9 +2,9 @@
 
     ./env python3 docs/architecture.py
 
-A package is a layer, and says what it does in the first sentence of its ``__init__``.  Imports point down or stay
-within a package, and never run in a circle, those for type checking counted too.  A test holds all of this, and that
-the picture is of today.
+A package is a layer, and the first sentence of its ``__init__`` says what it does.  Imports point down or stay within
+a package and never form a cycle, imports for type checking included.  A test checks all of this, and that the picture
+is up to date.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ DOCS = Path(__file__).resolve().parent
 PACKAGE = DOCS.parent / "signorini_fx"
 PICTURE = DOCS / "images" / "architecture.svg"
 
-# From the top down.  What is no folder is a set of modules of the top level; a folder may have some beside it.
+# From the top down.  A layer that is not a folder is a set of top-level modules; a folder may have some beside it.
 LAYERS = (
     "cli",
     "studies",

@@ -32,7 +32,19 @@ html_show_copyright = False
 html_copy_source = False
 highlight_language = "none"
 # Docstrings are read without FEniCSx, of which this machine needs none of the compiled parts.
-autodoc_mock_imports = ["basix", "dolfinx", "ffcx", "gmsh", "h5py", "meshio", "mpi4py", "petsc4py", "scipy", "ufl"]
+autodoc_mock_imports = [
+    "basix",
+    "dolfinx",
+    "ffcx",
+    "gmsh",
+    "h5py",
+    "matplotlib",
+    "meshio",
+    "mpi4py",
+    "petsc4py",
+    "scipy",
+    "ufl",
+]
 autodoc_mock_imports += ["signorini_fx.compat"]  # it refuses other versions of dolfinx
 autodoc_member_order = "bysource"
 autodoc_class_signature = "separated"

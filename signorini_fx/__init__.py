@@ -22,6 +22,7 @@ _PUBLIC = {
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "records": ("Status",),
     "results.files": ("write_results",),
+    "results.pictures": ("pictures",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
     "scene.model": (

@@ -1,4 +1,4 @@
-"""The stability suite: cases that try to break the solver, and a table that says how it fared (``make stability``).
+"""The stability suite: cases that try to make the solver fail, and a table of the results (``make stability``).
 
 To add a group of cases, write a module here with a function ::
 

@@ -1,4 +1,4 @@
-"""Bodies: how they are held, and what becomes of those that are not."""
+"""Bodies: how they are held, and the outcomes of those that are not."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Fuzz: scenes, expressions and mesh files spoilt at random, thousands of them, by seed.
+"""Fuzz: thousands of randomly corrupted scenes, expressions and mesh files, by seed.
 
-Each must end in an error with its place, or in a result with its certificate; nothing in it may be executed, and none
-may take long.  Every mesh is tried in processes of its own, where gmsh may break down without harm; what it leaves
-behind must not break anything.
+Each must end with an error that names its place, or with a certified result; nothing in it may be executed, and none
+may take long.  Every mesh is read in a separate process, where gmsh may crash without harm; what it leaves behind
+must not break anything.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The mutation check: small mistakes put into a copy of the package one at a time; the tests must notice each.
+"""The mutation check: small mistakes are made in a copy of the package, one at a time; the tests must notice each.
 
     ./env python3 -m stability.mutants [--only WORD,...] [--near] [--workers N] [--again] [--out DIR]   (make mutants)
 

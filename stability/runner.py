@@ -1,4 +1,4 @@
-"""Runs groups of cases in processes of their own, so that a hang or a crash becomes a red row and the rest goes on."""
+"""Runs groups of cases in processes of their own, so that a hang or a crash gives a red row and the others continue."""
 
 from __future__ import annotations
 

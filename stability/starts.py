@@ -1,4 +1,4 @@
-"""Starts: whatever the iteration begins with, it ends at the same solution."""
+"""Starts: the iteration ends at the same solution, whatever it begins with."""
 
 from __future__ import annotations
 

@@ -364,10 +364,10 @@ DOUBLED = "".join(f"*ELSET, ELSET=s{k}\ns{k - 1}, s{k - 1}\ns{k - 1}\n" for k in
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("*NSET, NSET=a\n1, 2\n*NSET, NSET=a\na\n", "line 11, *NSET: set 'a' is named as a part of itself"),
-        ("*NSET, NSET=a\na, a\n", "line 9, *NSET: set 'a' is named as a part of itself"),
+        ("*NSET, NSET=a\n1, 2\n*NSET, NSET=a\na\n", "line 11, *NSET: set 'a' contains itself"),
+        ("*NSET, NSET=a\na, a\n", "line 9, *NSET: set 'a' contains itself"),
         ("*NSET, NSET=a, GENERATE\n1, 1000000000000\n", "line 9, *NSET: set 'a': 1 to 1000000000000 by 1 is not"),
-        ("*ELSET, ELSET=a, GENERATE\n1, 1" + "0" * 40 + ", 2\n", "is not what the file can hold"),
+        ("*ELSET, ELSET=a, GENERATE\n1, 1" + "0" * 40 + ", 2\n", "is not a possible range"),
         ("*NSET, NSET=a, GENERATE\n1, 4, 0\n", "1 to 4 by 0 is not"),
         ("*SURFACE, NAME=s\n1, S4\n", "surface 's': element 1 is a triangle and has no face S4"),
         ("*SURFACE, NAME=s\nbody, S9\n", "surface 's': element 1 is a triangle and has no face S9"),

@@ -22,6 +22,7 @@ from signorini_fx.check.findings import friction_indication
 from signorini_fx.contact.statics import left_over
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
+from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings, template
@@ -786,3 +787,12 @@ def test_small_deformation_of_a_plate_in_space(length, stress):
     assert [found.path for found in check_scene(parse_scene(soft)).warnings] == [
         "material, traction, body_force, displacement"
     ]
+
+
+def test_note_on_tresca_friction(tmp_path):
+    """The summary says why a body sticks or slips where it does not touch; with Coulomb friction it does not."""
+    note = "Tresca friction also acts where there is no contact"
+    for given, expected in (({"bound": 1.5}, True), ({"coefficient": 0.3}, False)):
+        solution = alone(example1(nx=12, ny=4, **given))
+        summary = write_results(solution, tmp_path / str(expected), fields=False, pictures=False)
+        assert (note in render(summary)) is expected

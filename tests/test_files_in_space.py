@@ -386,7 +386,7 @@ def test_drawings_that_are_none(tmp_path, name, content, message, capfd):
 
 def test_sizes_that_cannot_be(tmp_path, drawings):
     """A size is for drawings of CAD programs, and positive."""
-    with pytest.raises(SceneError, match=r"mesh\.size: the cells of a \.geo have their size"):
+    with pytest.raises(SceneError, match=r"mesh\.size: a \.geo file determines the size of its cells"):
         read_file(quarter(tmp_path, "tetra"), size=1.0)
     for size in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(SceneError, match=r"mesh\.size: a positive length is expected"):
@@ -411,7 +411,7 @@ BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
         (PRISM, [("wedge", [list(range(6))])], "no element for cells of kind wedge; use one of: tetra, tetra10, hexa"),
         (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
         ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
-        (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells are there twice"),
+        (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells occur twice"),
         (BALL, [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])], r"surface in space \(a shell\)"),
         ([[1, *x[:2]] for x in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], r"in one with the normal \(-?1, 0, 0\): turn it"),
         ([[x, y, y] for x, y, _ in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], "in one with the normal"),

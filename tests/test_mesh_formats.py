@@ -351,13 +351,13 @@ def test_abaqus(tmp_path, kind):
     [
         ("{kind}", "CAX4", "axisymmetric"),
         ("{kind}", "GK3D8", "GK3D8 is neither a plane one nor a solid"),
-        ("{kind}", "CPE3", "3 nodes for each are expected"),
+        ("{kind}", "CPE3", "3 nodes per element are expected"),
         ("1, 1, 2, 12, 11", "1, 1, 2, 12, 99", "99 is missing"),
-        ("1, 1, 2, 12, 11", "2, 1, 2, 12, 11", "element 2 is there twice"),
-        (" first,", " second,", "set 'second' is not there"),
+        ("1, 1, 2, 12, 11", "2, 1, 2, 12, 11", "element 2 is defined twice"),
+        (" first,", " second,", "set 'second' does not exist"),
         ("*End Instance", "1., 0., 0.\n*End Instance", "INSTANCE moves its part"),
         ("*Material", "*Include, input=rest.inp\n*Material", "INCLUDE is not followed"),
-        ("*End Part", "*Node\n1, 5., 5.", "node 1 is there twice"),
+        ("*End Part", "*Node\n1, 5., 5.", "node 1 is defined twice"),
         ("1.D0", "one", "could not convert string to float"),
     ],
 )
@@ -391,7 +391,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
         ([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [("triangle", [[0, 1, 2]])], "not in a plane"),
         (SQUARE, [("quad", [[0, 1, 3, 2]])], "1 cells are folded, the first at \\(0.5, 0.5\\)"),
         (SQUARE, [("triangle", [[0, 1, 4]])], "without an angle"),
-        (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "2 cells are there twice"),
+        (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "2 cells occur twice"),
         ([*SQUARE, [0.4, 0.7]], [("triangle", [[0, 1, k] for k in (2, 3, 6)])], "a facet belongs to 3 cells"),
         ([[0, 0], [1, 0], [1, float("nan")]], [("triangle", [[0, 1, 2]])], "not finite"),
         ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]], [("quad8", [list(range(8))])], "quad8"),
@@ -419,7 +419,7 @@ def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
 @pytest.mark.parametrize(
     ("changes", "path", "message"),
     [
-        ({"boundaries": {"foot": "x[1] < -1"}}, "mesh.boundaries.foot", "takes no exterior facet"),
+        ({"boundaries": {"foot": "x[1] < -1"}}, "mesh.boundaries.foot", "selects no exterior facet"),
         (
             {"boundaries": {"foot": "x[2] < 1"}},
             "mesh.boundaries.foot",
@@ -428,9 +428,9 @@ def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
         (
             {"boundaries": {"foot": 7}},
             "mesh.boundaries.foot",
-            "takes no exterior facet; the numbers there are: 1, 2,",
+            "selects no exterior facet; the numbers there are: 1, 2,",
         ),
-        ({"regions": {"part": "x[0] > 5"}}, "mesh.regions.part", "takes no cell"),
+        ({"regions": {"part": "x[0] > 5"}}, "mesh.regions.part", "selects no cell"),
         ({"data": "colour"}, "mesh.data", "no cell data 'colour' of whole numbers; there are: 'side'"),
     ],
 )
@@ -483,7 +483,7 @@ def test_several_numbers(tmp_path):
     both = read_file(file, boundaries={"one": 1, "other": 2, "both": (1, 2)}).boundaries
     assert set(both["both"].tolist()) == {*both["one"].tolist(), *both["other"].tolist()}
     assert both["both"].size == 2 * NX
-    with pytest.raises(SceneError, match="number 7 takes no exterior facet; the numbers there are: 1, 2"):
+    with pytest.raises(SceneError, match="number 7 selects no exterior facet; the numbers there are: 1, 2"):
         read_file(file, boundaries={"both": (1, 7)})
     assert scene({"file": str(file), "boundaries": {"both": [1, 2]}}).mesh.boundaries["both"] == (1, 2)
 

@@ -33,7 +33,7 @@ def test_notebook_runs(tmp_path, monkeypatch):
     client.execute(cwd=str(tmp_path))  # raises if a cell fails
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     tables = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
-    assert len(tables) >= 2
+    assert len(tables) >= 3
     assert "converged" in tables[0]
     assert any("image/png" in output.get("data", {}) for output in outputs)
     assert (tmp_path / "results/demos/tutorial/summary.json").exists()

@@ -1,6 +1,8 @@
 """The package from Python: names, help, arguments of another kind, short forms."""
 
+import inspect
 import pydoc
+import tempfile
 
 import numpy as np
 import pytest
@@ -163,3 +165,20 @@ def test_points_of_a_sweep_are_short():
     """They hold whole problems."""
     (point,) = sfx.sweep(example1(coefficient=0.3, nx=12, ny=4), COMM, coefficients=[0.2])
     assert repr(point) == f"<SweepPoint 0.2: converged, {point.linear_solves} linear solves>"
+
+
+def test_signature_of_a_table():
+    """Keys and defaults, as help and a notebook show them."""
+    shown = "(*, boundary, gap=0.0, direction=None, friction=NoFriction(law='none'), kind='unilateral')"
+    assert str(inspect.signature(sfx.UnilateralContact)) == shown
+    assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, hypothesis='plane strain'")
+
+
+def test_pictures(tmp_path, monkeypatch):
+    """Those of a result folder, for a notebook; nothing stays behind."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    drawn = sfx.pictures(alone(example1(bound=1.5, nx=12, ny=4)))
+    assert repr(drawn) == "<Pictures: deformed, profiles, history>"
+    assert all(data.startswith(b"\x89PNG") for data in drawn.png.values())
+    assert drawn._repr_html_().count("<img") == 3
+    assert list(tmp_path.iterdir()) == []

@@ -146,7 +146,8 @@ def work_precision(options: argparse.Namespace) -> int:
         except OSError as error:
             raise cannot_be_written(path, error) from None
         folder.commit(())
-    parallel.log_on_root(comm, f"\n{textwrap.fill(advice(study), width=110)}\n\nresults: {path}/")
+    lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in advice(study).split("\n")]
+    parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
     return EXIT_OK
 
 

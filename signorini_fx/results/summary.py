@@ -256,6 +256,7 @@ def render(summary: dict[str, Any]) -> str:
             f"  largest pressure {summary['max_pressure']:.6g}",
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
+            *_beside_contact(summary),
             *(
                 f"  {name:16s} {_force(summary, key)}, about the origin"
                 for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
@@ -280,6 +281,14 @@ def render(summary: dict[str, Any]) -> str:
     if "price_list" in summary:
         lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
     return "\n".join(lines)
+
+
+def _beside_contact(summary: dict[str, Any]) -> list[str]:
+    """Why a body may stick or slip where it does not touch."""
+    laws = {effect["friction"]["law"] for effect in summary.get("scene", {}).get("contact", ())}
+    if "tresca" not in laws or summary["touching_nodes"] == summary["contact_nodes"]:
+        return []
+    return ["  note             Tresca friction also acts where there is no contact"]
 
 
 def _force(summary: dict[str, Any], name: str) -> str:

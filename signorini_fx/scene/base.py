@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, Self, cast, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -32,6 +33,15 @@ class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: unknown keys are errors, and entries are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Show keys and defaults in help and notebooks, and not the types by which they are checked."""
+        parameters = (
+            Parameter(name, Parameter.KEYWORD_ONLY, default=Parameter.empty if field.is_required() else field.default)
+            for name, field in cls.model_fields.items()
+        )
+        cls.__signature__ = Signature(list(parameters))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A changed copy, whose new values are not validated; a single table stands for a list of one.

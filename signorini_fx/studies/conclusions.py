@@ -71,7 +71,7 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
 
 
 def advice(study: Study) -> str:
-    """One paragraph: which method for which accuracy, from the data alone."""
+    """A line for each quantity: which method for which accuracy, from the data alone."""
     rows = study.rows
     parts = [f"{study.scene.title or 'The scene'}: errors relative to {study.reference}, times of whole solves."]
     for quantity in quantities_with_errors(study):
@@ -90,7 +90,7 @@ def advice(study: Study) -> str:
         label = _LABELS[quantity]
         parts.append(f"For the {label} take " + ", then ".join(said) + "." if said else _none(study, quantity))
     parts += [text for text in (_on_gamma(rows), _on_time(rows), _on_failures(rows)) if text]
-    return " ".join(parts)
+    return "\n- ".join(parts)
 
 
 def _none(study: Study, quantity: str) -> str:

@@ -1,8 +1,8 @@
 """Random scenes, judged by a program that shares no code with the package (``make oracle``).
 
-``scenes`` draws them: a scene file and, mostly, a mesh of its own.  ``package`` lets signorini_fx solve one and hands
-on what a user gets, as plain arrays: mesh, displacement, contact table, outcome.  Everything else knows nothing but
-these arrays and the text of the scene: ``elements`` and ``body`` assemble the body anew, ``conditions`` asks whether
+``scenes`` draws them: a scene file and usually a mesh file.  ``package`` lets signorini_fx solve one and returns what
+a user gets, as plain arrays: mesh, displacement, contact table, outcome.  Everything else uses only these arrays and
+the text of the scene: ``elements`` and ``body`` assemble the body anew, ``conditions`` asks whether
 the conditions of the problem hold, ``convex`` computes the answer a second time as a convex programme of CVXOPT,
 ``statics`` asks a linear programme about outcomes that say there is no equilibrium, and ``judge`` puts them together.
 A test holds that none of these imports the package or FEniCSx.

@@ -118,7 +118,7 @@ class _Reader:
             case "NODE":
                 for number, *x in rows:
                     if int(number) in self.points:
-                        raise ValueError(f"node {number} is there twice: a file with several parts is not understood")
+                        raise ValueError(f"node {number} is defined twice: files with several parts are not supported")
                     self.points[int(number)] = [float(value.upper().replace("D", "E")) for value in x[:3]]
                 if "NSET" in parameters:
                     self.node_sets.setdefault(parameters["NSET"], []).extend(int(row[0]) for row in rows)
@@ -133,17 +133,17 @@ class _Reader:
             case "INCLUDE":
                 raise ValueError("*INCLUDE is not followed: put everything into one file")
             case "INSTANCE" if rows:
-                raise ValueError("*INSTANCE moves its part: write the mesh where it stands")
+                raise ValueError("*INSTANCE moves its part: write the mesh in its final position")
 
     def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
         kind, count = _kind(parameters["TYPE"].upper())
         words = [int(word) for row in rows for word in row]
         if len(words) % (count + 1):
-            raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes for each are expected")
+            raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes per element are expected")
         table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
         for row, (number, *_) in enumerate(table):
             if number in self.elements:
-                raise ValueError(f"element {number} is there twice: a file with several parts is not understood")
+                raise ValueError(f"element {number} is defined twice: files with several parts are not supported")
             self.elements[number] = len(self.blocks), row
         if table:
             self.blocks.append((kind, [nodes for _, *nodes in table]))
@@ -159,14 +159,14 @@ class _Reader:
             if "GENERATE" in parameters:
                 first, last, step = (*map(int, row), 1)[:3]
                 if step < 1 or (last - first) // step > self._room:
-                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not what the file can hold")
+                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not a possible range")
                 members.update(dict.fromkeys(range(first, last + 1, step)))
                 continue
             for word in row:
                 if word.isdigit():
                     members[int(word)] = None
                 elif word == name:
-                    raise ValueError(f"set {name!r} is named as a part of itself")
+                    raise ValueError(f"set {name!r} contains itself")
                 elif word not in taken:
                     taken.add(word)
                     members.update(dict.fromkeys(self._member(sets, word)))
@@ -182,7 +182,7 @@ class _Reader:
                 return sets[name]
         if (number := word.rpartition(".")[2]).isdigit():
             return [int(number)]
-        raise ValueError(f"set {word!r} is not there")
+        raise ValueError(f"set {word!r} does not exist")
 
     def _read_surface(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
         name, kind = parameters["NAME"], parameters.get("TYPE", "ELEMENT").upper()

@@ -162,7 +162,7 @@ def from_raw(
                     f"x[{k}] {low:.6g} to {high:.6g}"
                     for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
                 )
-                message = f"{name}: takes no {entities.word}; the body is {extents}"
+                message = f"{name}: selects no {entities.word}; the body is {extents}"
             result[label] = found
             if not found.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
@@ -264,7 +264,7 @@ def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, n
         return np.empty(0, dtype=np.int64), f"{name}: set mesh.data to the cell data that is meant; there are: {known}"
     known = ", ".join(map(str, entities.values(numbers))) or "none"
     found = entities.with_number(numbers, value)
-    return found, f"{name}: number {value} takes no {entities.word}; the numbers there are: {known}"
+    return found, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known}"
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
@@ -299,7 +299,7 @@ def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floa
     cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
     count = len(raw.points)
     if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
-        raise MeshError(f"{name}: an element has a node that is not there")
+        raise MeshError(f"{name}: an element has a node that does not exist")
     used = np.zeros(count, dtype=bool)
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
@@ -334,7 +334,7 @@ def _check_twice(corners: Ints, name: str) -> None:
     twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
     if twice:
         hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
-        raise MeshError(f"{name}: {twice} cells are there twice ({hint})")
+        raise MeshError(f"{name}: {twice} cells occur twice ({hint})")
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:

@@ -76,7 +76,9 @@ def read_file(
         raise SceneError([("mesh.size", f"a positive length is expected, got {size:g}")])
     if size is not None and file.suffix.lower() not in gmsh_files.CAD:
         known = ", ".join(gmsh_files.CAD)
-        raise SceneError([("mesh.size", f"the cells of a {file.suffix} have their size: it is for {known}")])
+        raise SceneError(
+            [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {known}")]
+        )
     if file.suffix.lower() in gmsh_files.DRAWN:
         raw = gmsh_files.read_gmsh(file, halvings, degree, size)
         return from_raw(raw, str(file), boundaries, regions, data)

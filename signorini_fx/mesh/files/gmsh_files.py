@@ -153,7 +153,7 @@ def _arrays(file: Path, folder: Path, halvings: int, degree: int, length: float)
         hint = "; give the .msh that gmsh makes of it" if drawn else ""
         raise MeshError(f"{file}: gmsh cannot read it: it took more than {seconds} s{hint}")
     memory_hint = f" or needs more than {memory / 1e9:.1f} GB"
-    raise MeshError(f"{file}: gmsh cannot read it: it breaks down on it{memory_hint} (exit code {code})")
+    raise MeshError(f"{file}: gmsh cannot read it: it crashes on this file{memory_hint} (exit code {code})")
 
 
 def _check_header(file: Path, form: str) -> None:
@@ -173,7 +173,7 @@ def _check_script(file: Path) -> None:
             f"{file}: a script of more than {_LARGEST_SCRIPT >> 20} MB; give the .msh that gmsh makes of it"
         )
     if text.startswith("$"):
-        raise MeshError(f"{file}: is no script of gmsh: it begins with $; a mesh must end in .msh")
+        raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
 
     def blank(match: re.Match[str]) -> str:
         return re.sub(r"[^\n]", " ", match[0])
@@ -182,6 +182,6 @@ def _check_script(file: Path) -> None:
     if found := _COMMAND.search(commands):
         line = commands.count("\n", 0, found.start()) + 1
         raise MeshError(
-            f"{file}: line {line}: {found[1] or 'writing a file'} is not allowed in a script: it may only draw; give "
-            "the .msh that gmsh makes of it"
+            f"{file}: line {line}: {found[1] or 'writing a file'} is not allowed in a script: it may only describe "
+            "geometry and mesh; give the .msh that gmsh makes of it"
         )

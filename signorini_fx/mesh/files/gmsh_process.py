@@ -73,7 +73,7 @@ def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> No
     tags = np.asarray(tags, dtype=np.int64)
     order = np.argsort(tags)
     if (np.diff(tags[order]) == 0).any():
-        raise ValueError("two nodes have one number")
+        raise ValueError("two nodes have the same number")
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
     # Boundaries have one dimension less than the body.
     top = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2
