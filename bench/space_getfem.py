@@ -23,7 +23,7 @@ MIDDLE = (1.5, 0.5, 1.0)
 # which leaves the brick no force of friction to find.
 _DOWN = -7e-3
 # Of a force at a node to its displacement, in units of Young's modulus times the width of a cell; and which of
-# Alart & Curnier's Lagrangians.  Of 0.1, 1, 10 and the four versions this takes the least time.
+# Alart & Curnier's Lagrangians.  Of 0.1, 1, 10 and the four versions none takes less time at 6,075 unknowns.
 _AUGMENTATION, _VERSION = 1.0, 1
 _RESIDUAL, _STEPS = 1e-8, 40
 _ENDS, _LOADED, _BOTTOM = 1, 2, 3

@@ -181,7 +181,8 @@ def compared(
     deflection, force, contact, slip = ours[0].answer.far(runs[0].answer)
     parts = f"u_z by {deflection:.1e}, force by {force:.1e}, contact at {contact} nodes, slip at {slip}"
     other = same is not None and (max(deflection, force) > same or contact + slip > 0)
-    note = f"{'ANOTHER ANSWER' if other else 'answer'}: {parts}; {runs[0].note}; {_cpu(runs[0], ours[0])}"
+    said = f"{runs[0].note}; {_cpu(runs[0], ours[0])}; the package: {ours[0].note}"
+    note = f"{'ANOTHER ANSWER' if other else 'answer'}: {parts}; {said}"
     if not all(run.converged for run in ours):
         note = f"the package has not converged; {note}"
     failed = other or not all(run.converged for run in ours)
