@@ -44,14 +44,16 @@ window.addEventListener("load", function () {
   }
   var found = { width: innerWidth, across: document.documentElement.scrollWidth, failures: failures, read: read,
     wide: wide.slice(0, 3).map(function (one) { return one.outerHTML.slice(0, 80); }), small: small.length,
-    plots: plots.length, headings: Array.from(document.querySelectorAll("h2")).map(function (h) { return h.textContent; })
+    plots: plots.length,
+    headings: Array.from(document.querySelectorAll("h2")).map(function (one) { return one.textContent; })
   };
   parent.postMessage(JSON.stringify(found), "*");
 });
 </script>"""
 # A window of Chromium cannot be as narrow as a telephone, a frame can.
-FRAME = """<!DOCTYPE html><body style="margin:0"><iframe src="{name}" width="{width}" height="{height}" style="border:0">
-</iframe><pre id="found"></pre><script>window.onmessage = function (event) {{
+FRAME = """<!DOCTYPE html><body style="margin:0">
+<iframe src="{name}" width="{width}" height="{height}" style="border:0"></iframe>
+<pre id="found"></pre><script>window.onmessage = function (event) {{
   document.getElementById("found").textContent = event.data; }};</script></body>"""
 HEIGHT = 6000
 
@@ -62,7 +64,8 @@ def tools():
     Raises:
         SystemExit: it cannot be installed here.
     """
-    missing = [package for package, tool in (("chromium", "chromium"), ("poppler-utils", "pdftotext")) if not shutil.which(tool)]
+    needed = {"chromium": "chromium", "poppler-utils": "pdftotext"}
+    missing = [package for package, tool in needed.items() if not shutil.which(tool)]
     if not missing:
         return
     if os.geteuid() or not shutil.which("apt-get"):

@@ -210,7 +210,7 @@ def test_page_needs_nothing_else(folder):
 def test_numbers(folder):
     """Those of the summary, the certificate and the tables."""
     page, summary = Page(folder), summary_of(folder)
-    assert f"The law is {summary['certificate']['law']}." in page.text
+    assert f"The law is {markup.in_text(summary['certificate']['law'])}." in page.text
     assert summary["status"] in page.text
     cells = page.of("td")
     for name, value in summary["certificate"].items():
@@ -527,6 +527,12 @@ def test_figures_have_the_digits_of_their_estimates(folders):
     assert len(expected) < len(f"{summary['max_pressure']:.6g}")
     cards = page.of("dd")
     assert expected in cards
+
+
+def test_powers_of_ten_in_text():
+    """Numbers are one word; names and plain numbers stay."""
+    text = markup.in_text("gamma_n = 2.39e+08, 1e-06, 12 and e-mail 3e")
+    assert text == "gamma_n = 2.39\xd710\u2078, 10\u207b\u2076, 12 and e-mail 3e"
 
 
 # --- curves to zoom into ---------------------------------------------------------------------------------------------

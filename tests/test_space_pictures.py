@@ -431,7 +431,8 @@ def test_page(folder):
     for wrong in ("unit thickness", "--accuracy", "--levels", "slip minus", "plane strain", "arc length"):
         assert wrong not in found.source
     kinds = [kind for kind, _ in pictures(found)]
-    assert kinds == ["png", *["svg+xml"] * (3 if "steps" in summary else 2)]
+    rubs = any(row["friction"] != "none" for row in rows_of(folder / "contact.csv"))
+    assert kinds == ["png", *["svg+xml"] * (2 + rubs + ("steps" in summary))]
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import math
+import re
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -64,6 +65,19 @@ def shown(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key} = {shown(item)}" for key, item in value.items() if item is not None)
     return str(value)
+
+
+_POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+
+
+def in_text(text: str) -> str:
+    """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10 to the -8."""
+
+    def power(found: re.Match[str]) -> str:
+        factor = "" if found[1] == "1" else f"{found[1]}\N{MULTIPLICATION SIGN}"
+        return f"{factor}10{str(int(found[2])).translate(_POWERS)}"
+
+    return re.sub(r"\b(\d+(?:\.\d+)?)e([+-]\d+)\b", power, text)
 
 
 def is_number(value: Any) -> bool:
