@@ -49,7 +49,7 @@ oracle:     ## check 2,000 random scenes with a program that shares no code with
 mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)
 	./env python3 -m stability.mutants
 
-docs: $(SPHINX)  ## build README and docs/ as HTML (build/docs/docs/index.html)
+docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site (build/docs/docs/index.html)
 	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -n -W --keep-going -c docs . build/docs
 
 clean:      ## remove everything that these targets made, except the image
@@ -65,5 +65,6 @@ $(RUFF):
 
 $(SPHINX):
 	rm -rf $@.d
-	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19
+	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
+		numpy==2.4.2 pydantic==2.12.5 simpleeval==1.0.3
 	mv $@.d $@

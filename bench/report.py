@@ -13,7 +13,7 @@ import numpy as np
 from clock import Sample
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rows import Row, Sizes
+from row import Row, Sizes
 
 # From light to dark in the order of the phases, so that they are told apart on a gray printer too.
 _PHASES = {
@@ -35,6 +35,7 @@ _LABELS = {
 }
 _COLUMNS = ("group", "what", "mesh", "value", "low", "high", "repeats", "unit", "target", "at_least", "verdict", "note")
 _INK, _MUTED = "#1a1a1a", "#6b6b6b"
+_FARTHEST = 3.0  # of the targets' axis
 _STYLE: dict[str, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -112,9 +113,13 @@ def picture(folder: Path, rows: Sequence[Row], samples: Sequence[Sample], sizes:
     bars = [(name, nx) for nx in (sizes.middle, sizes.large) for name in _LABELS if clock.phases(samples, (name, nx))]
     height = 0.9 + 0.19 * len(bars), 0.9 + 0.19 * len(judged)
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, max(3.0, sum(height))), layout="constrained")
-        upper, lower = figure.subplots(2, 1, height_ratios=[max(h, 1.3) for h in height])
-        _where(upper, samples, bars)
+        if bars:
+            figure = Figure(figsize=(7.2, max(3.0, sum(height))), layout="constrained")
+            upper, lower = figure.subplots(2, 1, height_ratios=[max(h, 1.3) for h in height])
+            _where(upper, samples, bars)
+        else:
+            figure = Figure(figsize=(7.2, max(1.3, height[1])), layout="constrained")
+            lower = figure.subplots()
         _distances(lower, judged)
         path = folder / "performance.png"
         figure.savefig(path, dpi=160)
@@ -143,8 +148,7 @@ def _where(axes: Axes, samples: Sequence[Sample], bars: Sequence[clock.Key]) -> 
     axes.set_yticks(range(len(bars)), [f"{_LABELS[name]}, {nx}x{nx // 3}" for name, nx in bars])
     axes.invert_yaxis()
     axes.axvline(1.0, color=_MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=0)
-    if bars:
-        axes.legend(ncols=4, loc="upper center", bbox_to_anchor=(0.45, -0.08), fontsize=7, handlelength=1.4)
+    axes.legend(ncols=4, loc="upper center", bbox_to_anchor=(0.45, -0.08), fontsize=7, handlelength=1.4)
 
 
 def _distances(axes: Axes, judged: Sequence[Row]) -> None:
@@ -153,7 +157,9 @@ def _distances(axes: Axes, judged: Sequence[Row]) -> None:
         assert row.target is not None
         share = row.target / row.value if row.at_least else row.value / row.target
         reached = row.verdict == "reached"
-        axes.plot(share, place, "o", color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
+        # What is farther away than the axis goes is an arrow at its end.
+        marker, at = ("o", share) if share < _FARTHEST else (">", _FARTHEST)
+        axes.plot(at, place, marker, color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
         value = f"{row.value:.2f} ({'>=' if row.at_least else '<='} {row.target:g})"
         axes.text(0.017, place, value, va="center", fontsize=6.5, color=_MUTED)
     axes.set_xscale("log")
@@ -161,7 +167,7 @@ def _distances(axes: Axes, judged: Sequence[Row]) -> None:
     axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)
     axes.set_yticks(range(len(judged)), [f"{row.what}, {row.size}".rstrip(", ") for row in judged], fontsize=6.5)
     axes.invert_yaxis()
-    axes.set_xlim(0.015, 3.0)
+    axes.set_xlim(0.015, 1.15 * _FARTHEST)
     ticks = [0.1, 0.2, 0.5, 1.0, 2.0]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()

@@ -8,8 +8,8 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,73 +17,13 @@ import clock
 import contestants
 import example1
 import numpy as np
-import space
+import space_rows
 from clock import Key, Sample
+from row import Row, Say, Sizes
 
 from signorini_fx import solve
 
 HERE = Path(__file__).parent
-Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table.
-
-    Attributes:
-        group: its name for ``--only``.
-        what: what is measured.
-        size: on what mesh.
-        measured: one value a repeat; the median counts.
-        target: what must be reached; None: shown for information.
-        at_least: whether the target is the smallest value rather than the largest.
-        key: the contestant whose phases say where the time goes.
-        unit: "" for ratios, else what the value is.
-        note: anything else.
-    """
-
-    group: str
-    what: str
-    size: str
-    measured: Sequence[float]
-    target: float | None = None
-    at_least: bool = False
-    key: Key | None = None
-    unit: str = ""
-    note: str = ""
-    where: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def value(self) -> float:
-        """The median."""
-        return float(np.median(self.measured))
-
-    @property
-    def verdict(self) -> str:
-        """Whether the target is reached."""
-        if self.target is None:
-            return "information"
-        reached = self.value >= self.target if self.at_least else self.value <= self.target
-        return "reached" if reached else "NOT REACHED"
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Cells along the bottom: two for ratios, a small one for growth, a large one that must just be solved.
-
-    Attributes:
-        space: cells along the block in space, from one mesh to one with eight times as many cells.
-    """
-
-    small: int
-    middle: int
-    large: int
-    huge: int
-    space: tuple[int, int] = (12, 24)
-
-    def name(self, nx: int) -> str:
-        """As in 480x160."""
-        return f"{nx}x{nx // 3}"
 
 
 @dataclass(frozen=True)
@@ -139,6 +79,8 @@ GROUPS = (
     "counts",
     "large",
     "space",
+    "space-sweep",
+    "space-rivals",
     "import",
 )
 # The largest mesh is no matter of small differences.
@@ -338,50 +280,6 @@ def huge(sizes: Sizes, repeats: int, default: str, say: Say) -> list[Row]:
     return rows
 
 
-# A gamma for the times, and all for which the counts must hold.
-_SPACE_GAMMA, _SPACE_GAMMAS, _SPACE_LEVELS = 1e7, (1e5, 1e7, 1e9), 3
-
-
-def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
-    """Krylov steps on the finest of three meshes, and whole solves, over one linear solve in space."""
-    rows = []
-    for cell in space.CELLS:
-        once = {nx: space.linear(nx, cell) for nx in sizes.space}
-        for law in space.LAWS:
-            most: dict[int, list[int]] = {}
-            for nx in sizes.space:
-                runs = []
-                for gamma in _SPACE_GAMMAS:
-                    say(f"space, {law}, {cell} {nx}, gamma = {gamma:.0e}")
-                    runs.append(space.package(law, nx, cell, gamma, _SPACE_LEVELS))
-                name = f"{cell} {nx}"
-                most[nx] = [run.steps for run in runs]
-                note = f"{[run.steps for run in runs]} over {once[nx].steps}, {runs[0].dofs} unknowns; {runs[1].note}"
-                ratio = [max(run.steps if run.converged else np.inf for run in runs) / once[nx].steps]
-                what = f"Krylov steps on the finest mesh over a linear solve, {law}, worst gamma"
-                rows.append(Row("space", what, name, ratio, 2.5, note=note))
-                set_ups = [max(run.set_ups for run in runs)]
-                what = f"multigrid hierarchies on {_SPACE_LEVELS} meshes, {law}"
-                rows.append(Row("space", what, name, set_ups, float(_SPACE_LEVELS), unit="set-ups"))
-            coarse, fine = (most[nx] for nx in sizes.space)
-            what = f"growth of the steps, {law}, worst gamma"
-            growth = [max(np.divide(fine, coarse))]
-            rows.append(Row("space", what, f"{cell} {sizes.space[0]} to {sizes.space[1]}", growth, 1.3))
-        rows += _in_space_timed(sizes.space[-1], cell, repeats, say)
-    return rows
-
-
-def _in_space_timed(nx: int, cell: str, repeats: int, say: Say) -> list[Row]:
-    seconds: dict[str, list[float]] = {law: [] for law in space.LAWS}
-    for repeat in range(repeats):
-        say(f"space, times, {cell} {nx}, round {repeat + 1} of {repeats}")
-        unit = space.linear(nx, cell).seconds
-        for law, found in seconds.items():
-            found.append(space.package(law, nx, cell, _SPACE_GAMMA, _SPACE_LEVELS).seconds / unit)
-    what = "whole solve in space over a linear solve, CG with GAMG"
-    return [Row("space", f"{what}, {law}", f"{cell} {nx}", found, 1.8) for law, found in seconds.items()]
-
-
 _HEAVY = ("dolfinx", "petsc4py", "mpi4py", "ufl", "basix", "gmsh", "matplotlib")
 
 
@@ -426,19 +324,23 @@ def run(
         yield rows, samples
     del meshes
     gammas = [10.0**power for power in range(4, 11)]
-    others: dict[str, Callable[[], list[Row]]] = {
+    others: dict[str, Callable[[], Iterable[Row]]] = {
         "memory": lambda: memory(sizes, repeats, say),
         "nested": lambda: nested(sizes, levels, gammas, say),
         "ranks": lambda: ranks(sizes, levels, repeats, say),
         "counts": lambda: counts(sizes, levels, say),
         "large": lambda: huge(sizes, min(repeats, _FEW_REPEATS), default, say),
-        "space": lambda: in_space(sizes, repeats, say),
+        "space": lambda: space_rows.in_space(sizes, repeats, say),
+        "space-sweep": lambda: space_rows.sweeps(sizes, min(repeats, _FEW_REPEATS), say),
+        "space-rivals": lambda: space_rows.rivals(sizes, min(repeats, _FEW_REPEATS), say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:
         if group in others:
             try:
-                rows += others[group]()
+                for row in others[group]():
+                    rows.append(row)
+                    yield rows, samples
             except RuntimeError as error:
                 rows.append(Row(group, f"{group}: failed", "", [np.inf], 0.0, note=str(error)))
-            yield rows, samples
+                yield rows, samples

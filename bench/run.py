@@ -24,7 +24,7 @@ from clock import Sample
 from petsc4py import PETSc
 
 _FULL = rows.Sizes(240, 480, 960, 1734, (48, 96))
-_QUICK = rows.Sizes(60, 120, 240, 480)
+_QUICK = rows.Sizes(60, 120, 240, 480, (24, 48))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""The block in space that three programs agree on: the package with multigrid, and one linear solve.
+"""The block in space that three programs agree on: the package with multigrid, one linear solve, and what all answer.
 
 The linear solve is the same body held at the bottom: assemble, set up GAMG, CG to the residual at which the package
 ends its own solves.
@@ -7,12 +7,13 @@ ends its own solves.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -20,9 +21,12 @@ from mpi4py import MPI
 from once import stopwatch
 from petsc4py import PETSc
 
-from signorini_fx import solve
+from signorini_fx import solve, sweep
 from signorini_fx.linalg import krylov, multigrid
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE
@@ -35,6 +39,65 @@ LAWS: dict[str, dict[str, Any]] = {
     "coulomb": {"law": "coulomb", "coefficient": 0.3},
 }
 CELLS = ("hexahedron", "tetrahedron")
+MIDDLE = (1.5, 0.5, 1.0)  # of the top, where the deflection is read
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What every program says about the block.
+
+    Attributes:
+        deflection: u_z in the middle of the top, length.
+        force: resultant of the foundation on the body, shape (3,).
+        x: the contact nodes in the plane of the bottom, shape (n, 2), ordered along x[0], then x[1].
+        contact: nodes in contact.
+        slip: nodes that slip; none without friction, nor where the bound is zero.
+    """
+
+    deflection: float
+    force: Floats
+    x: Floats
+    contact: Flags
+    slip: Flags
+
+    @classmethod
+    def at(cls, deflection: float, force: Floats, x: Floats, contact: Flags, slip: Flags) -> Answer:
+        """From nodes in any order."""
+        order = np.lexsort(np.round(x[:, 1::-1], 9).T)
+        return cls(deflection, force, x[order, :2], contact[order], slip[order])
+
+    @classmethod
+    def of(cls, solution: Solution) -> Answer:
+        """The package's."""
+        c = solution.contact
+        assert c is not None
+        y = solution.displacement
+        values = y.x.array.reshape(-1, 3)
+        deflection = float(values[node_at(y.function_space, MIDDLE), 2])
+        force = np.sum(c.forces, axis=0)
+        slip = (np.linalg.norm(c.direction, axis=1) > 0.5) & (c.bound > 0)
+        return cls.at(deflection, force, c.boundary.x, c.in_contact, slip)
+
+    def far(self, other: Answer) -> tuple[float, float, int, int]:
+        """Differences of deflection and force, relative; numbers of nodes in other sets, contact and slip.
+
+        Raises:
+            ValueError: the other one is for another mesh.
+        """
+        if self.x.shape != other.x.shape or np.abs(self.x - other.x).max() > 1e-9:
+            raise ValueError("answers on two meshes are not compared")
+        deflection = abs(other.deflection - self.deflection) / abs(self.deflection)
+        force = float(np.linalg.norm(other.force - self.force) / np.linalg.norm(self.force))
+        sets = (np.count_nonzero(self.contact != other.contact), np.count_nonzero(self.slip != other.slip))
+        return deflection, force, *map(int, sets)
+
+
+def node_at(space: fem.FunctionSpace, place: tuple[float, float, float]) -> int:
+    """The node at a place of a mesh in one piece; one rank."""
+    return int(np.argmin(np.linalg.norm(space.tabulate_dof_coordinates() - np.array(place), axis=1)))
 
 
 @dataclass(frozen=True)
@@ -43,19 +106,23 @@ class Run:
 
     Attributes:
         seconds: without the making of meshes.
+        cpu: CPU seconds of the same: what other processes on the machine hardly change.
         steps: of all Krylov solves on the finest mesh.
         set_ups: multigrid hierarchies, on all meshes.
         dofs: unknowns of the finest mesh.
         note: what the steps are made of.
         converged: whether there is a certified solution.
+        answer: of those who solve the contact problem.
     """
 
     seconds: float
+    cpu: float
     steps: int
     set_ups: int
     dofs: int
     note: str = ""
     converged: bool = True
+    answer: Answer | None = None
 
 
 def parameters(nx: int, cell: str) -> dict[str, Any]:
@@ -93,9 +160,9 @@ def _watch() -> Iterator[tuple[list[tuple[int, int]], list[int]]]:
         configure(self, ksp, **how)
         ksp.setPostSolve(lambda solver, b, _x: steps.append((b.getSize(), solver.getIterationNumber())))
 
-    def counted(matrix: PETSc.Mat) -> multigrid.Hierarchy:
+    def counted(matrix: PETSc.Mat, level: MeshLevel | None = None) -> multigrid.Hierarchy:
         sizes.append(matrix.getSize()[0])
-        return create(matrix)
+        return create(matrix, level)
 
     krylov.KrylovSystem.configure = watched
     multigrid.Hierarchy.of = counted
@@ -107,21 +174,22 @@ def _watch() -> Iterator[tuple[list[tuple[int, int]], list[int]]]:
 
 def package(law: str, nx: int, cell: str, gamma: float, levels: int) -> Run:
     """The whole solve, all coarser meshes included, from the function space to the certificate."""
-    with _watch() as (steps, sizes), stopwatch() as making:
-        start = time.perf_counter()
+    with _watch() as (steps, sizes), stopwatch() as making, stopwatch(time.process_time) as burnt:
+        start, cpu = time.perf_counter(), time.process_time()
         solution = solve(scene(law, nx, cell, gamma, levels), MPI.COMM_SELF, check=False)
-        seconds = time.perf_counter() - start - sum(making)
+        seconds, cpu = time.perf_counter() - start - sum(making), time.process_time() - cpu - sum(burnt)
     finest = max(size for size, _ in steps)
     spent = [count for size, count in steps if size == finest]
     note = f"steps of each solve on it {spent}"
-    return Run(seconds, sum(spent), len(sizes), finest, note, solution.converged)
+    return Run(seconds, cpu, sum(spent), len(sizes), finest, note, solution.converged, Answer.of(solution))
 
 
 def linear(nx: int, cell: str) -> Run:
     """One linear solve."""
     tagged = generate_mesh("box", parameters(nx, cell), MPI.COMM_SELF)
-    start = time.perf_counter()
-    _space, matrix, load = _assemble(tagged)  # the space keeps the communicator of the load
+    start, cpu = time.perf_counter(), time.process_time()
+    held = {"left": (0, 1), "right": (0, 1), "bottom": (0, 1, 2)}
+    _space, matrix, load, _fixed = assemble(tagged, held)  # the space keeps the communicator of the load
     ksp = PETSc.KSP().create(MPI.COMM_SELF)
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
@@ -130,12 +198,27 @@ def linear(nx: int, cell: str) -> Run:
     ksp.getPC().setType(PETSc.PC.Type.GAMG)
     x = load.duplicate()
     ksp.solve(load, x)
-    seconds = time.perf_counter() - start
-    return Run(seconds, ksp.getIterationNumber(), 1, load.getSize(), converged=ksp.getConvergedReason() > 0)
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    return Run(seconds, cpu, ksp.getIterationNumber(), 1, load.getSize(), converged=ksp.getConvergedReason() > 0)
 
 
-def _assemble(tagged: TaggedMesh) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec]:
-    """Function space, stiffness, with the rigid motions as its near null space, and load."""
+def sweep_coefficients(tagged: TaggedMesh, gamma: float, coefficients: Sequence[float]) -> Run:
+    """Coulomb friction with all coefficients on a mesh in memory, from the function space to the last contact state."""
+    made = scene("coulomb", 3, CELLS[0], gamma, 1).model_copy(update={"mesh": tagged})
+    with _watch() as (steps, sizes):
+        start, cpu = time.perf_counter(), time.process_time()
+        points = sweep(made, MPI.COMM_SELF, coefficients=coefficients)
+        seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    spent = sum(count for _, count in steps)
+    note = f"{sum(point.linear_solves for point in points)} linear solves, {spent} Krylov steps"
+    converged = all(point.status is Status.CONVERGED for point in points)
+    return Run(seconds, cpu, spent, len(sizes), max(size for size, _ in steps), note, converged)
+
+
+def assemble(
+    tagged: TaggedMesh, held: dict[str, tuple[int, ...]]
+) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec, list[fem.DirichletBC]]:
+    """Function space, stiffness, with the rigid motions as its near null space, load, and what is held."""
     mesh = tagged.mesh
     space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -149,7 +232,7 @@ def _assemble(tagged: TaggedMesh) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.V
     force = ufl.as_vector((0.0, TRACTION["y"], TRACTION["z"]))
     load = middle * ufl.inner(force, z) * ds(tagged.boundaries["top"])
     fixed = []
-    for boundary, components in (("left", (0, 1)), ("right", (0, 1)), ("bottom", (0, 1, 2))):
+    for boundary, components in held.items():
         for component in components:
             part = space.sub(component)
             dofs = fem.locate_dofs_topological(part, 2, tagged.facets(boundary))
@@ -169,4 +252,4 @@ def _assemble(tagged: TaggedMesh) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.V
     for k, one in enumerate(vectors):
         one.getArray()[:] = orthonormal[:, k]
     matrix.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=matrix.comm))
-    return space, matrix, vector
+    return space, matrix, vector, fixed

@@ -1,21 +1,79 @@
-"""How Sphinx makes HTML of README, CONTRIBUTING, CHANGELOG and docs/: make docs."""
+"""How Sphinx makes HTML of README, CONTRIBUTING, CHANGELOG, docs/, the demos and the docstrings: make docs."""
+
+from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from myst_parser.parsers.sphinx_ import MystParser
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGE = (_ROOT / "signorini_fx" / "__init__.py").read_text(encoding="utf-8")
+sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
+
+from percent import as_markdown  # noqa: E402  # in this folder
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_math_renderer = "mathml"  # no script and no network
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # GitHub's anchors: the tests check links against these
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "docs/index.rst"]
+include_patterns = ["*.md", "docs/*.md", "demos/*.py"]
+exclude_patterns = ["demos/paper.py"]
 html_theme = "furo"
 html_title = f"{project} {release}"
 html_show_copyright = False
 html_copy_source = False
 highlight_language = "none"
+# Docstrings are read without FEniCSx, of which this machine needs none of the compiled parts.
+autodoc_mock_imports = ["basix", "dolfinx", "ffcx", "gmsh", "h5py", "meshio", "mpi4py", "petsc4py", "scipy", "ufl"]
+autodoc_mock_imports += ["signorini_fx.compat"]  # it refuses other versions of dolfinx
+autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"
+autodoc_typehints = "none"
+napoleon_use_ivar = True
 # Pygments does not know gmsh's language; a link to a folder is for readers of the repository. The tests check links.
 suppress_warnings = ["misc.highlighting_failure", "myst.xref_missing"]
+nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstrings
+
+
+class DemoParser(MystParser):
+    """Shows a demo as a page: its text, its code and its picture from the gallery."""
+
+    supported = ("percent",)
+
+    def parse(self, inputstring: str, document: nodes.document) -> None:
+        """Parse the Markdown that the script makes."""
+        name = Path(document["source"]).stem
+        picture = f"\n![Result](../docs/images/gallery/{name}.png)\n"
+        drawn = (_ROOT / "docs" / "images" / "gallery" / f"{name}.png").exists()
+        super().parse(as_markdown(inputstring) + picture * drawn, document)
+
+
+def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """|x| is an absolute value in docstrings, not a substitution."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
+def _formula(writer: Any, node: nodes.Element) -> None:
+    """A formula as MathML, which browsers draw by themselves."""
+    block = isinstance(node, nodes.math_block)
+    formula = tex2mathml(node.astext(), as_block=block)
+    writer.body.append(
+        f'<div class="math" style="overflow-x: auto; padding: 0.6em 0">{formula}</div>' if block else formula
+    )
+    raise nodes.SkipNode
+
+
+def setup(app: Any) -> None:
+    """Let Sphinx read the demos and the docstrings."""
+    app.connect("autodoc-process-docstring", _escape)
+    app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))
+    app.add_source_suffix(".py", "percent")
+    app.add_source_parser(DemoParser)

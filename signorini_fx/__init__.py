@@ -23,6 +23,7 @@ _PUBLIC = {
     "records": ("Status",),
     "results.files": ("write_results",),
     "results.solution": ("ConvergenceError", "Solution"),
+    "results.summary": ("print_progress",),
     "scene.model": (
         "BilateralContact",
         "BodyForce",

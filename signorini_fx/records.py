@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from typing import Any, Literal, TypeVar
 
@@ -187,6 +187,31 @@ def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
     return [asdict(record) for record in records]
 
 
+@dataclass(frozen=True)
+class Progress:
+    """Where a solve is.
+
+    Attributes:
+        mesh: number of the mesh, from 1.
+        meshes: how many there will be; None: not known.
+        dofs: unknowns on this mesh; 0 while it is made.
+        step: number of the load step, from 1.
+        steps: how many there are.
+        solve: running number of the linear solve, from 1.
+        krylov: steps of the Krylov method in this linear solve.
+        end: when the solve will end by the forecast, on the clock of ``time.perf_counter``; None: no forecast.
+    """
+
+    mesh: int = 1
+    meshes: int | None = 1
+    dofs: int = 0
+    step: int = 1
+    steps: int = 1
+    solve: int = 1
+    krylov: int = 0
+    end: float | None = None
+
+
 Observer = Callable[[IterationRecord | OuterRecord | str], None]
 
 
@@ -201,6 +226,8 @@ class History:
         observers: called with each new record or event, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
         shared: whether several meshes share this limit, so that none of them gets its own.
+        progress: where the solve is.
+        watchers: called with it whenever it changes; on all ranks or on none.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
@@ -209,6 +236,8 @@ class History:
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
     shared: bool = False
+    progress: Progress = field(default_factory=Progress)
+    watchers: list[Callable[[Progress], object]] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
@@ -223,11 +252,19 @@ class History:
         if not self.shared:
             self.limit = self.linear_solves + solves
 
+    def move(self, **changes: Any) -> None:
+        """Note where the solve is, if anybody watches."""
+        if self.watchers:
+            self.progress = replace(self.progress, **changes)
+            for watcher in self.watchers:
+                watcher(self.progress)
+
     def add(self, record: IterationRecord | OuterRecord | str) -> None:
         """Store a record or an event and show it."""
         match record:
             case IterationRecord():
                 self.iterations.append(record)
+                self.move(solve=record.solve + 1, krylov=0)
             case OuterRecord():
                 self.outer.append(record)
             case str():

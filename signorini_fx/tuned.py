@@ -103,6 +103,11 @@ LAGGED_SHARE = 1e-13
 KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 0.03
 # Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
 KRYLOV_STEPS = 1000
+# A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
+# nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
+FINER_LEVELS = (1.5, 3.0)
+# A coarsest mesh with more unknowns is coarsened further by aggregation, with fewer it is factorised.  Choice.
+MOST_COARSEST_UNKNOWNS = 3_000
 # A direction in which contact adds more than this share of a node's own stiffness is held on coarse levels too.
 HELD_STIFFNESS = 0.5
 # Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.

@@ -16,8 +16,13 @@ import example1  # noqa: E402
 import linear  # noqa: E402
 import plain  # noqa: E402
 import rival  # noqa: E402
+import space  # noqa: E402
+import space_getfem  # noqa: E402
+import space_rival  # noqa: E402
+import space_rows  # noqa: E402
 
 from signorini_fx import solve  # noqa: E402
+from signorini_fx.mesh.tagged import generate_mesh  # noqa: E402
 
 GROUPS = {
     "tresca",
@@ -33,6 +38,8 @@ GROUPS = {
     "import",
     "large",
     "space",
+    "space-sweep",
+    "space-rivals",
 }
 
 
@@ -86,6 +93,51 @@ def test_the_plain_way_has_limited_time(tagged, monkeypatch):
     assert not outcome.answers
     assert "at least" in outcome.unfinished
     contestants.check("plain", outcome, {"tresca": contestants.Outcome([package("tresca", tagged)])}, tagged)
+
+
+@pytest.mark.parametrize("cell", space.CELLS)
+@pytest.mark.parametrize("law", space.LAWS)
+def test_the_rival_in_space_comes_to_the_same_answer(law, cell):
+    """Newton's method written by hand, with GAMG and loose solves: deflection, force and sets of the package.
+
+    Both end their solves nine digits or more below the displacement.
+    """
+    ours = space.package(law, 12, cell, 1e8, 2)
+    theirs = space_rival.solve(generate_mesh("box", space.parameters(12, cell), MPI.COMM_SELF), law, 1e8)
+    assert ours.converged
+    assert ours.answer.contact.any()
+    assert ours.answer.slip.any() == (law != "frictionless")
+    deflection, force, *sets = ours.answer.far(theirs.answer)
+    assert deflection < 1e-8
+    assert force < 1e-8
+    assert sets == [0, 0]
+    assert theirs.set_ups > 4  # one for each Newton matrix
+    softer = space_rival.solve(generate_mesh("box", space.parameters(12, cell), MPI.COMM_SELF), law, 1e6, reuse=True)
+    assert ours.answer.far(softer.answer)[0] == pytest.approx(3e-3, rel=0.3)  # its penalty
+
+
+@pytest.mark.parametrize("law", space_getfem.LAWS)
+def test_getfem_comes_to_the_same_answer(law):
+    """GetFEM's contact brick, which has no penalty: that of the package is a hundredth of what gamma = 1e6 has."""
+    pytest.importorskip("getfem")
+    theirs = space_rows.getfem(law, 12)
+    deflection, force, *sets = space.package(law, 12, "hexahedron", 1e8, 2).answer.far(theirs.answer)
+    assert 2e-5 < deflection < 4e-5
+    assert force < 1e-5
+    assert sets == [0, 0]
+
+
+def test_a_rival_with_another_answer_or_none_has_no_verdict():
+    """It is named in the table, and no target is called reached on its account."""
+    ours, other = space.package("tresca", 6, "hexahedron", 1e8, 1), space.package("coulomb", 6, "hexahedron", 1e8, 1)
+    same = space_rows.compared("a", "", [ours], [ours], 0.5, 1e-6)
+    assert (same.verdict, same.value) == ("reached", 1.0)
+    assert same.note.startswith("answer: u_z by 0.0e+00")
+    wrong = space_rows.compared("a", "", [ours], [other], 0.5, 1e-6)
+    assert wrong.verdict == "information"
+    assert wrong.note.startswith("ANOTHER ANSWER: u_z by")
+    missing = space_rows.compared("a", "", [ours], ["not installed"], 0.5, 1e-6)
+    assert (missing.what, missing.verdict) == ("a: not installed", "information")
 
 
 @pytest.mark.parametrize("groups", [{"tresca", "import"}, pytest.param(GROUPS, marks=pytest.mark.long)], ids=len)

@@ -764,3 +764,25 @@ def test_light_commands(tmp_path, arguments):
         assert ended.stderr.splitlines()[-1] == "[]"
     if "--help" in arguments:
         assert min(spent) < 0.3
+
+
+@pytest.mark.parametrize(("length", "stress"), [(1.0, 1.0), (1e-3, 1e6)])
+def test_small_deformation_of_a_plate_in_space(length, stress):
+    """A plate on a table, in mm and MPa and in m and Pa: E is 7,000 times the pressure, which warrants no warning."""
+    plate = {
+        "mesh": {
+            "generator": "box",
+            "parameters": {
+                **{"length": 60 * length, "width": 40 * length, "height": 10 * length},
+                **{"nx": 6, "ny": 4, "nz": 1},
+            },
+        },
+        "material": {"young": 70000.0 * stress, "poisson": 0.33},
+        "traction": {"boundary": "top", "pressure": 10.0 * stress},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+    }
+    assert check_scene(parse_scene(plate)).warnings == ()
+    soft = {**plate, "material": {"young": 7.0 * stress, "poisson": 0.33}}
+    assert [found.path for found in check_scene(parse_scene(soft)).warnings] == [
+        "material, traction, body_force, displacement"
+    ]

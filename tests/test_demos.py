@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from signorini_fx import Status
+
 DEMOS = Path(__file__).parent.parent / "demos"
 COMM = MPI.COMM_WORLD
 pytestmark = pytest.mark.mpi
@@ -162,3 +164,14 @@ def test_bracket(run):
     assert found["above"].status.value == "maximum outer iterations reached"
     assert any(event.startswith("slides") for event in found["above"].history.events)
     pictures("bracket/foot")
+
+
+def test_tutorial(run):
+    """Its counts and its outcome; it is written for one process."""
+    if COMM.size > 1:
+        pytest.skip("for one process")
+    found = run("tutorial", 60)
+    assert found["solution"].history.linear_solves == 14
+    assert found["columns"]["pressure"].max() == pytest.approx(20.18, rel=5e-3)
+    assert found["outcome"] is Status.NOT_HELD
+    pictures("tutorial/stresses", "tutorial/deformed")

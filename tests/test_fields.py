@@ -1,180 +1,140 @@
-"""Fields on the deformed body: their values, their colours, strokes along principal stresses, and curved cells."""
+"""The files of fields: their formats, what a reader finds in them, and what is left of older ones."""
+
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from mpi4py import MPI
-from scenes import alone, example1
-from spaces import block
+from spaces import box
 
-from signorini_fx import cli
-from signorini_fx.report.fields import FIELDS, ON_DEMAND, Field, principal, values_of
-from signorini_fx.report.style import BLUE, ORANGE
-from signorini_fx.report.tones import Tones, draw_principal, thinned
-from signorini_fx.results.body_cells import gather_cells
+from signorini_fx import cli, compat
+from signorini_fx.errors import InstallationError
+from signorini_fx.results import fields as fields_module
 from signorini_fx.results.files import write_results
-from signorini_fx.results.outer_surface import gather_outer_surface
-from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.template import starting_scene
 from signorini_fx.solving.solver import solve
 
-SHEAR = np.array([[[0.0, 2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -3.0]]])
+COMM = MPI.COMM_WORLD
+YOUNG, POISSON = 5000.0, 0.3
+GRADIENT = 1e-3 * np.array([[1.0, 0.5, 0.0], [-0.2, 0.7, 0.3], [0.1, 0.0, -0.4]])
+# Cells, degree -> kind of cell in VTK (a Lagrange cell of any degree), and how many there are.
+CELLS = {
+    ("triangle", 1): (69, 12),
+    ("triangle", 2): (69, 12),
+    ("quadrilateral", 2): (70, 6),
+    ("hexahedra", 1): (72, 8),
+    ("tetrahedra", 2): (71, 48),
+}
 
 
-def test_values_from_the_stress():
-    """Trace and principal stresses of simple shear with a pressure along x_3: -3, -2, 2."""
-    stresses, directions = principal(SHEAR)
-    np.testing.assert_allclose(stresses, [[-3.0, -2.0, 2.0]], atol=1e-14)
-    np.testing.assert_allclose(np.abs(directions[0, :, 2]), [np.sqrt(0.5), np.sqrt(0.5), 0.0], atol=1e-14)
-    assert values_of("pressure", {"stress": SHEAR}) == pytest.approx([1.0])
-    assert values_of("principal", {"stress": SHEAR}) == pytest.approx([3.0])
-    with pytest.raises(KeyError):
-        values_of("displacement", {"stress": SHEAR})
-    assert np.isnan(principal(SHEAR * np.nan)[0]).all()
+@pytest.fixture
+def folder(tmp_path):
+    """One for all ranks."""
+    return COMM.bcast(tmp_path)
 
 
-def strokes(stress, plane, points=((0.3, 0.2),)):
-    """Ends of the coloured strokes, shape (n, 2, 2), by colour."""
-    axes = Figure().add_subplot()
-    draw_principal(axes, np.array(points), stress, plane, 26.0)
-    lines = [one for one in axes.collections if isinstance(one, LineCollection)]
-    found = {}
-    for name in (BLUE, ORANGE):
-        own = [one.get_segments() for one in lines if tuple(one.get_color()[0]) == to_rgba(name)]
-        found[name] = np.array([segment for segments in own for segment in segments]).reshape(-1, 2, 2)
-    return found
-
-
-def test_strokes_point_along_the_principal_stresses():
-    """Compression along (1, -1), tension along (1, 1), centred at the cell; what acts out of the plane has none."""
-    found = strokes(SHEAR, np.eye(2, 3))
-    for name, slope in ((BLUE, -1.0), (ORANGE, 1.0)):
-        (ends,) = found[name]
-        np.testing.assert_allclose(ends.mean(axis=0), [0.3, 0.2])
-        along = ends[1] - ends[0]
-        assert along[1] / along[0] == pytest.approx(slope)
-    lengths = [np.linalg.norm(found[name][0][1] - found[name][0][0]) for name in (BLUE, ORANGE)]
-    assert lengths[0] == pytest.approx(lengths[1])
-    # Seen along x_1, the stress along x_3 is a stroke, and so are the projections of the others along x_2.
-    seen = strokes(SHEAR, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
-    assert len(seen[BLUE]) == 2
-    assert len(seen[ORANGE]) == 1
-    assert len(strokes(0 * SHEAR, np.eye(2, 3))[BLUE]) == 0
-
-
-def test_thinned():
-    """One point of each square, that next to its middle."""
-    points = np.array([[0.1, 0.1], [0.4, 0.6], [0.9, 0.9], [1.5, 0.5], [-0.5, 0.2]])
-    assert sorted(thinned(points, 1.0)) == [1, 3, 4]
-
-
-@pytest.mark.parametrize(
-    ("values", "signed", "low", "high", "extend"),
-    [
-        ([1.0, 2.0, 4.0], False, 0.0, 4.0, "neither"),
-        ([-1.0, 2.0, 4.0], True, -1.0, 4.0, "neither"),
-        ([-4.0, -2.0, -1.0], True, -4.0, 0.0, "neither"),
-        ([1.0, 2.0, 4.0], True, 0.0, 4.0, "neither"),
-        ([1.0, 1.0, np.nan], False, 0.0, 1.0, "neither"),
-        ([1.0] * 199 + [50.0], False, 0.0, 1.0, "max"),
-        ([1.0] * 199 + [-50.0], True, 0.0, 1.0, "min"),
-        ([0.0, 0.0], False, 0.0, 1.0, "neither"),
-    ],
-)
-def test_scales(values, signed, low, high, extend):
-    """From nought, or both signs; one cell of 200 does not take the colours from the others."""
-    values = np.array(values)
-    tones = Tones(Field("f", signed=signed), values, np.ones(len(values)))
-    figure = Figure()
-    axes = figure.add_subplot()
-    bar = tones.bar(figure, axes)
-    assert bar.extend == extend
-    assert tones.high == high
-    assert tones.low == low
-
-
-DISK = {"radius": 8.0, "size": 4.0, "order": 2, "symmetric": True}
-
-
-def half_disk():
-    """Curved cells, few of them."""
+def stretched(cells, degree):
+    """A body with a constant displacement gradient."""
+    dim = 2 if cells in ("triangle", "quadrilateral") else 3
+    moves = {"xyz"[i]: " + ".join(f"{GRADIENT[i, j]} * x[{j}]" for j in range(dim)) for i in range(dim)}
+    sides = ["left", "right", "bottom", "top", "front", "back"][: 2 * dim]
+    mesh = {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2, "cell": cells}}
     return parse_scene(
         {
-            "mesh": {"generator": "half_disk", "parameters": DISK},
-            "element": {"degree": 2},
-            "material": {"young": 200.0, "poisson": 0.3},
-            "displacement": [{"boundary": "symmetry", "normal": 0.0}],
-            "traction": [{"boundary": "top", "pressure": 0.2}],
-            "contact": [{"boundary": "arc", "gap": "x[1]", "direction": [0, -1]}],
+            "mesh": mesh if dim == 2 else box(cells, (2, 2, 2), comm=COMM),
+            "element": {"degree": degree},
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": [{"boundary": name, **moves} for name in sides],
         }
     )
 
 
-@pytest.mark.mpi
-def test_curved_cells_are_drawn_curved():
-    """The outline is the boundary of the quarter disk, a closed line; its arc is a parabola through three points of the
-    circle in each cell, not a chord.
-    """
-    comm = MPI.COMM_WORLD
-    gathered = comm.bcast(gather_cells(solve(half_disk(), comm)))
-    corners = gathered.points[gathered.cells]
-    assert gathered.cells.shape[1] == 12
-    x, y = corners[..., 0], corners[..., 1]
-    area = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum())
-    assert area == pytest.approx(np.pi * 64 / 4, rel=3e-3)
-    ends = gathered.points[gathered.outline]
-    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(16 + 4 * np.pi, rel=2e-3)
-    radii = np.hypot(ends[..., 0], ends[..., 1] - 8.0).ravel()
-    on_arc = (ends[..., 0].ravel() > 1e-6) & (ends[..., 1].ravel() < 8.0 - 1e-6)
-    longest = max(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)) * 4
-    assert np.abs(radii[on_arc] - 8.0).max() < 0.2 * longest**2 / (8 * 8.0)  # a fifth of the sagitta
+def arrays_of(file):
+    """The arrays of a piece by name, those of cells after "cell ", one row per point, cell or corner."""
+    found = {}
+    for kind in next(ElementTree.parse(file).iter("Piece")):
+        for array in kind:
+            values = np.array((array.text or "").split(), dtype=float)
+            name = f"{'cell ' if kind.tag == 'CellData' else ''}{array.get('Name') or 'points'}"
+            found[name] = values.reshape(-1, int(array.get("NumberOfComponents") or 1))
+    return found
 
 
 @pytest.mark.mpi
-def test_fields_are_the_same_on_any_number_of_ranks():
-    """In the plane and in space, cell by cell at their places."""
-    comm = MPI.COMM_WORLD
-    plane, space = (lambda ranks: example1(bound=1.5, nx=12, ny=4)), (lambda ranks: block(6, bound=1.5, comm=ranks))
-    for gather, scene in ((gather_cells, plane), (gather_outer_surface, space)):
-        both = []
-        for ranks in (comm, MPI.COMM_SELF):
-            found = ranks.bcast(gather(solve(scene(ranks), ranks), ON_DEMAND))
-            polygons = found.cells if gather is gather_cells else found.facets
-            middle = found.points[polygons].mean(axis=1)
-            values = np.column_stack([values_of(name, found.values) for name in FIELDS])
-            both.append(values[np.lexsort(np.round(middle, 6).T)])
-        scale = np.abs(both[1]).max(axis=0)
-        np.testing.assert_allclose(both[0] / scale, both[1] / scale, atol=1e-8)
-        # -tr/3 and the deviator make up the von Mises stress of the tensor.
-        stress = found.values["stress"]
-        deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-        mises = np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2)))
-        np.testing.assert_allclose(mises, found.values["von_mises"], rtol=1e-8, atol=1e-10 * mises.max())
+@pytest.mark.parametrize(("cells", "degree"), CELLS)
+def test_vtu(folder, cells, degree):
+    """Pieces of all ranks have every cell once, ghosts apart, in VTK's kind for the degree, with every field."""
+    summary = write_results(solve(stretched(cells, degree), COMM), folder, fields="vtu", pictures=False)
+    assert summary["fields"] == ["vtu/fields.pvd"]
+    files = sorted((folder / "vtu").glob("*.vtu"))
+    assert len(files) == COMM.size
+    (part,) = (folder / "vtu").glob("*.pvtu")
+    assert {piece.get("Source") for piece in ElementTree.parse(part).iter("Piece")} == {file.name for file in files}
+    (listed,) = ElementTree.parse(folder / "vtu" / "fields.pvd").iter("DataSet")
+    assert listed.get("file") == part.name
+    kind, count = CELLS[cells, degree]
+    own = 0
+    dim = 3 if cells in ("hexahedra", "tetrahedra") else 2
+    gradient = np.zeros((3, 3))
+    gradient[:dim, :dim] = GRADIENT[:dim, :dim]
+    strain = (gradient + gradient.T) / 2
+    mu, lame = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    stress = 2 * mu * strain + lame * np.trace(strain) * np.eye(3)
+    for file in files:
+        arrays = arrays_of(file)
+        assert set(arrays["types"].ravel()) == {kind}
+        own += np.count_nonzero(arrays["cell vtkGhostType"] == 0)
+        points = arrays["points"]
+        np.testing.assert_allclose(arrays["displacement"], points @ gradient.T, atol=1e-12)
+        for name in ("stress", "recovered_stress"):
+            expected = np.tile(stress.ravel(), (len(points), 1))
+            np.testing.assert_allclose(arrays[name], expected, atol=1e-6 * np.abs(stress).max())
+        principal = np.linalg.eigvalsh(stress)[::-1]
+        np.testing.assert_allclose(arrays["principal_stresses"], np.tile(principal, (len(points), 1)), atol=1e-6)
+        mises = np.sqrt(1.5) * np.linalg.norm(stress - np.trace(stress) / 3 * np.eye(3))
+        for name in ("von_mises", "recovered_von_mises"):
+            np.testing.assert_allclose(arrays[name][:, 0], mises, rtol=1e-6)
+        np.testing.assert_allclose(arrays["density"][:, 0], mises**2 / (6 * mu), rtol=1e-6)
+    assert own == count
 
 
-@pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(4)], ids=["plane", "space"])
-def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
-    """As PNG and PDF; a later run takes the pictures away; without a field of the stress the tensor is not computed."""
-    solution = alone(scene())
-    write_results(solution, tmp_path, fields=False, pictures=["principal", "displacement"])
-    assert sorted(path.name for path in tmp_path.glob("field_*")) == [
-        f"field_{name}.{kind}" for name in ("displacement", "principal") for kind in ("pdf", "png")
-    ]
-    monkeypatch.setattr(Stresses, "tensor", property(lambda self: 1 / 0))
-    write_results(alone(scene()), tmp_path, fields=False, pictures=["density", "displacement"])
-    assert sorted(path.name for path in tmp_path.glob("field_*.png")) == ["field_density.png", "field_displacement.png"]
-    write_results(solution, tmp_path, fields=False)
-    assert not list(tmp_path.glob("field_*"))
-    assert (tmp_path / "deformed.pdf").exists()
+def test_formats(tmp_path, monkeypatch):
+    """VTX where it can be written; files of another format go; what cannot be written is refused before."""
+    solution = solve(stretched("triangle", 1), MPI.COMM_SELF)
+    out = tmp_path / "out"
+    names = [*("displacement", "stress", "von_mises", "principal_stresses", "density")]
+    names += ["recovered_stress", "recovered_von_mises"]
+    assert write_results(solution, out, pictures=False)["fields"] == [f"{name}.bp" for name in names]
+    write_results(solution, out, fields="vtu", pictures=False)
+    assert list(out.glob("*.bp")) == []
+    assert (out / "vtu" / "fields.pvd").exists()
+    write_results(solution, out, fields=False, pictures=False)
+    assert not (out / "vtu").exists()
+    with pytest.raises(ValueError, match="'vtx' or 'vtu' is expected, got 'xdmf'"):
+        write_results(solution, out, fields="xdmf")
+    monkeypatch.setattr(compat, "has_vtx", lambda: False)
+    assert fields_module.chosen_format(True) == "vtu"
+    with pytest.raises(InstallationError, match="no ADIOS2"):
+        write_results(solution, out, fields="vtx")
 
 
-def test_fields_that_are_none(tmp_path, capsys):
-    """The known ones are named."""
-    solution = alone(example1(nx=6, ny=2))
-    with pytest.raises(ValueError, match="no picture of 'mises': there are von_mises, pressure"):
-        write_results(solution, tmp_path, pictures=["mises"])
-    with pytest.raises(SystemExit, match="2"):
-        cli.main(["solve", "scene.toml", "--picture", "mises"])
-    assert f"choose from {', '.join(ON_DEMAND)}" in capsys.readouterr().err.replace("'", "")
+def test_command(tmp_path, capsys):
+    """The format is an option of ``solve``, which cannot be given together with --no-fields."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(starting_scene(), encoding="utf-8")
+    solved = ["solve", str(scene), "--out", str(tmp_path / "out"), "--no-pictures"]
+    assert cli.main([*solved, "--fields", "vtu", "--quiet"]) == 0
+    assert (tmp_path / "out" / "vtu" / "fields.pvd").exists()
+    with pytest.raises(SystemExit) as end:
+        cli.main([*solved, "--fields", "vtu", "--no-fields"])
+    assert end.value.code == 2
+    assert "not allowed with" in capsys.readouterr().err
+
+
+def test_size_of_files(tmp_path):
+    """The space that is reserved is enough, and not ten times too much."""
+    solution = solve(stretched("tetrahedra", 2), MPI.COMM_SELF)
+    write_results(solution, tmp_path, fields="vtu", pictures=False)
+    size = sum(file.stat().st_size for file in (tmp_path / "vtu").iterdir())
+    assert size < fields_module.size_of_fields(solution, "vtu") < 10 * size

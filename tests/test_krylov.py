@@ -46,9 +46,9 @@ def set_ups(monkeypatch):
     sizes = []
     create = multigrid.Hierarchy.of
 
-    def counted(matrix):
+    def counted(matrix, level=None):
         sizes.append(matrix.getSize()[0])
-        return create(matrix)
+        return create(matrix, level)
 
     monkeypatch.setattr(multigrid.Hierarchy, "of", counted)
     return sizes

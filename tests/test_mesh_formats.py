@@ -457,12 +457,35 @@ def test_which_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given", [{"foot": 1.5}, {"foot": True}, {"foot": "import os"}, {"foot": "x[3] < 1"}, ["foot"]]
+    "given",
+    [
+        {"foot": 1.5},
+        {"foot": True},
+        {"foot": "import os"},
+        {"foot": "x[3] < 1"},
+        ["foot"],
+        {"foot": []},
+        {"foot": [1, "a"]},
+    ],
 )
 def test_selections_in_the_scene(given):
     """A whole number or an expression; everything else is refused before the file is looked at."""
     with pytest.raises(SceneError, match=r"mesh\.boundaries"):
         scene({"file": "nowhere.vtu", "boundaries": given})
+
+
+def test_several_numbers(tmp_path):
+    """A list of numbers selects the facets that have one of them; each must be there."""
+    points, cells, lines = numbered("triangle")
+    blocks = [("triangle", cells), ("line", lines["bottom"]), ("line", lines["top"])]
+    data = {"tag": [np.zeros(len(cells), dtype=int), np.full(NX, 1), np.full(NX, 2)]}
+    file = vtu(tmp_path / "both.vtu", points, blocks, cell_data=data)
+    both = read_file(file, boundaries={"one": 1, "other": 2, "both": (1, 2)}).boundaries
+    assert set(both["both"].tolist()) == {*both["one"].tolist(), *both["other"].tolist()}
+    assert both["both"].size == 2 * NX
+    with pytest.raises(SceneError, match="number 7 takes no exterior facet; the numbers there are: 1, 2"):
+        read_file(file, boundaries={"both": (1, 7)})
+    assert scene({"file": str(file), "boundaries": {"both": [1, 2]}}).mesh.boundaries["both"] == (1, 2)
 
 
 def test_sets_of_meshio(tmp_path):

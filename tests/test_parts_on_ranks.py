@@ -10,12 +10,14 @@ from mpi4py import MPI
 from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.descent import _Line, natural_sets
+from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.refinement import mark, refine
-from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
+from signorini_fx.mesh.balance import UNEVEN, unevenness
+from signorini_fx.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
@@ -43,11 +45,13 @@ def test_rows_of_all_ranks():
 
 @pytest.mark.parametrize("cell", ["tetrahedra", "hexahedra"])
 def test_size_of_a_body(cell):
-    """The diagonal of a block, on ranks whose own facets lie in a plane too, and of its plane counterpart."""
+    """The diagonal of a block, upright and oblique, on ranks whose own facets lie in a plane too."""
     kind = dmesh.CellType.tetrahedron if cell == "tetrahedra" else dmesh.CellType.hexahedron
     mesh = dmesh.create_box(WORLD, [[0, 0, 0], [3, 1, 2]], [6, 1, 2], kind)
     empty = dmesh.meshtags(mesh, 2, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
     assert TaggedMesh(mesh, empty, {}, None, {}).size == pytest.approx(np.sqrt(14), rel=1e-14)
+    mesh.geometry.x[:, 0] += mesh.geometry.x[:, 2] / 2  # the other diagonals of the oblique block are shorter
+    assert TaggedMesh(mesh, empty, {}, None, {}).size == pytest.approx(np.sqrt(21), rel=1e-14)
 
 
 def discretised(scene, comm):
@@ -253,3 +257,45 @@ def test_regions_of_a_refined_mesh():
     owned = fine.mesh.topology.index_map(2).size_local
     children = parallel.global_sum(WORLD, np.array([np.sum(fine.cells(name) < owned) for name in ("left", "right")]))
     assert children[0] == children[1] > 36
+
+
+def measures(tagged):
+    """Length or area of every boundary, and area or volume of every region."""
+    mesh, dim = tagged.mesh, tagged.dimension
+    owned = mesh.topology.index_map(dim).size_local
+    simplices = {name: facet_vertices(mesh, tagged.facets(name)) for name in tagged.boundaries}
+    for name in tagged.regions:
+        cells = tagged.cells(name)
+        simplices[name] = mesh.geometry.x[compat.geometry_cells(mesh)[cells[cells < owned]]]
+    return {name: float(parallel.global_sum(WORLD, volumes(x).sum())) for name, x in simplices.items()}
+
+
+def volumes(x):
+    """Volumes of simplices, up to the same factor for all of one dimension, from their corners, shape (n, k, 3)."""
+    sides = x[:, 1:] - x[:, :1]
+    return np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
+
+
+@pytest.mark.parametrize("name", ["rectangle", "box"])
+def test_cells_are_distributed_anew(name):
+    """Refinement in a corner leaves no rank with many more cells than the others, and moves all names along."""
+    cell = {"rectangle": "triangle", "box": "tetrahedron"}[name]
+    tagged = generate_mesh(name, {"nx": 6, "ny": 4, "cell": cell, **({"nz": 4} if name == "box" else {})}, WORLD)
+    dim = tagged.dimension
+    mesh = tagged.mesh
+    cells = np.arange(len(compat.geometry_cells(mesh)), dtype=np.int32)
+    far = dmesh.compute_midpoints(mesh, dim, cells).sum(axis=1) > 1
+    tagged = TaggedMesh(
+        mesh,
+        tagged.facet_tags,
+        tagged.boundaries,
+        dmesh.meshtags(mesh, dim, cells, far.astype(np.int32) + 1),
+        {"near": 1, "far": 2},
+    )
+    before = measures(tagged)
+    for _ in range(5):
+        tagged = refine(tagged, cells_at(tagged, np.zeros((1, dim))))
+        assert unevenness(tagged.mesh) <= UNEVEN
+    after = measures(tagged)
+    assert after == pytest.approx(before, rel=1e-12)
+    assert set(after) == {*tagged.boundaries, "near", "far"}

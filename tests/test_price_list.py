@@ -5,6 +5,7 @@ import pytest
 from effectivity import of_made_up
 
 from signorini_fx.accuracy import price_list as prices
+from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.pressure_error import pressure_error
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.solving.solver import solve
@@ -113,6 +114,11 @@ def test_prediction_tells_what_stays_from_what_grows():
         assert predicted.seconds == pytest.approx(mesh(dofs).seconds)
         assert predicted.memory == pytest.approx(mesh(dofs).memory)
     assert prices.predict([mesh(10_000), mesh(40_000)], 150.0).pressure == pytest.approx(1e-2 / 2**1.25)
+    # A Krylov method takes as long as there are unknowns, from the mesh on where it is taken.
+    linear = [row_of(dofs, 0.1 + 1e-5 * dofs, 200 + 1e-2 * dofs) for dofs in (10_000, 80_000, 640_000)]
+    following = prices.predict(linear[:2], 150.0, dimension=3, krylov_from=640_000)
+    assert (following.seconds, following.memory) == pytest.approx((linear[2].seconds, linear[2].memory))
+    assert prices.predict(linear[:2], 150.0, dimension=3, krylov_from=640_001).seconds > 2 * linear[2].seconds
     # A coarse mesh that took longer than the fine one, for it began cold, does not make the next one free.
     assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
@@ -157,3 +163,14 @@ def test_pressure_error_at_a_corner(a):
     square += h * (pressure[0] ** 2 + pressure[0] * slope + slope**2 / 3)
     true = np.sqrt(square / np.dot(weight, pressure**2))
     assert 0.5 < estimated / true < 2.0
+
+
+def test_seconds_of_the_meshes_to_come():
+    """As the next row of the price list tells, mesh by mesh; with one mesh all of its time grows."""
+    solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]
+    wanted = [0.1 + 1e-6 * dofs**1.2 for dofs in (160_000, 640_000)]
+    never = float("inf")
+    assert seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
+    assert seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
+    assert seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
+    assert seconds_to_come(solved, 0, 2, never) == 0.0

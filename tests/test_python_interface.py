@@ -139,3 +139,27 @@ def test_numbers_of_numpy_in_settings():
     """Where a word would do as well."""
     settings = sfx.SolverSettings(gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3))
     assert (settings.gamma_n, settings.gamma_t, settings.inner_iterations) == (1e6, 2e6, 3)
+
+
+def test_changed_copy():
+    """An unknown key is refused; a single table stands for a list of one."""
+    with pytest.raises(SceneError, match="gap: unknown key; there are: title"):
+        scene().model_copy(update={"gap": 0.1})
+    contact = sfx.UnilateralContact(boundary="bottom", gap=0.5)
+    for given in (contact, [contact], (contact,)):
+        assert scene().model_copy(update={"contact": given}).contact == (contact,)
+
+
+def test_progress(capsys):
+    """One line for each linear solve, and one for each regularised problem."""
+    solution = sfx.solve(scene(), COMM, observers=[sfx.print_progress])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("solve  outer  iter")
+    assert sum(line[:5].strip().isdigit() for line in lines) == solution.history.linear_solves
+    assert lines[-1].endswith(f"converged after {solution.history.linear_solves} linear solves")
+
+
+def test_points_of_a_sweep_are_short():
+    """They hold whole problems."""
+    (point,) = sfx.sweep(example1(coefficient=0.3, nx=12, ny=4), COMM, coefficients=[0.2])
+    assert repr(point) == f"<SweepPoint 0.2: converged, {point.linear_solves} linear solves>"

@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
+from signorini_fx.accuracy.forecast import grown, powers
 from signorini_fx.accuracy.pressure_error import peak_of
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import (
@@ -32,13 +33,11 @@ from signorini_fx.tuned import (
     GROWTH_POWER,
     LASTING_SHARE,
     LEAST_GROWING_TIME,
-    MEMORY_POWER,
     POLLUTION,
     POLYGON_ERRORS,
     POLYGON_PEAK,
     SLOWEST_DECREASE,
     SMOOTH_RATE,
-    TIME_POWER,
 )
 
 
@@ -82,6 +81,7 @@ class LevelResult(MeshCost):
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
         table: the contact boundary.
         force: contact and friction force on the body of all load steps, shape (2 d steps,).
+        krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
     """
 
     status: str
@@ -95,6 +95,7 @@ class LevelResult(MeshCost):
     table: ContactTable
     force: npt.NDArray[np.float64]
     polygon: float = 0.0
+    krylov_from: float = np.inf
 
     @property
     def dimension(self) -> int:
@@ -204,7 +205,9 @@ def price_list(
         own = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in own} | errors
         rows.append(Price(**row))
-    return [*rows, predict(rows, base_memory, rates=rates, dimension=levels[-1].dimension)]
+    last = levels[-1]
+    following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
+    return [*rows, following]
 
 
 def fineness_of(dofs: float, dimension: int) -> float:
@@ -359,6 +362,7 @@ def predict(
     rates: Mapping[str, float] = EXPECTED_RATES,
     finer: float | None = None,
     dimension: int = 2,
+    krylov_from: float = np.inf,
 ) -> Price:
     """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
 
@@ -368,6 +372,7 @@ def predict(
         rates: how the errors are expected to decrease with h.
         finer: how many times finer the next mesh is, on average over the body; None: as many times as the last one was.
         dimension: of the body.
+        krylov_from: as in ``LevelResult``.
     """
     last, before = rows[-1], rows[-2]
     seen_growth = last.dofs / before.dofs
@@ -385,20 +390,14 @@ def predict(
         else 1.0
     )
 
-    def grown(name: str, power: float, offset: float, least: float) -> float:
-        """A constant part, at least ``offset``, and one that grows like this power of the unknowns."""
-        value, earlier = getattr(last, name), getattr(before, name)
-        growing = (value - earlier) / (1 - seen_growth**-power)
-        own = max(value - offset, 0.0)
-        return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
-
+    seconds, memory = powers(last.dofs * growth, dimension, krylov_from)
     return replace(
         last,
         level=last.level + 1,
         h=last.h / finer,
         dofs=round(last.dofs * growth),
-        seconds=grown("seconds", TIME_POWER[dimension], 0.0, LEAST_GROWING_TIME),
-        memory=grown("memory", MEMORY_POWER[dimension], base_memory, 0.0),
+        seconds=grown(last.seconds, before.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
+        memory=grown(last.memory, before.memory, seen_growth, growth, memory, offset=base_memory),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),

@@ -104,8 +104,27 @@ class StressRecovery:
             total = total + assemble(self._residual).getArray()
         return np.maximum(total, 0.0)
 
+    def smoothed(self, x: PETSc.Vec) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+        """The projected stress of the displacement dofs ``x`` in each material; collective.
+
+        Returns:
+            The cells (local numbers, ghosts included), shape (m,), and at their vertices the stress as ``voigt`` has
+            it, shape (m, vertices, components).
+        """
+        _fill(self._displacement, x)
+        space, found = self._recovered.function_space, []
+        for cells, ksp in self._parts:
+            self._project(cells, ksp)
+            found.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
+        return found
+
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
         """The estimate of the projection in one material for each owned cell."""
+        self._project(cells, ksp)
+        return np.asarray(assemble(self._squares).getArray())
+
+    def _project(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> None:
+        """Project the stress in one material, to which the forms are then restricted."""
         self._choose(cells)
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
@@ -115,7 +134,6 @@ class StressRecovery:
             ksp.solve(moment, component)
             self._recovered.x.array[k : owned : self._components] = component.getArray(readonly=True)
         self._recovered.x.scatter_forward()
-        return np.asarray(assemble(self._squares).getArray())
 
 
 def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:

@@ -94,6 +94,8 @@ class SemismoothNewton:
         snes.setConvergenceTest(self._test)
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
+        if self.history.watchers:
+            snes.getKSP().setMonitor(lambda _ksp, steps, _norm: self.history.move(krylov=steps))
         with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
         self.max_iterations = snes.getTolerances()[3]

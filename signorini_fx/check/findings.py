@@ -251,7 +251,8 @@ def _displacement_scale(body: Body, step: int) -> float:
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
     softest = min(material.young for material in body.scene.material)
-    return prescribed + 4 * force / softest * float(body.tagged.size / (high - low).min()) ** 3
+    height, *width = sorted(high - low)[:-1]  # in the plane forces are per width
+    return prescribed + 4 * force / softest / float(np.prod(width)) * float(body.tagged.size / height) ** 3
 
 
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ _ON_ONE_PROCESS = {
     "compare": commands.compare,
     "convert": commands.mesh_file,
     "mesh-info": commands.mesh_file,
+    "completion": commands.completion,
 }
 _ON_RANKS = {
     "solve": commands.solve,

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signorini_fx.cli.completion import completion_script
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.cli.options import overrides
+from signorini_fx.cli.options import overrides, parser
+from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 
 if TYPE_CHECKING:
@@ -44,29 +48,48 @@ def solve(options: argparse.Namespace) -> int:
     progress = _Progress()
     scene = _read_scene(options, overrides(options))
     from signorini_fx.results import files
+    from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
 
+    fields = False if options.no_fields else options.fields or True
+    chosen_format(fields)  # fail early if it cannot be written
+
     def write_level(solution: Solution) -> None:
-        files.write_results(solution, path / files.LAST_LEVEL, fields=not options.no_fields, pictures=False)
+        files.write_results(solution, path / files.LAST_LEVEL, fields=fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
+
+    line = ProgressLine()
+
+    def show(record: Any) -> None:
+        line.erase()
+        parallel.log_on_root(comm, table_row(record))
 
     observers: list[Callable[[Any], None]] = [progress]
     if not options.quiet:
-        observers.append(lambda record: parallel.log_on_root(comm, table_row(record)))
+        observers.append(show)
+    # Watched on all ranks or on none, shown by the one that has the terminal.
+    watched = parallel.on_root(comm, lambda: not options.quiet and sys.stderr.isatty())
+    watcher = (line if parallel.is_root(comm) else lambda _: None) if watched else None
     try:
         with ResultFolder(comm, path) as folder:
-            solution = solver.solve(scene, comm, check=False, observers=observers, on_level=write_level)
+            try:
+                solution = solver.solve(
+                    scene, comm, check=False, observers=observers, on_level=write_level, on_progress=watcher
+                )
+            finally:
+                line.erase()
             progress.solved = True
             pictures = False if options.no_pictures else options.picture or True
-            summary = files.write_results(solution, folder, fields=not options.no_fields, pictures=pictures)
+            summary = files.write_results(solution, folder, fields=fields, pictures=pictures)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}: {solution.status.advice}", error=True)
+        advice = f": {solution.status.advice}" if options.quiet else ""  # it stands in the summary otherwise
+        parallel.log_on_root(comm, f"signorini-fx: {solution.status.value}{advice}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 
@@ -212,8 +235,16 @@ def mesh_file(options: argparse.Namespace) -> str:
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 
-def schema(_: argparse.Namespace) -> str:
-    """The JSON schema of scene files."""
+def completion(options: argparse.Namespace) -> str:
+    """The script that completes the command line."""
+    return completion_script(parser(), options.shell)
+
+
+def schema(options: argparse.Namespace) -> str:
+    """The JSON schema of scene files, or of the summary in result folders."""
+    if options.summary:
+        file = resources.files("signorini_fx") / "results" / "summary.schema.json"
+        return file.read_text(encoding="utf-8").removesuffix("\n")
     from signorini_fx.scene.template import scene_schema
 
     return json.dumps(scene_schema(), indent=2)

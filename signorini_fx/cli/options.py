@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
+from signorini_fx.cli.completion import SHELLS
 from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
@@ -66,7 +67,13 @@ def parser() -> argparse.ArgumentParser:
         metavar="60s|4GB",
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
-    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    fields = solve.add_mutually_exclusive_group()
+    fields.add_argument(
+        "--fields",
+        choices=("vtx", "vtu"),
+        help="format of the fields for ParaView: vtx (ADIOS2; default where dolfinx has it) or vtu",
+    )
+    fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     solve.add_argument(
         "--picture",
@@ -104,7 +111,10 @@ def parser() -> argparse.ArgumentParser:
     for one in (convert, info):
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
+    completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
+    completion.add_argument("shell", choices=SHELLS, help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 

@@ -14,6 +14,7 @@ from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.tuned import (
     FACTOR_ENTRIES,
     FEWEST_CONDENSED_UNKNOWNS,
@@ -26,19 +27,23 @@ from signorini_fx.tuned import (
 
 _KINDS: dict[str, Callable[[Discretisation], ElasticSystem]] = {
     "full": FullSystem.of,
-    "krylov": KrylovSystem.of,
     "condensed": CondensedSystem.of,
 }
 
 
-def choose_system(discretisation: Discretisation, requested: str) -> tuple[ElasticSystem, str]:
+def choose_system(
+    discretisation: Discretisation, requested: str, coarser: MeshLevel | None = None
+) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind.
 
     Args:
         discretisation: the assembled body.
         requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
+        coarser: the body on a coarser mesh, for multigrid; None: there is none.
     """
     kind, reason = choose_kind(discretisation, requested)
+    if kind == "krylov":
+        return KrylovSystem.of(discretisation, coarser), f"{kind}: {reason}"
     return _KINDS[kind](discretisation), f"{kind}: {reason}"
 
 
@@ -87,9 +92,23 @@ def for_multigrid(d: Body) -> str | None:
     factor = 12.0 * factor_entries(d.dofs, d.tagged.dimension)
     if factor > MEMORY_SHARE * parallel.machine_memory(d.comm):
         return f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
+    faster = d.dofs >= krylov_from(d, "auto")
+    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if faster else None
+
+
+def krylov_from(d: Body, requested: str) -> float:
+    """Unknowns from which on a mesh of this body gets a Krylov method because it is faster; infinite: none does.
+
+    Args:
+        d: the body.
+        requested: as for ``choose_system``.
+    """
+    if requested != "auto":
+        return 0.0 if requested == "krylov" else math.inf
     compressible = max(material.poisson for material in d.scene.material) <= LARGEST_MULTIGRID_POISSON
-    large = d.dofs >= FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
-    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if large and compressible else None
+    if not compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
+        return math.inf
+    return FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:

@@ -15,9 +15,9 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
@@ -36,12 +36,20 @@ class KrylovSystem(AssembledSystem):
     inexact: bool = False
     _forces: float = 0.0
 
+    _level: MeshLevel | None = None
+
     @classmethod
-    def of(cls, discretisation: Discretisation) -> Self:
-        """The system as it was assembled, at the first load step; multigrid gets to know the rigid motions."""
+    def of(cls, discretisation: Discretisation, coarser: MeshLevel | None = None) -> Self:
+        """The system as it was assembled, at the first load step; multigrid gets to know the rigid motions.
+
+        Args:
+            discretisation: the assembled body.
+            coarser: the same on a coarser mesh; None: there is none.
+        """
         system = super().of(discretisation)
+        system._level = MeshLevel.of(discretisation, coarser)
         system.matrix.setBlockSize(discretisation.tagged.dimension)
-        system.matrix.setNearNullSpace(_rigid_modes(discretisation))
+        system.matrix.setNearNullSpace(system._level.modes())
         return system
 
     @property
@@ -52,7 +60,7 @@ class KrylovSystem(AssembledSystem):
     @cached_property
     def hierarchy(self) -> Hierarchy:
         """Of A, set up when it is first asked for; collective."""
-        return Hierarchy.of(self.matrix)
+        return Hierarchy.of(self.matrix, self._level)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
@@ -112,23 +120,3 @@ class KrylovSystem(AssembledSystem):
         if not options.user_sets("ksp_"):
             self._forces, self.inexact = forces, moved != 0 and not exact
         return moved == 0
-
-
-def _rigid_modes(discretisation: Discretisation) -> PETSc.NullSpace:
-    """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
-
-    Multigrid coarsens locally, where the motions of a piece are those of the whole body.
-    """
-    d = discretisation
-    owned = d.space.dofmap.index_map.size_local
-    modes = rigid_modes(d.motions.x[:owned], d.motions.centre[0], d.motions.length[0])
-    vectors = [d.stiffness.createVecRight() for _ in range(modes.shape[2])]
-    for k, vector in enumerate(vectors):
-        vector.getArray()[:] = modes[:, :, k].ravel()
-        if d.rotation is not None:
-            d.rotation.multTranspose(vector.copy(), vector)
-        vector.getArray()[d.fixed] = 0.0
-        for other in vectors[:k]:
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-    return PETSc.NullSpace().create(vectors=vectors, comm=d.tagged.mesh.comm)

@@ -25,8 +25,9 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.linalg import options
 from signorini_fx.linalg.full import can_factorise, factorisation_package
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.petsc_c import call
-from signorini_fx.tuned import HELD_STIFFNESS, SMOOTHED_SPECTRUM
+from signorini_fx.tuned import HELD_STIFFNESS, MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
 
 Array = npt.NDArray[np.float64]
 # Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
@@ -40,7 +41,7 @@ _SUBSET, _DIFFERENT = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN, PETSc.Mat.Stru
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Levels of A from smoothed aggregation, the finest first.
+    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation.
 
     Attributes:
         interpolations: P_0, P_1, ..., from each level to the finer one.
@@ -53,12 +54,34 @@ class Hierarchy:
     largest: float
 
     @classmethod
-    def of(cls, matrix: PETSc.Mat) -> Hierarchy:
-        """Set up GAMG once and keep what it has found; collective.
+    def of(cls, matrix: PETSc.Mat, level: MeshLevel | None = None) -> Hierarchy:
+        """Set up once; collective.
 
         Args:
             matrix: A, with the size of its blocks and its near null space.
+            level: its mesh and the coarser ones; None: there are none.
         """
+        chain = [] if level is None or options.user_sets("pc_gamg") else _interpolations(level)
+        if not chain:
+            return cls._aggregated(matrix)
+        coarse: list[PETSc.Mat] = []
+        for at, interpolation in chain:
+            coarse.append((coarse[-1] if coarse else matrix).ptap(interpolation))
+            _fill_diagonal(coarse[-1])
+            coarse[-1].setBlockSize(at.block)
+        interpolations = [interpolation for _, interpolation in chain]
+        if coarse[-1].getSize()[0] > MOST_COARSEST_UNKNOWNS:
+            coarse[-1].setNearNullSpace(chain[-1][0].modes())
+            below = cls._aggregated(coarse[-1])
+            interpolations += below.interpolations
+            coarse += below.coarse
+        for one in coarse:
+            one.setOption(PETSc.Mat.Option.SPD, True)
+        return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
+
+    @classmethod
+    def _aggregated(cls, matrix: PETSc.Mat) -> Hierarchy:
+        """Set up GAMG and keep what it has found; collective."""
         gamg = PETSc.PC().create(matrix.comm)
         gamg.setOptionsPrefix(options.PREFIX)
         gamg.setOperators(matrix)
@@ -74,6 +97,25 @@ class Hierarchy:
         for level in coarse:
             level.setOption(PETSc.Mat.Option.SPD, True)
         return cls(interpolations, coarse, _largest_eigenvalue(matrix))
+
+
+def _interpolations(level: MeshLevel) -> list[tuple[MeshLevel, PETSc.Mat]]:
+    """The coarser meshes, finest first, each with the interpolation from it."""
+    chain = []
+    at: MeshLevel | None = level
+    while at is not None and at.interpolation is not None and at.coarser is not None:
+        chain.append((at.coarser, at.interpolation))
+        at = at.coarser
+    return chain
+
+
+def _fill_diagonal(matrix: PETSc.Mat) -> None:
+    """Give unknowns that interpolate to nothing, such as prescribed ones, a row of their own."""
+    diagonal = matrix.getDiagonal()
+    values, largest = diagonal.getArray(), diagonal.max()[1]
+    values[values <= 0] = largest
+    matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    matrix.setDiagonal(diagonal)
 
 
 def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
@@ -136,14 +178,26 @@ class ContactPreconditioner:
         self._at_contact = self._interpolation.createSubMatrix(self._places, None)
         mixed = self._nodes.matrix(np.zeros(self._nodes.shape)).matMult(self._at_contact)
         self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
+        self._truncated = self._interpolation.copy()
+        self._truncated.axpy(1.0, self._in_all_rows(mixed), structure=_DIFFERENT)
         self._coarse: list[PETSc.Mat] = []
         self._truncated_at: tuple[Array, Array] | None = None
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
+        self._inverse: PETSc.Mat | None = None
         self._create_cycle(matrix)
         self._solver = self._create_solver()
         self._right, self._left = self._elastic.createVecs()
         self._residual = matrix.createVecLeft()
+
+    def _in_all_rows(self, mixed: PETSc.Mat) -> PETSc.Mat:
+        """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
+        starts, columns, values = mixed.getValuesCSR()
+        counts = np.zeros(self._diagonal.getLocalSize(), dtype=PETSc.IntType)
+        counts[self._unknowns] = np.diff(starts)
+        csr = (np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), columns, values)
+        sizes = (self._diagonal.getSizes(), mixed.getSizes()[1])
+        return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._comm)
 
     def _create_solver(self) -> PETSc.PC:
         """A direct solver for the contact unknowns; their graph is that of a surface."""
@@ -164,8 +218,6 @@ class ContactPreconditioner:
         cycle.setOperators(matrix)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
-        self._truncated = self._interpolation.copy()
-        self._truncated.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         for level, interpolation in enumerate((self._truncated, *levels.interpolations[1:])):
             cycle.setMGInterpolation(depth - level, interpolation)
         self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]

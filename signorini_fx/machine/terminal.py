@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import shutil
 import sys
+import textwrap
 from typing import TextIO
 
 _lost = False
@@ -21,9 +24,63 @@ def say(text: str, *, error: bool = False) -> None:
     """Print ``text`` on standard output, or on standard error; a stream that cannot be written is given up."""
     stream = sys.stderr if error else sys.stdout
     try:
+        if stream is not None and stream.isatty():
+            plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
+            text = wrapped(text, shutil.get_terminal_size().columns)
+            text = text if plain else coloured(text)
         print(text, file=stream, flush=True)
     except OSError as reason:
         _give_up(stream, reason)
+
+
+_NARROWEST = 40  # columns
+_NAME = re.compile(r"  \S.{15} (?=\S)")  # of a line of the summary
+_COLOURS = [
+    (re.compile(r"^(signorini-fx: [^:\n]+)", re.MULTILINE), "31;1"),  # red
+    (re.compile(r"(DOES NOT HOLD)"), "31;1"),
+    (re.compile(r"^( +warning\b)", re.MULTILINE), "33;1"),  # yellow
+    (re.compile(r"^( +what to do)", re.MULTILINE), "1"),  # bold
+    (re.compile(r"(?<=: )(converged)$", re.MULTILINE), "32;1"),  # green
+]
+
+
+def wrapped(text: str, width: int) -> str:
+    """Prose broken into lines of this width, with its own indentation; rows of tables stay as they are.
+
+    Args:
+        text: lines of any length.
+        width: columns of the terminal.
+    """
+    lines = []
+    for line in _joined(text.split("\n"), width):
+        name = _NAME.match(line)
+        start = name.end() if name else len(line) - len(line.lstrip()) + 4
+        table = re.search(r"\S {2,}\S", line[start:])
+        if len(line) <= width or table or start > width // 2 or width < _NARROWEST:
+            lines.append(line)
+            continue
+        rest = textwrap.wrap(line[start:], width - start, break_long_words=False, break_on_hyphens=False)
+        lines += [" " * start * (number > 0) + line[:start] * (number == 0) + part for number, part in enumerate(rest)]
+    return "\n".join(lines)
+
+
+def _joined(lines: list[str], width: int) -> list[str]:
+    """Figures of the summary that were broken for a wider page are one line again."""
+    joined: list[str] = []
+    for line in lines:
+        named = joined and (name := _NAME.match(joined[-1])) and len(joined[-1]) > width
+        if named and name and line[: name.end()].isspace() and not line[name.end() :][:1].isspace():
+            joined[-1] += f" {line.lstrip()}"
+        else:
+            joined.append(line)
+    return joined
+
+
+def coloured(text: str) -> str:
+    """Text with errors in red, warnings in yellow and success in green, as a terminal shows them."""
+    for pattern, code in _COLOURS:
+        text = pattern.sub(f"\x1b[{code}m" + r"\1" + "\x1b[0m", text)
+    return text
 
 
 def output_lost() -> bool:

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError
+from signorini_fx.mesh.balance import balanced
 from signorini_fx.mesh.tagged import TaggedMesh
 
 
@@ -64,7 +65,9 @@ def check_divisible(tagged: TaggedMesh) -> None:
 
 
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
-    """Bisect triangles or tetrahedra; the mesh stays conforming, and cells stay on their rank.
+    """Bisect triangles or tetrahedra; the mesh stays conforming.
+
+    Children stay on the rank of their parent, unless one rank has many more cells than the others by then.
 
     Args:
         tagged: the mesh.
@@ -103,7 +106,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     kinds = _table(tagged.facet_tags, mesh.topology.index_map(dim - 1))[origin]
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
     facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
-    return TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin)
+    return balanced(TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin))
 
 
 _NO_TAG = np.iinfo(np.int32).min

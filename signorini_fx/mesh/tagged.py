@@ -22,17 +22,18 @@ from scipy.spatial.distance import cdist
 
 from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.mesh.distribution import from_root
 from signorini_fx.mesh.files import formats
-from signorini_fx.mesh.files.arrays import Selection
+from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations
+from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.gmsh_files import CAD
+from signorini_fx.mesh.files.shape import Ints
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of
 
-# Dimension of the body, boundaries and regions.
-_Names = tuple[int, formats.Tags, formats.Tags]
 # Midside nodes farther off than this share of the body's size make a side curved.
 STRAIGHT = 1e-9
 
@@ -285,17 +286,23 @@ def read_mesh(
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
         SceneError: a number or a condition selects nothing.
     """
+    held: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def build() -> _Names:
+    def read() -> tuple[str, formats.Tags, formats.Tags]:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
                 f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
-        return arrays.dim, *formats.draw(formats.start_gmsh(), arrays, by_name=False)
+        of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
+        of_cell, parts = combinations(arrays.regions, len(arrays.cells))
+        held.append((arrays, of_side, of_cell))
+        return arrays.kind, sides, parts
 
-    return _from_gmsh(comm, build)
+    kind, sides, parts = parallel.on_root(comm, read)
+    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held.pop() if held else None)
+    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
@@ -340,7 +347,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
-    def build() -> _Names:
+    def build() -> tuple[int, formats.Tags, formats.Tags]:
         gmsh = formats.start_gmsh()
         try:
             draw(gmsh)
@@ -367,13 +374,6 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
         return top, boundaries, regions
 
-    tagged = _from_gmsh(comm, build)
-    tagged.mesh.geometry.x[:] *= unit
-    return tagged
-
-
-def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
-    """Distribute the gmsh model that ``build`` leaves on the first rank; it gives the tags of all names."""
     try:
         dim, boundaries, regions = parallel.on_root(comm, build)
         model = None
@@ -388,6 +388,7 @@ def _from_gmsh(comm: MPI.Comm, build: Callable[[], _Names]) -> TaggedMesh:
 
             if gmsh.isInitialized():
                 gmsh.finalize()
+    mesh.geometry.x[:] *= unit
     return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
 
 

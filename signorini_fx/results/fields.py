@@ -1,66 +1,98 @@
-"""The fields of a result for ParaView: displacement, stresses, shear energy density."""
+"""The fields of a result for ParaView: displacement, raw and recovered stresses, shear energy density."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from dolfinx import fem, io
 
-from signorini_fx import compat
-from signorini_fx.body.material import shear_energy_density
-from signorini_fx.results.interpolation import interpolated
+from signorini_fx import compat, parallel
+from signorini_fx.errors import InstallationError
 from signorini_fx.results.solution import Solution
 
+FORMATS = ("vtx", "vtu")
+# The folder of the files of VTU, whose number and names depend on the ranks.
+VTU = "vtu"
 _BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
+_BYTES_OF_A_NUMBER = 25  # in the text that VTU files consist of
 
 
-def size_of_fields(solution: Solution) -> float:
+def chosen_format(fields: bool | str) -> str | None:
+    """The format of the fields: VTX where dolfinx can write it, unless another one is asked for; None: none.
+
+    Args:
+        fields: whether to write any, or one of ``FORMATS``.
+
+    Raises:
+        ValueError: there is no such format.
+        InstallationError: dolfinx cannot write it.
+    """
+    if isinstance(fields, bool):
+        return ("vtx" if compat.has_vtx() else "vtu") if fields else None
+    if fields not in FORMATS:
+        raise ValueError(f"fields: True, False, {' or '.join(map(repr, FORMATS))} is expected, got {fields!r}")
+    if fields == "vtx" and not compat.has_vtx():
+        raise InstallationError("this dolfinx has no ADIOS2, which fields in the format vtx need; take vtu")
+    return fields
+
+
+def size_of_fields(solution: Solution, kind: str) -> float:
     """About how many bytes the fields take, rather too many: points, cells and values of each file."""
     d = solution.discretisation
     topology = d.tagged.mesh.topology
     cells = topology.index_map(topology.dim).size_global
     corners = int(d.space.dofmap.list.shape[1])
+    if kind == "vtu":
+        return cells * corners * (3 + 3 + 9 + 3 + 1 + 1 + 9 + 1 + 3) * _BYTES_OF_A_NUMBER
     cell = 8 * (corners + 1)
     continuous = d.dofs // d.tagged.dimension * (2 * 3 * 8 + 9) + cells * cell
-    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1))
+    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1, 9, 1))
     return continuous + broken + _BYTES_PER_RANK * solution.comm.size
 
 
-def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """Displacement, stresses and shear energy density: VTX (ADIOS2), else the displacement as XDMF; collective.
+def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
+    """Displacement, stresses and shear energy density; collective.
 
     The stress is a tensor with nine components, which ParaView takes for one, in the plane too.
+
+    Args:
+        solution: what to write.
+        folder: where.
+        kind: ``vtx``: a folder of ADIOS2 for each field; ``vtu``: all of them in one data set with points of its own in
+            each cell.
 
     Returns:
         Names of the files.
     """
-    if compat.has_vtx():
-        found = solution.stress
-        fields = {
-            "displacement": solution.displacement,
-            "stress": found.tensor,
-            "von_mises": found.von_mises,
-            "principal_stresses": found.principal,
-            "density": _density(solution),
-        }
+    found = solution.stress
+    fields = {
+        "displacement": solution.displacement,
+        "stress": found.tensor,
+        "von_mises": found.von_mises,
+        "principal_stresses": found.principal,
+        "density": found.shear_energy_density,
+    }
+    values = solution.displacement.x.array
+    if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
+        fields |= {"recovered_stress": found.recovered.tensor, "recovered_von_mises": found.recovered.von_mises}
+    if kind == "vtx":
         for name, function in fields.items():
             with io.VTXWriter(solution.comm, folder / f"{name}.bp", [function], engine="BP4") as file:
                 file.write(0.0)
         return [f"{name}.bp" for name in fields]
-    mesh = solution.discretisation.tagged.mesh
-    nodal = fem.Function(
-        fem.functionspace(mesh, ("Lagrange", 1, (solution.discretisation.tagged.dimension,))), name="displacement"
-    )
-    nodal.interpolate(solution.displacement)
-    with io.XDMFFile(solution.comm, folder / "fields.xdmf", "w") as file:
-        file.write_mesh(mesh)
-        file.write_function(nodal)
-    return ["fields.xdmf", "fields.h5"]
+    parallel.on_root(solution.comm, lambda: (folder / VTU).mkdir())
+    broken = [_in_cells(solution, function, name) for name, function in fields.items()]
+    with io.VTKFile(solution.comm, folder / VTU / "fields.pvd", "w") as file:
+        file.write_function(broken, 0.0)
+    return [f"{VTU}/fields.pvd"]
 
 
-def _density(solution: Solution) -> fem.Function:
-    """The shear energy density, discontinuous, of the degree of the element."""
+def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
+    """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
     d = solution.discretisation
-    degree = max(solution.scene.element.degree, 1)
-    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
-    return interpolated(density, fem.functionspace(d.tagged.mesh, ("DG", degree)), "shear_energy_density")
+    degree, shape = max(solution.scene.element.degree, 1), function.ufl_shape
+    element = ("DG", degree, shape) if shape else ("DG", degree)
+    found = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)
+    found.interpolate(function)
+    return found

@@ -22,7 +22,7 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import as_rows
 from signorini_fx.report.fields import FIELDS, unknown
 from signorini_fx.results.body_pictures import BodyPictures
-from signorini_fx.results.fields import size_of_fields, write_fields
+from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
@@ -35,7 +35,7 @@ LAST_LEVEL = "last_level"
 _FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
-    *("fields.xdmf", "fields.h5", "contact.vtu"),
+    *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
     *(f"{name}.{kind}" for name in ("deformed", "profiles", "history", "price_list") for kind in ("png", "pdf")),
     *("contact_surface.png", "contact_surface.pdf"),
     *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
@@ -48,14 +48,18 @@ _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
 def write_results(
-    solution: Solution, folder: str | Path | ResultFolder, *, fields: bool = True, pictures: bool | Sequence[str] = True
+    solution: Solution,
+    folder: str | Path | ResultFolder,
+    *,
+    fields: bool | str = True,
+    pictures: bool | Sequence[str] = True,
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
-        fields: write the fields for ParaView.
+        fields: write the fields for ParaView; ``vtx`` or ``vtu``: in this format.
         pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
             list of names, such as ``["principal", "displacement"]``: draw the deformed body with these fields too
             (``pressure``, ``principal``, ``displacement``, ``density``).
@@ -65,22 +69,27 @@ def write_results(
 
     Raises:
         TypeError: the first argument is not a solution.
+        ValueError: there is no such format of fields.
+        InstallationError: dolfinx cannot write it.
         ValueError: a field in ``pictures`` is not known.
         OutputError: something could not be written; an older result is still there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    kind = chosen_format(fields)
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := unknown(pictures):
             raise ValueError(f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(FIELDS)}")
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
-        summary = _write(solution, claimed, fields=fields, pictures=pictures)
+        summary = _write(solution, claimed, fields=kind, pictures=pictures)
         claimed.commit(_FILES)
     return summary
 
 
-def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: bool | Sequence[str]) -> dict[str, Any]:
+def _write(
+    solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool | Sequence[str]
+) -> dict[str, Any]:
     """Write everything into the hidden part of a claimed folder; collective."""
     comm, part = solution.comm, folder.part
     asked = () if isinstance(pictures, bool) else tuple(pictures)
@@ -91,9 +100,9 @@ def _write(solution: Solution, folder: ResultFolder, *, fields: bool, pictures: 
     summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
     summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     steps = summary.get("steps", [])
-    if fields:
-        folder.reserve(size_of_fields(solution))
-        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part))
+    if fields is not None:
+        folder.reserve(size_of_fields(solution, fields))
+        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if len(steps) > 1 and table is not None else []
     drawn = BodyPictures.gathered(solution, asked) if pictures is not False else None

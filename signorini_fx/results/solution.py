@@ -17,6 +17,8 @@ from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.contact_boundaries import ContactFigures, Overturning, contact_figures, overturning
+from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
@@ -122,10 +124,34 @@ class Solution:
 
     @cached_property
     def stress(self) -> Stresses:
-        """The stress in the body: tensor, von Mises stress, principal stresses and their extremes; with load steps,
-        of the last one.
+        """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
+        with load steps, of the last one.
         """
-        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis)
+        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis, self._last_step)
+
+    @cached_property
+    def resultants(self) -> Resultants:
+        """Forces and moments on the body through each boundary; with load steps, of the last one."""
+        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, self._last_step)
+
+    @cached_property
+    def contact_figures(self) -> list[ContactFigures]:
+        """Area, pressure and safety against sliding of each contact boundary, in the order of the scene; none without
+        contact; collective.
+        """
+        return [] if self.contact is None else contact_figures(self.scene, self.contact)
+
+    @cached_property
+    def overturning(self) -> Overturning | None:
+        """Where the contact force is within the base of a body that only contact holds, and the safety against
+        overturning; None for other bodies; collective.
+        """
+        return None if self.contact is None else overturning(self.scene, self.contact)
+
+    @property
+    def _last_step(self) -> int:
+        """The load step that the displacement belongs to."""
+        return self.steps[-1].step if self.steps else 0
 
     @property
     def comm(self) -> MPI.Comm:

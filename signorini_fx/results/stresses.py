@@ -1,9 +1,14 @@
-"""The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest."""
+"""The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest.
+
+There are two of it: the raw stress of each cell, and the recovered one, which is continuous in each material.  Their
+difference says what both are worth.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,11 +16,18 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from signorini_fx import parallel
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.material import out_of_plane_stress, stress
+from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
+from signorini_fx.results.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
+
+# Components of the tensor by name.
+_COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
 
 
 @dataclass(frozen=True)
@@ -32,12 +44,8 @@ class Extreme:
 
 
 @dataclass(frozen=True, repr=False)
-class Stresses:
-    """The stress of a displacement in each cell, as the derivatives of the displacement give it.
-
-    It is discontinuous from cell to cell and a power of h less accurate than the displacement; values at corners of
-    the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.  Every field is made
-    when it is first asked for; making it is collective.
+class StressFields:
+    """A stress tensor and what follows from it; every field is made when it is first asked for, which is collective.
 
     Attributes:
         discretisation: the body.
@@ -50,22 +58,13 @@ class Stresses:
     hypothesis: str
 
     def __repr__(self) -> str:
-        return f"<Stresses of {self.discretisation.dofs} unknowns: tensor, von_mises, principal, largest(), smallest()>"
+        fields = "tensor, von_mises, principal, shear_energy_density, component(), largest(), smallest()"
+        return f"<{type(self).__name__} of {self.discretisation.dofs} unknowns: {fields}>"
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in space, also in the plane, where (2, 2) is that of the hypothesis; a stress,
-        shape (3, 3), discontinuous and of the degree of the element.
-        """
-        d, y = self.discretisation, self.displacement
-        degree = max(d.scene.element.degree, 1)
-        sigma = stress(y, *d.lame)
-        if d.tagged.dimension == 2:
-            out = out_of_plane_stress(y, d.lame[0], self.hypothesis)
-            sigma = ufl.as_tensor(
-                [[sigma[0, 0], sigma[0, 1], 0 * out], [sigma[1, 0], sigma[1, 1], 0 * out], [0 * out, 0 * out, out]]
-            )
-        return interpolated(sigma, fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), "stress")
+        """Sigma with all components in space."""
+        raise NotImplementedError
 
     @cached_property
     def von_mises(self) -> fem.Function:
@@ -73,6 +72,15 @@ class Stresses:
         sigma = self._nodal()
         deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         return self._function("von_mises", np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
+
+    @cached_property
+    def shear_energy_density(self) -> fem.Function:
+        """|dev sigma|^2 / (4 mu), an energy per volume: the square of the von Mises stress over 6 mu."""
+        space = self.tensor.function_space
+        mu = self.discretisation.lame[1]
+        shear_modulus = np.full(space.tabulate_dof_coordinates().shape[0], np.nan)
+        shear_modulus[space.dofmap.list] = mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
+        return self._function("shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus))
 
     @cached_property
     def principal(self) -> fem.Function:
@@ -85,12 +93,23 @@ class Stresses:
         values[known] = np.linalg.eigvalsh(sigma[known])[:, ::-1]
         return self._function("principal_stresses", values)
 
+    def component(self, name: str) -> fem.Function:
+        """A component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz`` is that out of the plane.
+
+        Raises:
+            ValueError: there is no such component.
+        """
+        if name not in _COMPONENTS:
+            raise ValueError(f"{name!r} is no component of the stress: take one of {', '.join(_COMPONENTS)}")
+        i, j = _COMPONENTS[name]
+        return self._function(f"stress_{name}", self._nodal()[:, i, j])
+
     def largest(self, field: str = "von_mises", component: int = 0) -> Extreme:
-        """Where a field is largest; collective.
+        """Where a field is largest at the nodes; collective.
 
         Args:
-            field: ``von_mises`` or ``principal``.
-            component: of the principal stresses; of no meaning for the von Mises stress.
+            field: ``von_mises``, ``principal``, or a component of the tensor such as ``zz``.
+            component: of the principal stresses; of no meaning for other fields.
 
         Raises:
             ValueError: there is no such field.
@@ -101,19 +120,21 @@ class Stresses:
         """Where a field is smallest, see ``largest``: by default the largest compression."""
         return self._extreme(field, component, sign=-1.0)
 
-    def as_dict(self) -> dict[str, dict[str, object]]:
-        """Extremes of the von Mises stress and of the principal stresses, JSON-safe; collective."""
+    def _extremes(self) -> dict[str, dict[str, object]]:
         found = {
             "von_mises": self.largest(),
             "largest_principal": self.largest("principal", 0),
             "smallest_principal": self.smallest(),
         }
+        if self.discretisation.tagged.dimension == 2 and self.hypothesis == "plane strain":
+            found |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
         return {name: {"value": one.value, "place": list(one.place)} for name, one in found.items()}
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
-        if field not in ("von_mises", "principal"):
-            raise ValueError(f"{field!r} is no field with extremes: take 'von_mises' or 'principal'")
-        function: fem.Function = getattr(self, field)
+        if field not in ("von_mises", "principal", *_COMPONENTS):
+            known = ", ".join(_COMPONENTS)
+            raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {known}")
+        function: fem.Function = self.component(field) if field in _COMPONENTS else getattr(self, field)
         d, space = self.discretisation, function.function_space
         component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
@@ -137,4 +158,103 @@ class Stresses:
         function = fem.Function(fem.functionspace(space.mesh, element), name=name)
         assert np.array_equal(function.function_space.dofmap.list, space.dofmap.list)
         function.x.array[:] = values.ravel()
+        return function
+
+
+@dataclass(frozen=True, repr=False)
+class Stresses(StressFields):
+    """The stress of a displacement in each cell, as the derivatives of the displacement give it.
+
+    It is discontinuous from cell to cell and a power of h less accurate than the displacement; values at corners of
+    the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
+
+    Attributes:
+        step: the load step, from 0.
+    """
+
+    step: int
+
+    @cached_property
+    def tensor(self) -> fem.Function:
+        """Sigma with all components in space, also in the plane, where (2, 2) is that of the hypothesis; a stress,
+        shape (3, 3), discontinuous and of the degree of the element.
+        """
+        d, y = self.discretisation, self.displacement
+        degree = max(d.scene.element.degree, 1)
+        sigma = stress(y, *d.lame)
+        if d.tagged.dimension == 2:
+            out = out_of_plane_stress(y, d.lame[0], self.hypothesis)
+            sigma = ufl.as_tensor(
+                [[sigma[0, 0], sigma[0, 1], 0 * out], [sigma[1, 0], sigma[1, 1], 0 * out], [0 * out, 0 * out, out]]
+            )
+        return interpolated(sigma, fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), "stress")
+
+    @cached_property
+    def recovered(self) -> RecoveredStresses:
+        """The stress that is continuous in each material, with the same fields."""
+        return RecoveredStresses(self.discretisation, self.displacement, self.hypothesis, self._recovery)
+
+    @cached_property
+    def error(self) -> float | None:
+        """Estimated error of the raw stress, relative, in the energy norm, which is that of the displacement; None
+        without stress.
+
+        It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
+        the tractions on the boundary: a mean over the body that says nothing of a single point.
+        """
+        d = self.discretisation
+        energy = NodalForces(d.scene, d.tagged, d.space).strain_energy(self.displacement)
+        if not energy > 0:
+            return None
+        squares = self._recovery.squares(self.displacement.x.petsc_vec, self.step).sum()
+        return float(np.sqrt(parallel.global_sum(d.comm, squares) / (2 * energy)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
+
+        The stress out of the plane is among them in plane strain.
+        """
+        found: dict[str, Any] = self._extremes()
+        finite = not parallel.any_rank(self.discretisation.comm, not np.isfinite(self.displacement.x.array).all())
+        return found | {
+            "recovered": self.recovered._extremes() if finite else None,
+            "error": self.error if finite else None,
+        }
+
+    @cached_property
+    def _recovery(self) -> StressRecovery:
+        """What it compiles is not among the forms of the solve."""
+        return StressRecovery(replace(self.discretisation, inventory=Inventory()))
+
+
+@dataclass(frozen=True, repr=False)
+class RecoveredStresses(StressFields):
+    """The stress of a displacement, projected onto the functions of degree 1 that are continuous in each material.
+
+    Inside the body it is smoother than the raw stress and often more accurate; at the boundary, where cells are on one
+    side only, it need not be; peaks that are narrower than a cell are smoothed away.
+
+    Attributes:
+        recovery: what projects.
+    """
+
+    recovery: StressRecovery
+
+    @cached_property
+    def tensor(self) -> fem.Function:
+        """Sigma with all components in space, shape (3, 3), of degree 1, discontinuous between materials."""
+        d = self.discretisation
+        function = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 1, (3, 3))), name="recovered_stress")
+        values = function.x.array.reshape(-1, 3, 3)
+        dim = d.tagged.dimension
+        for material, (cells, components) in zip(
+            d.scene.material, self.recovery.smoothed(self.displacement.x.petsc_vec), strict=True
+        ):
+            sigma = np.zeros((*components.shape[:2], 3, 3))
+            pairs = [(k, k) for k in range(dim)] + [(i, k) for i in range(dim) for k in range(i + 1, dim)]
+            for column, (i, j) in enumerate(pairs):
+                sigma[:, :, i, j] = sigma[:, :, j, i] = components[:, :, column]
+            if dim == 2 and self.hypothesis == "plane strain":
+                sigma[:, :, 2, 2] = material.poisson * (sigma[:, :, 0, 0] + sigma[:, :, 1, 1])
+            values[function.function_space.dofmap.list[cells]] = sigma
         return function

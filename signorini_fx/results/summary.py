@@ -23,6 +23,10 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, IterationReco
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
+# Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
+SCHEMA_VERSION = 1
+# Rows of a list that the terminal shows.
+_MOST_ROWS = 8
 _PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 
 
@@ -35,6 +39,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     """
     history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
         "status": solution.status.value,
         "advice": solution.status.advice,
@@ -56,6 +61,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "deformation": asdict(max((step.deformation for step in solution.steps), key=lambda one: one.largest)),
         "pieces": solution.discretisation.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
+        "resultants": solution.resultants.as_rows(),
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
@@ -120,6 +126,8 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
+        "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
+        **({"overturning": tipping.as_dict()} if (tipping := solution.overturning) is not None else {}),
         **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
     }
 
@@ -187,6 +195,14 @@ def table_row(record: IterationRecord | OuterRecord | str) -> str:
     return header + numbers
 
 
+def print_progress(record: IterationRecord | OuterRecord | str) -> None:
+    """An observer for ``solve``: prints each linear solve, each regularised problem and each event as one line.
+
+    Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
+    """
+    parallel.log_on_root(MPI.COMM_WORLD, table_row(record))
+
+
 def render(summary: dict[str, Any]) -> str:
     """The summary for a terminal."""
     lines = [
@@ -216,14 +232,16 @@ def render(summary: dict[str, Any]) -> str:
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
             *(
-                f"  {name:16s} ({', '.join(f'{m:.6g}' for m in summary[key])}), about the origin"
+                f"  {name:16s} {_force(summary, key)}, about the origin"
                 for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
                 if key in summary
             ),
+            *_contact_boundaries(summary),
         ]
+    lines += _resultants(summary)
     lines += [
         f"  strain energy    {summary['strain_energy']:.6g}",
-        *([f"  von Mises stress {_largest(summary['stress']['von_mises'])}"] if "stress" in summary else []),
+        *([f"  von Mises stress {_largest(summary['stress'])}"] if "stress" in summary else []),
         f"  deformation      {_deformation(summary['deformation'])}",
         f"  certificate      {_certificate(summary['certificate'])}",
         *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
@@ -240,13 +258,61 @@ def render(summary: dict[str, Any]) -> str:
 
 
 def _force(summary: dict[str, Any], name: str) -> str:
-    """A resultant; components that are round-off of the forces at work count as nought."""
-    size = float(np.abs([summary["contact_force"], summary["friction_force"]]).max())
+    """A resultant force or moment; components that are round-off of those at work count as zero."""
+    kind = name.partition("_")[2]
+    size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
-def _largest(extreme: dict[str, Any]) -> str:
-    return f"{extreme['value']:.6g} at most, at {_point(extreme['place'])}"
+def _resultants(summary: dict[str, Any]) -> list[str]:
+    """What acts through the other boundaries, and where; contact too if it has several."""
+    several = len(summary.get("contact_boundaries", ())) > 1
+    rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
+    told = []
+    for row in rows[:_MOST_ROWS]:
+        where = f", acts at {_point(row['acts_at'])}" if row["acts_at"] is not None else ", a couple or none"
+        force = ", ".join(f"{f:.6g}" for f in row["force"])
+        name = "" if row["boundary"] is None else f"{row['boundary']}: "
+        told.append(f"{name}({force}) by {' and '.join(row['acts'])}{where}")
+    if len(rows) > _MOST_ROWS:
+        told.append(f"and {len(rows) - _MOST_ROWS} more in summary.json")
+    return _labelled("forces", told)
+
+
+def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
+    """Area, mean pressure and safety of each contact boundary, and of the body."""
+    rows = summary["contact_boundaries"]
+    areas, sliding = [], []
+    for row in rows[:_MOST_ROWS]:
+        mean = "" if row["mean_pressure"] is None else f", mean pressure there {row['mean_pressure']:.6g}"
+        areas.append(f"{row['boundary']}: {row['contact_area']:.6g} of {row['area']:.6g}{mean}")
+        if row["sliding_safety"] is not None:
+            told = f"{row['tangential_force']:.6g} of at most {row['friction_limit']:.6g}"
+            sliding.append(f"{row['boundary']}: safety {row['sliding_safety']:.4g}, {told}")
+    tipping = summary.get("overturning")
+    stands = []
+    if tipping is not None:
+        factor = "centred" if tipping["safety"] is None else f"safety {tipping['safety']:.4g}"
+        stands.append(f"{factor}, the pressure acts at {_point(tipping['acts_at'])}")
+    return [
+        *_labelled("in contact", areas),
+        *_labelled("sliding", sliding),
+        *_labelled("overturning", stands),
+    ]
+
+
+def _labelled(label: str, told: list[str]) -> list[str]:
+    """Lines of the table of which only the first has its label."""
+    return [f"  {label if k == 0 else '':16s} {text}" for k, text in enumerate(told)]
+
+
+def _largest(stress: dict[str, Any]) -> str:
+    """The largest von Mises stress, raw and recovered, and the error of the stress in the mean."""
+    raw, recovered = stress["von_mises"], stress["recovered"]
+    told = f"{raw['value']:.6g} at most, at {_point(raw['place'])}"
+    if recovered is not None:
+        told += f"; recovered {recovered['von_mises']['value']:.6g}"
+    return told if stress["error"] is None else f"{told}; error in the mean {100 * stress['error']:.2g} %"
 
 
 def _point(place: list[float]) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Self, cast, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -31,3 +32,18 @@ class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: unknown keys are errors, and entries are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A changed copy, whose new values are not validated; a single table stands for a list of one.
+
+        Raises:
+            SceneError: a key is not known.
+        """
+        fields, changes = type(self).model_fields, dict(update or {})
+        unknown = [(key, f"unknown key; there are: {', '.join(fields)}") for key in changes if key not in fields]
+        if unknown:
+            raise SceneError(unknown, type(self).__name__)
+        for key, value in changes.items():
+            if get_origin(fields[key].annotation) is tuple and isinstance(value, list | BaseModel):
+                changes[key] = tuple(value) if isinstance(value, list) else (value,)
+        return super().model_copy(update=changes, deep=deep)

@@ -145,6 +145,10 @@ def _check(node: ast.expr) -> Kind:
         case ast.Name(id=name):
             meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
             raise ValueError(f"{name!r} is not known{meant}")
+        case ast.Subscript(value=ast.Name(id=name)):
+            raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in space, x[2]")
+        case ast.Attribute(attr=name):
+            raise ValueError(f"'.{name}' is not known")
     raise ValueError(f"{type(node).__name__} is not available")
 
 

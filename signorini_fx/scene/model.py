@@ -44,8 +44,9 @@ class MeshFile(Table):
 
     Attributes:
         file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
-        boundaries: names for boundaries: a number in the cell data, or a condition at all vertices of exterior facets.
-        regions: names for parts of the body: a number, or a condition at all vertices of cells.
+        boundaries: names for boundaries: a number in the cell data, a list of numbers, or a condition at all vertices
+            of exterior facets.
+        regions: names for parts of the body: a number, a list of numbers, or a condition at all vertices of cells.
         data: the cell data that the numbers refer to; None: there is only one.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -24,8 +24,11 @@ def plain_message(detail: Any) -> str:
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
-        case {"type": "model_type"}:
-            return "must be a table"
+        case {"type": "model_type" | "model_attributes_type", "loc": place}:
+            friction = "friction" in place
+            return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
+        case {"type": "tuple_type"}:
+            return "must be a list in brackets, such as [0.5, 1.0]"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
@@ -70,7 +73,8 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     message = plain_message(detail)
     given = detail.get("input")
     if detail["type"] == "extra_forbidden" and guess:
-        message += _meant(str(detail["loc"][-1]), model)
+        *place, key = detail["loc"]
+        message += _meant(str(key), model) or _known(_tables_at(place, {model}))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and shown(given) not in message:
@@ -78,8 +82,18 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     return path or "scene", message
 
 
+_ELSEWHERE = {
+    "density": "weight is written [body_force] with y = -density * gravity",
+    "gravity": "weight is written [body_force] with y = -density * gravity",
+    "temperature": "there is no thermal strain; demos/own_effect.py adds it in Python",
+    "thickness": "a plane body has thickness 1, and forces are per thickness",
+}
+
+
 def _meant(key: str, model: type[BaseModel]) -> str:
     """Where an unknown key belongs, or what was perhaps meant."""
+    if key in _ELSEWHERE:
+        return f": {_ELSEWHERE[key]}"
     if key in model.model_fields and model.__name__ == "Scene":
         return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
     tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in model.model_fields.items()}
@@ -88,6 +102,37 @@ def _meant(key: str, model: type[BaseModel]) -> str:
         return f" here: it belongs to [{home}]"
     similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
     return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
+
+
+def _tables_at(place: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:
+    """The tables that may stand at this place below others."""
+    for part in place:
+        inner = [table.model_fields[str(part)].annotation for table in tables if part in table.model_fields]
+        if inner:
+            tables = set().union(*map(_tables_in, inner))
+        else:  # the position in a list, or the word that tells the kinds of a table apart
+            named = {table for table in tables if part in (table.__name__, *_words(table))}
+            tables = named or tables
+    return tables
+
+
+def _tables_in(annotation: Any) -> set[type[BaseModel]]:
+    """The tables that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return set().union(*map(_tables_in, get_args(annotation)))
+
+
+def _words(table: type[BaseModel]) -> tuple[Any, ...]:
+    """The words that the keys kind and law of a table allow."""
+    fields = (table.model_fields[key].annotation for key in ("kind", "law") if key in table.model_fields)
+    return tuple(word for field in fields for word in get_args(field))
+
+
+def _known(tables: set[type[BaseModel]]) -> str:
+    """The keys of these tables, in the same order on every rank."""
+    ordered = sorted(tables, key=lambda table: table.__name__)
+    return f"; there are: {', '.join(dict.fromkeys(key for table in ordered for key in table.model_fields))}"
 
 
 def _keys(model: type[BaseModel]) -> set[str]:

@@ -127,12 +127,16 @@ Automatic = Annotated[float | Literal["auto"], BeforeValidator(number_or_auto)]
 
 
 def selection(given: Any) -> Any:
-    """A number in the cell data of a mesh file, or a rule; everything else is refused."""
+    """A number in the cell data of a mesh file, a list of them, or a rule; everything else is refused."""
     if type(given) is int or isinstance(given, Expression) or callable(given):
         return given
     if isinstance(given, str):
         return Expression(given)
-    raise ValueError(f"a whole number or an expression of the position is expected, not {kind_of(given)}")
+    if isinstance(given, list | tuple) and given and all(type(number) is int for number in given):
+        return tuple(given)
+    expected = "a whole number, a list of them, or an expression of the position"
+    raise ValueError(f"{expected} is expected, not {kind_of(given)}")
 
 
-Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema({"type": ["integer", "string"]})]
+_SELECTION_SCHEMA = {"type": ["integer", "string", "array"], "items": {"type": "integer"}, "minItems": 1}
+Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema(_SELECTION_SCHEMA)]

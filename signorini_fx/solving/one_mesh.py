@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,6 +17,7 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -23,6 +26,7 @@ from signorini_fx.contact.state import ContactState, functionals
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, Timings
@@ -51,16 +55,22 @@ def solve_mesh(
     history: History,
     state: ContactState | None,
     after: After = _nothing_more,
+    coarser: MeshLevel | None = None,
 ) -> tuple[Solution, Task | None, Outcome | None]:
-    """Solve on one mesh, starting from the contact state of a coarser one if there is one."""
+    """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
+    multigrid.
+    """
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
+    history.move(dofs=discretisation.dofs)
+    if history.watchers and history.progress.meshes == 1:
+        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(discretisation).seconds)))
     if discretisation.boundary is None:
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
-        task = contact_task(discretisation, discretisation.boundary, history)
+        task = contact_task(discretisation, discretisation.boundary, history, coarser)
     start = task.start
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
@@ -85,6 +95,7 @@ def solve_contact(
     last: Before | None = None
     for step in range(scene.steps):
         before = history.linear_solves
+        history.move(step=step + 1, steps=scene.steps)
         with timings.phase("iterate"):
             outcome = run(task, start)
         with timings.phase("certify"):
@@ -207,14 +218,16 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     )
 
 
-def contact_task(discretisation: Discretisation, boundary: ContactBoundary, history: History) -> Task:
+def contact_task(
+    discretisation: Discretisation, boundary: ContactBoundary, history: History, coarser: MeshLevel | None = None
+) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.run`` or for a user-defined algorithm."""
     scene = discretisation.scene
     law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
         check_rotation(boundary)
     sets, first_iteration = first_sets(scene, boundary)
-    system, reason = choose_system(discretisation, scene.solver.linear_algebra)
+    system, reason = choose_system(discretisation, scene.solver.linear_algebra, coarser)
     data = regularised_data(scene, discretisation, boundary, law)
     rest = resting_place(data, boundary, discretisation.motions, system.resultant)
     return Task(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst_of
+from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.body.discretisation import Discretisation
@@ -19,8 +21,10 @@ from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import contact_table
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
+from signorini_fx.linalg.choice import krylov_from
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import coarser_scenes
-from signorini_fx.records import History, IterationRecord
+from signorini_fx.records import History, IterationRecord, Progress
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
@@ -38,6 +42,7 @@ def solve(
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
     on_level: Callable[[Solution], object] = lambda solution: None,
+    on_progress: Callable[[Progress], object] | None = None,
 ) -> Solution:
     """Solve a scene.
 
@@ -47,6 +52,7 @@ def solve(
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs.
         on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
+        on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
@@ -59,12 +65,17 @@ def solve(
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     options.refuse_mistyped(comm)
-    history = History(observers=list(observers))
+    history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
     coarse = coarser_scenes(scene, scene.solver.levels)
     if scene.accuracy is not None:
+        coarser: MeshLevel | None = None
 
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
-            return solve_level(scene, comm, history, state, level)
+            nonlocal coarser
+            history.move(mesh=level + 1, meshes=None, dofs=0)
+            solved = solve_level(scene, comm, history, state, level, coarser)
+            coarser = MeshLevel.of(solved.solution.discretisation, coarser)
+            return solved
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
@@ -97,10 +108,18 @@ def _solve_nested(
     """Solve on one mesh after the other, each starting from the contact state of the previous one."""
     base_memory = peak_memory(comm)
     state: ContactState | None = None
+    coarser: MeshLevel | None = None
     levels: list[LevelResult] = []
     for number, scene in enumerate(scenes):
-        solved = solve_level(scene, comm, history, state, number)
+        history.move(mesh=number + 1, meshes=len(scenes), dofs=0)
+        if levels:
+            last = levels[-1]
+            solved_so_far = [(level.dofs, level.seconds) for level in levels]
+            to_come = seconds_to_come(solved_so_far, len(scenes) - number, last.dimension, last.krylov_from)
+            history.move(end=time.perf_counter() + to_come)
+        solved = solve_level(scene, comm, history, state, number, coarser)
         solution, state = solved.solution, None
+        coarser = MeshLevel.of(solution.discretisation, coarser)
         if solution.converged:
             state = solution.contact
             if number + 1 < len(scenes):
@@ -114,7 +133,14 @@ def _solve_nested(
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
-def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactState | None, number: int) -> Solved:
+def solve_level(
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    state: ContactState | None,
+    number: int,
+    coarser: MeshLevel | None = None,
+) -> Solved:
     """Solve on one of several meshes, and estimate its errors; collective."""
     history.add(f"level {number}")
     before = history.linear_solves
@@ -129,7 +155,7 @@ def solve_level(scene: Scene, comm: MPI.Comm, history: History, state: ContactSt
             estimate_errors(d, d.displacement(outcome.displacement()), step.strain_energy, table, step.step, compliance)
         )
 
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate)
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser)
     if not solution.converged or task is None or outcome is None or not found:
         return Solved(solution, task)
     errors = worst_of(found)
@@ -203,4 +229,5 @@ def _level_result(
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
         force=np.concatenate([np.concatenate(step.contact.forces) for step in solution.steps if step.contact]),
+        krylov_from=krylov_from(solution.discretisation, solution.scene.solver.linear_algebra),
     )

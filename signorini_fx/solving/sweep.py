@@ -28,7 +28,7 @@ from signorini_fx.solving.solver import refuse_other_than_comm
 from signorini_fx.solving.strategy import run
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SweepPoint:
     """The solution for one value of the parameter.
 
@@ -52,6 +52,9 @@ class SweepPoint:
     _x: PETSc.Vec
     _load: float
     _rest: Rest | None
+
+    def __repr__(self) -> str:
+        return f"<SweepPoint {self.value:g}: {self.status.value}, {self.linear_solves} linear solves>"
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""

@@ -156,9 +156,9 @@ def solve_to_accuracy(
             compared, rate = goal.of not in LOCAL, rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
             if enough:
-                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump, level.dimension):
+                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump, level):
                     jump = max(jump / 2, SMALLEST_JUMP)
-                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump, level.dimension):
+                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump, level):
                     return replace(solution, status=Status.BUDGET)
             on_level(solution)
             meshes.refine(solved, excess, jump)
@@ -196,10 +196,10 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
 
 
 def _beyond(
-    goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float, dimension: int
+    goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float, last: LevelResult
 ) -> bool:
-    """Whether a mesh ``jump`` times finer would exceed the budget."""
-    following = predict(rows[:-1], base_memory, finer=jump, dimension=dimension)
+    """Whether a mesh ``jump`` times finer than the last one would exceed the budget."""
+    following = predict(rows[:-1], base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from)
     spent = parallel.global_max(comm, time.perf_counter() - begin)
     late = goal.seconds is not None and spent + following.seconds > goal.seconds
     return late or (goal.memory is not None and following.memory > 1024 * goal.memory)

@@ -15,8 +15,8 @@ from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.magnitudes import LARGEST
 
-# A boundary or region is selected by a number in the cell data of the file, or by a rule, a function of the position.
-Selection = int | Callable[[Floats], Floats]
+# A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
+Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
 
 # Elements of one and two dimensions; all others are treated as cells of a body in space.
 _LINES = ("line", "line3", "line4")
@@ -148,8 +148,12 @@ def from_raw(
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         for label, selection in (chosen or {}).items():
-            if isinstance(selection, int):
-                found, message = _numbered(raw, entities, selection, data, name)
+            if isinstance(selection, int | tuple):
+                numbers = selection if isinstance(selection, tuple) else (selection,)
+                each = [_numbered(raw, entities, number, data, name) for number in numbers]
+                missing = [message for found, message in each if not found.size]
+                found = np.unique(np.concatenate([found if not missing else found[:0] for found, _ in each]))
+                message = missing[0] if missing else ""
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
                 found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
             else:
@@ -260,7 +264,7 @@ def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, n
         return np.empty(0, dtype=np.int64), f"{name}: set mesh.data to the cell data that is meant; there are: {known}"
     known = ", ".join(map(str, entities.values(numbers))) or "none"
     found = entities.with_number(numbers, value)
-    return found, f"{name}: takes no {entities.word}; the numbers there are: {known}"
+    return found, f"{name}: number {value} takes no {entities.word}; the numbers there are: {known}"
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:

@@ -125,20 +125,8 @@ def _gmsh_session() -> Iterator[Any]:
         gmsh.finalize()
 
 
-def draw(
-    gmsh: Any, mesh: MeshArrays, *, by_name: bool
-) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
-    """Make a mesh the current gmsh model: one entity for each combination of names.
-
-    Args:
-        gmsh: the initialised module.
-        mesh: the mesh.
-        by_name: physical groups are the names, as a file should have them, and may share entities; otherwise each
-            entity is a separate group.
-
-    Returns:
-        Boundaries and regions: name -> tags of its entities.
-    """
+def _draw(gmsh: Any, mesh: MeshArrays) -> None:
+    """Make a mesh the current gmsh model: one entity for each combination of names, which are physical groups."""
     sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
     parts, regions = combinations(mesh.regions, len(mesh.cells))
     parts = parts + 1  # cells without a name belong to the body too
@@ -152,15 +140,11 @@ def draw(
                 gmsh.model.mesh.addNodes(mesh.dim, tag, np.arange(1, len(x) + 1), x.ravel())
             of_gmsh = nodes[tags == tag][:, cell.gmsh_order] + 1
             gmsh.model.mesh.addElementsByType(tag, cell.gmsh, [], of_gmsh.ravel())
-            if not by_name:
-                gmsh.model.addPhysicalGroup(cell.dim, [tag], tag)
-    if by_name:
-        named_parts = regions or {"body": tuple(plain(np.unique(parts)))}
-        for dim, named in ((mesh.dim - 1, boundaries), (mesh.dim, named_parts)):
-            for name, entities in named.items():
-                if entities:
-                    gmsh.model.addPhysicalGroup(dim, list(entities), name=name)
-    return boundaries, regions
+    named_parts = regions or {"body": tuple(plain(np.unique(parts)))}
+    for dim, named in ((mesh.dim - 1, boundaries), (mesh.dim, named_parts)):
+        for name, entities in named.items():
+            if entities:
+                gmsh.model.addPhysicalGroup(dim, list(entities), name=name)
 
 
 def _in_space(points: Floats) -> Floats:
@@ -172,7 +156,7 @@ def _in_space(points: Floats) -> Floats:
 
 def _write_gmsh(mesh: MeshArrays, file: Path) -> None:
     with _gmsh_session() as gmsh:
-        draw(gmsh, mesh, by_name=True)
+        _draw(gmsh, mesh)
         try:
             # Cells without any physical group would be left out.
             gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_named(mesh) else 1)

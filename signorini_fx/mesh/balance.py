@@ -1,0 +1,58 @@
+"""Cells distributed anew over the ranks where local refinement has left most of them on a few."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+
+from signorini_fx import compat, parallel
+from signorini_fx.mesh.distribution import Tagged, distributed
+from signorini_fx.mesh.tagged import TaggedMesh
+
+# A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
+UNEVEN = 1.2
+
+
+def unevenness(mesh: dmesh.Mesh) -> float:
+    """The largest number of cells of a rank over the mean of all ranks, at least 1; collective."""
+    cells = mesh.topology.index_map(mesh.topology.dim)
+    return parallel.global_max(mesh.comm, cells.size_local) * mesh.comm.size / cells.size_global
+
+
+def balanced(tagged: TaggedMesh) -> TaggedMesh:
+    """The same straight simplices, nodes and names in equal shares on the ranks; no rank gathers the mesh.
+
+    Returns:
+        The mesh itself if no rank has more than ``UNEVEN`` times the mean; otherwise a new one, with other numbers of
+        cells and nodes.
+    """
+    mesh = tagged.mesh
+    if unevenness(mesh) <= UNEVEN:
+        return tagged
+    dim = mesh.topology.dim
+    nodes = mesh.geometry.index_map()
+    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local])
+    points = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim].astype(np.float64)
+    tags = {one.dim: one for one in (tagged.facet_tags, tagged.cell_tags) if one is not None}
+    own = {place: _owned(mesh, one) for place, one in tags.items()}
+    even, found = distributed(mesh.comm, mesh.ufl_domain(), cells, points, own)
+    return TaggedMesh(even, found[dim - 1], tagged.boundaries, found.get(dim), tagged.regions, tagged.origin)
+
+
+def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+    """Global numbers of geometry nodes, of the same shape."""
+    found: npt.NDArray[np.int64] = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
+    return found.reshape(rows.shape)
+
+
+def _owned(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:
+    """The tagged entities that this rank owns."""
+    owned = tags.indices < mesh.topology.index_map(tags.dim).size_local
+    entities = tags.indices[owned]
+    mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
+    # dolfinx divides by the number of entities, and a rank may have none.
+    rows = (
+        dmesh.entities_to_geometry(mesh, tags.dim, entities) if entities.size else np.empty((0, tags.dim + 1), np.int32)
+    )
+    return Tagged(_global_nodes(mesh, rows), tags.values[owned])

@@ -1,0 +1,109 @@
+"""A mesh and its tags distributed over the ranks, from cells and nodes that some or all of them hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import mesh as dmesh
+from dolfinx.graph import adjacencylist
+from dolfinx.io import distribute_entity_data
+from dolfinx.io.utils import cell_perm_gmsh
+from mpi4py import MPI
+
+from signorini_fx.mesh.files.arrays import MeshArrays
+from signorini_fx.mesh.files.cells import CELLS, Cell
+from signorini_fx.mesh.files.shape import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Tagged:
+    """Entities of one dimension and their tags, as this rank knows them.
+
+    Attributes:
+        nodes: numbers of the nodes of each entity in the input, in dolfinx's order, shape (n, nodes of each).
+        tags: shape (n,).
+    """
+
+    nodes: npt.NDArray[np.int64]
+    tags: npt.NDArray[np.int32]
+
+
+def distributed(
+    comm: MPI.Comm,
+    domain: ufl.Mesh,
+    cells: npt.NDArray[np.int64],
+    points: npt.NDArray[np.float64],
+    tagged: dict[int, Tagged],
+) -> tuple[dmesh.Mesh, dict[int, dmesh.MeshTags]]:
+    """The mesh with its cells in about equal shares on the ranks; collective.
+
+    Args:
+        comm: the ranks that share the mesh.
+        domain: kind, degree and dimension of the cells.
+        cells: the nodes of those cells that this rank brings, in dolfinx's order, shape (m, k).
+        points: those nodes that this rank brings, shape (n, d); nodes are numbered through the ranks.
+        tagged: dimension -> entities that this rank brings; the same dimensions on all ranks.
+
+    Returns:
+        The mesh, and the tags of each dimension.
+    """
+    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain)
+    found = {}
+    for dim, own in tagged.items():
+        local, values = distribute_entity_data(mesh, dim, own.nodes, own.tags)
+        mesh.topology.create_connectivity(dim, 0)
+        mesh.topology.create_connectivity(dim, mesh.topology.dim)
+        found[dim] = dmesh.meshtags_from_entities(mesh, dim, adjacencylist(local), values.astype(np.int32, copy=False))
+    return mesh, found
+
+
+def from_root(
+    comm: MPI.Comm, kind: Cell, held: tuple[MeshArrays, Ints, Ints] | None
+) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
+    """The mesh that the first rank has as arrays; collective.
+
+    Args:
+        comm: the ranks that share the mesh.
+        kind: of the cells.
+        held: on the first rank the mesh, the tag of each of its facets and of each of its cells, 0 for none; None on
+            the others.
+
+    Returns:
+        The mesh, and the tags of its facets and cells.
+    """
+    dim, facet = kind.dim, CELLS[kind.facet]
+    points: Floats = np.empty((0, dim))
+    nodes: dict[int, Ints] = {
+        dim: np.empty((0, len(kind.nodes)), np.int64),
+        dim - 1: np.empty((0, len(facet.nodes)), np.int64),
+    }
+    tags: dict[int, Ints] = {dim: np.empty(0, np.int64), dim - 1: np.empty(0, np.int64)}
+    if held is not None:
+        arrays, of_side, of_cell = held
+        points = arrays.points
+        nodes = {dim: arrays.cells[:, _order(kind)], dim - 1: arrays.facets[:, _order(facet)]}
+        tags = {dim: of_cell, dim - 1: of_side}
+    tagged = {place: Tagged(nodes[place][own > 0], own[own > 0].astype(np.int32)) for place, own in tags.items()}
+    mesh, found = distributed(comm, _domain(kind), nodes[dim], points, tagged)
+    return mesh, found[dim - 1], found[dim]
+
+
+def _word(kind: Cell) -> str:
+    """The word of dolfinx for a shape."""
+    four = "quadrilateral" if kind.dim == 2 else "tetrahedron"
+    return {2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(kind.corners)]
+
+
+def _order(kind: Cell) -> npt.NDArray[np.int64]:
+    """Node k of dolfinx is the node with this number here."""
+    of_gmsh = np.asarray(kind.gmsh_order)
+    return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]
+
+
+def _domain(kind: Cell) -> ufl.Mesh:
+    variant = basix.LagrangeVariant.equispaced
+    return ufl.Mesh(basix.ufl.element("Lagrange", _word(kind), kind.degree, variant, shape=(kind.dim,)))

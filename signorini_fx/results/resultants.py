@@ -1,0 +1,240 @@
+"""Resultants of what acts on the body: through each boundary a force, its moment, and where it acts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.contact.state import ContactState
+from signorini_fx.display import clean
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.supports import Supports
+from signorini_fx.scene.model import Scene
+
+Array = npt.NDArray[np.float64]
+
+# The normals of a flat boundary differ by less than this; a force whose share across it is smaller lies in it.
+_FLAT = 1e-9
+# Below this share of the sum of their magnitudes, forces balance each other.
+_ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """What acts on the body through a boundary, in the plane per unit thickness.
+
+    Attributes:
+        boundary: its name; None: the body force.
+        acts: what acts there: ``support``, ``traction``, ``contact``, ``body force``.
+        force: force on the body, shape (d,).
+        moment: its moment about ``about``; a number in the plane (counterclockwise), shape (3,) in space.
+        about: a point, length, shape (d,).
+        acts_at: a point of the line of action, length, shape (d,): on a flat boundary where that line meets its plane,
+            in space the point of its plane about which the forces have no moment but that along the normal; otherwise
+            the point of the central axis next to the middle of the boundary.  None where the forces have no resultant.
+        size: sum of the magnitudes of the nodal forces, and of their moments, by which round-off is judged.
+    """
+
+    boundary: str | None
+    acts: tuple[str, ...]
+    force: Array
+    moment: float | Array
+    about: Array
+    acts_at: Array | None
+    size: tuple[float, float]
+
+    def moment_about(self, point: npt.ArrayLike) -> float | Array:
+        """The moment about another point, length, shape (d,)."""
+        arms = self.about - np.asarray(point, dtype=np.float64)
+        return _plain(np.atleast_1d(self.moment) + moments(arms, self.force))
+
+    def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, object]:
+        """A row of the summary, JSON-safe; what is round-off beside forces and moments of this size, and beside the
+        extent of the body, is zero.
+        """
+        moment = clean(np.atleast_1d(self.moment).tolist(), size[1])
+        return {
+            "boundary": self.boundary,
+            "acts": list(self.acts),
+            "force": clean(self.force.tolist(), size[0]),
+            "moment": moment if len(moment) > 1 else moment[0],
+            "about": self.about.tolist(),
+            "acts_at": None if self.acts_at is None else clean(self.acts_at.tolist(), extent),
+        }
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """Forces at points of this rank, shapes (n, d)."""
+
+    points: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class Resultants:
+    """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
+
+    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two supported boundaries,
+    a component belongs to the one that prescribes it), those of tractions are integrals, those of contact come from the
+    tractions of the contact.
+
+    Attributes:
+        scene: the scene.
+        tagged: its mesh.
+        displacement: y.
+        contact: the contact boundary of this rank; None without contact.
+        step: the load step, from 0.
+    """
+
+    scene: Scene
+    tagged: TaggedMesh
+    displacement: fem.Function
+    contact: ContactState | None
+    step: int
+
+    def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
+        """What acts through a named boundary; zero where nothing does; collective.
+
+        Args:
+            boundary: its name.
+            about: the point that the moment is about, length, shape (d,); None: the origin.
+
+        Raises:
+            MeshError: there is no such boundary; the message lists the known ones.
+            ValueError: the point has not d coordinates.
+        """
+        self.tagged.facets(boundary)
+        return self._sum(boundary, self._through(boundary), about)
+
+    def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
+        """That of the body force; collective."""
+        alone = self.scene.model_copy(update={"traction": ()})
+        return self._sum(None, {"body force": self._loads(alone)} if alone.body_force is not None else {}, about)
+
+    def every(self) -> list[Resultant]:
+        """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
+        scene = self.scene
+        names = [e.boundary for e in scene.displacement] + [e.boundary for e in (*scene.traction, *scene.contact)]
+        found = [self.of(name) for name in dict.fromkeys(names)]
+        return [*found, *([self.body_force()] if self.scene.body_force is not None else [])]
+
+    def as_rows(self) -> list[dict[str, object]]:
+        """Those of ``every`` for the summary; none if the displacement is not a number; collective."""
+        if parallel.any_rank(self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()):
+            return []
+        found = self.every()
+        size = max((one.size[0] for one in found), default=0.0), max((one.size[1] for one in found), default=0.0)
+        return [one.as_dict(size, self.tagged.size) for one in found]
+
+    @cached_property
+    def _nodal(self) -> NodalForces:
+        return NodalForces(self.scene, self.tagged, self.displacement.function_space)
+
+    @cached_property
+    def _x(self) -> Array:
+        """Positions of the owned nodes."""
+        space = self.displacement.function_space
+        return np.asarray(space.tabulate_dof_coordinates()[: self._nodal.owned, : self.tagged.dimension])
+
+    @cached_property
+    def _supports(self) -> Supports:
+        return Supports.of(self._nodal, self.step, 1.0)
+
+    @cached_property
+    def _left(self) -> Array:
+        """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
+        nodal = self._nodal
+        every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
+        left = nodal.internal(every) - nodal.external(self.step)
+        if self.contact is not None:
+            nodes = ContactNodes.of(self.scene, nodal, self._x, Tractions.of(self.contact))
+            reached, forces, _ = nodes.forces()
+            np.add.at(left, reached, forces)
+        return left
+
+    def _through(self, boundary: str) -> dict[str, _Forces]:
+        """The forces on the body at the nodes of a boundary, by what exerts them."""
+        scene, found = self.scene, {}
+        held = [k for k, effect in enumerate(scene.displacement) if effect.boundary == boundary]
+        if held:
+            taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
+            found["support"] = _Forces(self._x, taken)
+        if loads := tuple(load for load in scene.traction if load.boundary == boundary):
+            found["traction"] = self._loads(scene.model_copy(update={"traction": loads, "body_force": None}))
+        parts = [k for k, effect in enumerate(scene.contact) if effect.boundary == boundary]
+        if parts and self.contact is not None:
+            state = self.contact
+            here = np.isin(state.boundary.part, parts)
+            forces = -state.boundary.nodal_forces(state.pressure, state.shear)
+            found["contact"] = _Forces(state.boundary.centre[here], forces[here])
+        return found
+
+    def _loads(self, scene: Scene) -> _Forces:
+        """Those of the tractions and the body force of a scene."""
+        nodal = NodalForces(scene, self.tagged, self.displacement.function_space)
+        return _Forces(self._x, nodal.external(self.step))
+
+    def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
+        """The resultant of what acts through a boundary."""
+        dim, comm = self.tagged.dimension, self.tagged.mesh.comm
+        point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
+        if point.shape != (dim,):
+            raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
+        total: Array = np.zeros(dim + (1 if dim == 2 else 3) + 2)
+        for one in forces.values():
+            turning = moments(one.points - point, one.values).sum(axis=0)
+            sizes = np.linalg.norm(one.values, axis=1)
+            arms = np.linalg.norm(one.points - point, axis=1)
+            total += np.concatenate((one.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
+        total = parallel.global_sum(comm, total)
+        force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
+        acts_at: Array | None = None
+        if np.linalg.norm(force) > _ROUND_OFF * size[0]:
+            middle, normal = (point, None) if boundary is None else self._place(boundary)
+            shifted = moment + moments(point - middle, force)
+            acts_at = middle + arm(shifted, force, normal)
+        return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
+
+    def _place(self, boundary: str) -> tuple[Array, Array | None]:
+        """The middle of a boundary, and its normal if it is flat."""
+        areas = self._nodal.moments(boundary)
+        weights = np.linalg.norm(areas, axis=1)
+        sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
+        sums = parallel.global_sum(self.tagged.mesh.comm, sums)
+        dim, total = self.tagged.dimension, sums[-1]
+        normal = sums[dim:-1] / total
+        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - _FLAT else None
+
+
+def moments(arms: Array, forces: Array) -> Array:
+    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in the plane, (..., 3) in space."""
+    if forces.shape[-1] == 3:
+        return np.asarray(np.cross(arms, forces))
+    return np.asarray(arms[..., 0] * forces[..., 1] - arms[..., 1] * forces[..., 0])[..., None]
+
+
+def arm(moment: Array, force: Array, normal: Array | None) -> Array:
+    """From a point to where a force with this moment about it acts, shape (d,).
+
+    With a normal, the place in the plane across it about which no moment is left but that along the normal:
+    n x M / (n . F); without, or if the force lies in that plane, the nearest place: F x M / F^2.
+    """
+    axis = force
+    if normal is not None and abs(normal @ force) > _FLAT * np.linalg.norm(force):
+        axis = normal
+    if force.size == 2:
+        return np.array([axis[1], -axis[0]]) * moment[0] / (axis @ force)
+    return np.asarray(np.cross(axis, moment) / (axis @ force))
+
+
+def _plain(moment: Array) -> float | Array:
+    return moment if moment.size > 1 else float(moment[0])

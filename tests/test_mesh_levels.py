@@ -1,0 +1,250 @@
+"""Coarser meshes as levels of multigrid: interpolation is exact where it can be, and solves take few steps."""
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+from spaces import CELLS, block, box, friction_of
+from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
+from test_ranks import same_on_all_ranks
+from test_space_patch import rotation
+
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.linalg import multigrid
+from signorini_fx.linalg.mesh_levels import MeshLevel, reference_points
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import _solve_nested, solve
+
+WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
+
+
+def level(scene, comm, coarser=None):
+    """The level of a scene's mesh over a coarser one."""
+    return MeshLevel.of(discretise(scene, load_mesh(scene, comm), Timings()), coarser)
+
+
+def generated(name, parameters, **solver):
+    """A body from a generator, moved down onto a foundation by its top."""
+    return parse_scene(
+        {
+            "mesh": {"generator": name, "parameters": parameters},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
+            "contact": {
+                "boundary": "bottom" if name != "half_sphere" else "sphere",
+                "gap": "x[2] - 1e-9",
+                "friction": friction_of(bound=0.5),
+            },
+            "solver": solver,
+        }
+    )
+
+
+def linear(x):
+    """A displacement that is linear in the place."""
+    dim = x.shape[1]
+    slope = np.arange(1.0, 1.0 + dim * dim).reshape(dim, dim)
+    return x @ slope.T + np.arange(dim)
+
+
+MESHES = {
+    "rectangle": [lambda _, n=n: example1(nx=n, ny=n // 3) for n in (12, 24)],
+    "quadratic": [lambda _, n=n: example1(nx=n, ny=n // 3, degree=2, cell="triangle") for n in (6, 12)],
+    "hexahedra": [lambda comm, n=n: block(n, comm=comm) for n in (6, 12)],
+    "tetrahedra": [lambda comm, n=n: block(n, "tetrahedra", comm=comm) for n in (6, 12)],
+    # Neither is nested in the other.
+    "not nested": [lambda comm, n=n: block(n, comm=comm) for n in (6, 15)],
+    "other cells": [lambda comm, n=n, c=c: block(n, c, comm=comm) for n, c in ((6, "tetrahedra"), (12, "hexahedra"))],
+    # Nodes of the finer mesh are outside the coarser one.
+    "cylinder": [lambda _, k=k: generated("cylinder", {"nr": k, "nt": k, "nz": k}) for k in (2, 4)],
+    "half a sphere": [lambda _, h=h: generated("half_sphere", {"contact_size": h, "size": 4 * h}) for h in (1, 0.5)],
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", MESHES)
+def test_linear_functions_are_interpolated_exactly(name):
+    """At all unknowns that are free, wherever no coarse one is prescribed nearby; also on ranks that share no cells."""
+    coarse, fine = (level(scene(WORLD), WORLD) for scene in MESHES[name])
+    coarse.fixed[:] = False
+    fine.fixed[:] = False
+    fine.coarser = coarse
+    assert fine.interpolation is not None
+    vectors = []
+    for one in (coarse, fine):
+        x = one.space.tabulate_dof_coordinates()[: one.fixed.size // one.block, : one.block]
+        vectors.append(one._vector())
+        vectors[-1].getArray()[:] = linear(x).ravel()
+    found = vectors[1].duplicate()
+    fine.interpolation.mult(vectors[0], found)
+    wanted = vectors[1].getArray()
+    np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-9 * vectors[1].norm(PETSc.NormType.INF))
+
+
+def test_prescribed_unknowns_do_not_move():
+    """Neither those of the finer mesh nor by those of the coarser one."""
+    coarse = level(block(6), SELF)
+    fine = level(block(12), SELF, coarse)
+    rows, columns, values = fine.interpolation.getValuesCSR()
+    assert fine.fixed.any()
+    assert coarse.fixed.any()
+    assert not values[np.repeat(fine.fixed, np.diff(rows))].any()
+    assert not values[coarse.fixed[columns]].any()
+
+
+def test_levels_in_between():
+    """Meshes of nearly the same size are left out; a mesh far too coarse is no level."""
+    coarse, same, fine, finest = (level(block(n), SELF) for n in (6, 9, 12, 27))
+    d = discretise(block(12), load_mesh(block(12), SELF), Timings())
+    same.coarser = coarse
+    assert MeshLevel.of(d, same).coarser is coarse
+    assert MeshLevel.of(d, coarse).coarser is coarse
+    assert MeshLevel.of(d, finest).coarser is None
+    assert MeshLevel.of(d, fine).coarser is None
+    d = discretise(block(27), load_mesh(block(27), SELF), Timings())
+    assert MeshLevel.of(d, coarse).coarser is None
+
+
+def test_another_body_is_no_coarser_mesh():
+    """A mesh that does not cover the finer one gives no interpolation, and multigrid does without it."""
+    half = parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": {"length": 1.0, "nx": 3, "ny": 3, "nz": 3}},
+            "material": {"young": 1.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        }
+    )
+    assert level(block(12), SELF, level(half, SELF)).interpolation is None
+
+
+@pytest.mark.parametrize("cell", [*CELLS.values(), dmesh.CellType.quadrilateral, dmesh.CellType.triangle])
+def test_points_of_distorted_cells(cell):
+    """The points that a cell maps to where they were taken from, to round-off."""
+    flat = cell in (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)
+    create, dim = (dmesh.create_unit_square, 2) if flat else (dmesh.create_unit_cube, 3)
+    mesh = create(SELF, *[3] * dim, cell)
+    rng = np.random.default_rng(1)
+    mesh.geometry.x[:, :dim] += 0.05 * rng.uniform(-1, 1, (len(mesh.geometry.x), dim))
+    cells = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+    wanted = rng.dirichlet(np.ones(dim + 1), len(cells))[:, :dim]
+    x = np.zeros((len(cells), 3))
+    for k, one in enumerate(cells):
+        corners = mesh.geometry.x[mesh.geometry.dofmap[one]][:, :dim]
+        x[k, :dim] = mesh.geometry.cmap.push_forward(wanted[k : k + 1], corners)[0, :dim]
+    np.testing.assert_allclose(reference_points(mesh, cells, x), wanted, rtol=0, atol=1e-12)
+
+
+def nested(scenes, comm=SELF):
+    """The solution on the last of some meshes."""
+    return _solve_nested(scenes, comm, History())
+
+
+NESTED = {
+    **{law: lambda law=law, **s: [block(n, gamma=1e8, **LAWS[law], **s) for n in (6, 12)] for law in LAWS},
+    "tetrahedra": lambda **s: [block(n, "tetrahedra", gamma=1e5, **LAWS["tresca"], **s) for n in (6, 12)],
+    "three meshes": lambda **s: [example1(bound=1.5, nx=n, ny=n // 3, **s) for n in (15, 30, 60)],
+    "not nested": lambda **s: [block(n, bound=1.5, gamma=1e7, **s) for n in (6, 15)],
+    "exact": lambda **s: [block(n, bound=1.5, gamma="auto", algorithm="exact", **s) for n in (6, 12)],
+    "quadratic": lambda **s: [example1(bound=1.5, nx=n, ny=n // 3, degree=2, **s) for n in (15, 30)],
+}
+
+
+@pytest.mark.parametrize("name", NESTED)
+def test_same_answer_as_a_factorisation(name, set_ups):  # noqa: F811
+    """To 1e-8 of the largest, whatever the coarser meshes are; one hierarchy for each mesh."""
+    ours, theirs = (nested(NESTED[name](linear_algebra=kind)) for kind in ("krylov", "full"))
+    agree(ours, theirs)
+    assert len(set_ups) == len(set(set_ups)) == len(NESTED[name]())
+
+
+CURVED = {
+    "cylinder": ("cylinder", {"nr": 4, "nt": 4, "nz": 6}),
+    "half a sphere": ("half_sphere", {"contact_size": 0.5, "size": 2.0}),
+}
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_curved_bodies(name):
+    """Nodes beyond the coarser mesh take the shape functions of the nearest cell."""
+    ours, theirs = (solve(generated(*CURVED[name], levels=2, linear_algebra=kind), SELF) for kind in ("krylov", "full"))
+    assert theirs.contact.in_contact.any()
+    agree(ours, theirs)
+
+
+def between_walls(n, **solver):
+    """A brick turned in space between two walls that are across no axis, pushed along both of them."""
+    turn = rotation(0.9, (0.3, -0.8, 0.5))
+    tagged = box("hexahedra", (n, n, n), size=(1.5, 1.2, 1.0))
+    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ turn.T
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "normal": 0.0}, {"boundary": "front", "normal": 0.0}],
+            "traction": {"boundary": "top", "pressure": 1.0},
+            "contact": {"boundary": "bottom", "friction": friction_of(bound=0.3)},
+            "solver": solver,
+        }
+    )
+
+
+def test_skew_supports(steps):  # noqa: F811
+    """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
+    ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
+    assert ours.discretisation.rotation is not None
+    agree(ours, theirs)
+    assert max(count for *_, count in steps) <= 12
+
+
+def test_a_coarsest_mesh_that_is_large(monkeypatch, steps):  # noqa: F811
+    """It is coarsened further by aggregation, with hardly more steps."""
+    scenes = NESTED["tresca"](linear_algebra="krylov")
+    assert nested(scenes).converged
+    direct = sum(count for *_, count in steps)
+    steps.clear()
+    monkeypatch.setattr(multigrid, "MOST_COARSEST_UNKNOWNS", 100)
+    assert nested(scenes).converged
+    assert direct <= sum(count for *_, count in steps) <= 1.3 * direct
+
+
+def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
+    """In the plane from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""
+    spent = []
+    for nx in (60, 240):
+        steps.clear()
+        scene = example1(bound=1.5, nx=nx, ny=nx // 3, levels=1 + int(np.log2(nx / 15)), linear_algebra="krylov")
+        assert solve(scene, SELF).converged
+        finest = max(size for size, *_ in steps)
+        spent.append(sum(count for size, *_, count in steps if size == finest))
+    assert spent[1] <= 1.3 * spent[0]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", ["tresca", "coulomb", "three meshes", "not nested"])
+def test_one_rank_or_many(name, steps):  # noqa: F811
+    """As many steps but for one in each solve, as many solves but for one, and the same answer to 1e-8."""
+
+    def scenes(comm):
+        if name == "three meshes":
+            return [example1(bound=1.5, nx=n, ny=n // 3, linear_algebra="krylov") for n in (15, 30, 60)]
+        sizes, law = ((6, 15), "tresca") if name == "not nested" else ((6, 12), name)
+        return [block(n, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS[law]) for n in sizes]
+
+    together = nested(scenes(WORLD), WORLD)
+    ours = same_on_all_ranks([count for *_, count in steps])
+    steps.clear()
+    single = nested(scenes(SELF))
+    theirs = [count for *_, count in steps]
+    assert abs(len(ours) - len(theirs)) <= 1
+    if len(ours) == len(theirs):
+        assert max(abs(np.subtract(ours, theirs))) <= 1, (ours, theirs)
+    assert abs(sum(ours) - sum(theirs)) <= len(theirs)
+    table, wanted = together.table.columns, single.table.columns
+    for group in (("u_n",), ("pressure", "shear")):
+        size = max(np.abs(wanted[one]).max() for one in group)
+        for one in group:
+            np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)

@@ -1,0 +1,316 @@
+"""Resultants, points of action and factors of safety against statics, on any number of ranks."""
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone, example1
+from spaces import block as block_in_space
+from spaces import box
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.results.resultants import arm, moments
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+STEEL = {"young": 1000.0, "poisson": 0.3}
+LENGTH, HEIGHT, DEPTH = 2.0, 3.0, 1.5
+# Cells and degree in the plane.
+PLANE = [("quadrilateral", 1), ("triangle", 2)]
+SPACE = [("hexahedra", 1), ("tetrahedra", 2)]
+COULOMB = {"law": "coulomb", "coefficient": 0.6}
+
+
+def plane(cell="quadrilateral", degree=1, **effects):
+    """A rectangle from the origin."""
+    size = {"length": LENGTH, "height": HEIGHT, "nx": 6, "ny": 5, "cell": cell}
+    mesh = {"generator": "rectangle", "parameters": size}
+    return parse_scene({"mesh": mesh, "element": {"degree": degree}, "material": STEEL, **effects})
+
+
+def space(cells="hexahedra", degree=1, **effects):
+    """A box from the origin."""
+    mesh = box(cells, (4, 3, 4), size=(LENGTH, DEPTH, HEIGHT), comm=COMM)
+    return parse_scene({"mesh": mesh, "element": {"degree": degree}, "material": STEEL, **effects})
+
+
+def near(expected, scale):
+    """The same, to the residual that the iteration leaves, of numbers of this size."""
+    return pytest.approx(np.asarray(expected), rel=0, abs=1e-8 * scale)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cell", "degree"), PLANE)
+def test_clamped_beam(cell, degree):
+    """The clamp takes the load and its moment; a point of the line of action is on it."""
+    beam = plane(
+        cell, degree, displacement={"boundary": "left", "x": 0.0, "y": 0.0}, traction={"boundary": "right", "y": "x[1]"}
+    )
+    found = solve(beam, COMM).resultants
+    load, support = found.of("right"), found.of("left")
+    # The integral of x[1] over the end, and of its moment about the origin.
+    assert load.force == near([0.0, HEIGHT**2 / 2], 1.0)
+    assert load.moment == near(LENGTH * HEIGHT**2 / 2, 1.0)
+    assert support.force == near(-load.force, 10.0)
+    assert support.moment == near(-load.moment, 10.0)
+    assert found.of("left", about=[LENGTH, 7.0]).moment == near(0.0, 10.0)
+    assert support.moment_about([LENGTH, 7.0]) == near(0.0, 10.0)
+    assert support.acts_at[0] == near(LENGTH, 1.0)  # the line of action is x[0] = LENGTH: it does not meet the clamp
+    assert load.acts == ("traction",)
+    assert support.acts == ("support",)
+    assert found.of("top").acts == ()
+    assert found.of("top").force == near([0.0, 0.0], 1e-9)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree"), SPACE)
+def test_clamped_beam_in_space(cells, degree):
+    """Force and all three moments, of a load that bends and twists."""
+    load = {"boundary": "right", "x": 1.0, "y": "x[2]", "z": "2 * x[1]"}
+    beam = space(cells, degree, displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}, traction=load)
+    found = solve(beam, COMM).resultants
+    area, (y, z) = DEPTH * HEIGHT, (DEPTH / 2, HEIGHT / 2)
+    force = np.array([1.0, z, 2 * y]) * area
+    # r x t over the end x[0] = LENGTH: the squares of x[1] and x[2] have means DEPTH^2 / 3 and HEIGHT^2 / 3.
+    twist = 2 * DEPTH**2 / 3 - HEIGHT**2 / 3
+    moment = np.array([twist, z - 2 * LENGTH * y, LENGTH * z - y]) * area
+    size = 2 * np.abs(moment).max()
+    assert found.of("right").force == near(force, size)
+    assert found.of("right").moment == near(moment, size)
+    assert found.of("left").force == near(-force, size)
+    assert found.of("left").moment == near(-moment, size)
+    # On the flat end no moment is left but that along its normal.
+    acts_at = found.of("right").acts_at
+    assert acts_at[0] == near(LENGTH, 1.0)
+    assert found.of("right").moment_about(acts_at)[1:] == near([0.0, 0.0], size)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("where", ["plane", "space", "quadratic tetrahedra"])
+def test_balance(where):
+    """With supports, loads and contact: of all forces and moments nothing is left, about any point."""
+    if where == "plane":
+        scene = example1(coefficient=0.3, nx=24, ny=8)
+        scene = scene.model_copy(update={"body_force": plane(body_force={"x": "x[1]", "y": -1.0}).body_force})
+    else:
+        cells, degree = ("hexahedra", 1) if where == "space" else ("tetrahedra", 2)
+        scene = block_in_space(6, cells, coefficient=0.3, gamma="auto", degree=degree, comm=COMM)
+    found = solve(scene, COMM).resultants.every()
+    point = np.array([0.3, -7.0, 2.0])[: 2 if where == "plane" else 3]
+    size = max(one.size[0] for one in found)
+    assert size > 1.0
+    np.testing.assert_allclose(sum(one.force for one in found), 0.0, atol=1e-9 * size)
+    np.testing.assert_allclose(sum(one.moment_about(point) for one in found), 0.0, atol=1e-8 * size)
+    assert {one.acts for one in found} == {("support",), ("traction",), ("contact",)} | (
+        {("body force",)} if where == "plane" else set()
+    )
+
+
+@pytest.mark.mpi
+def test_supports_that_meet():
+    """At a corner of two supports each takes what it prescribes, upright or turned; nothing is taken twice."""
+    for angle in (0.0, 0.5):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (LENGTH, HEIGHT)], (6, 5))
+        sides = {
+            "left": lambda x: np.isclose(x[0], 0.0),
+            "bottom": lambda x: np.isclose(x[1], 0.0),
+            "right": lambda x: np.isclose(x[0], LENGTH),
+            "top": lambda x: np.isclose(x[1], HEIGHT),
+        }
+        tagged = tag_boundaries(mesh, sides)
+        mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ turn.T
+        held = [{"boundary": "left", "normal": 0.0}, {"boundary": "bottom", "normal": 0.0}]
+        loads = [{"boundary": "right", "pressure": 2.0}, {"boundary": "top", "pressure": 1.0}]
+        scene = {"mesh": tagged, "material": STEEL, "displacement": held, "traction": loads}
+        found = solve(parse_scene(scene), COMM).resultants
+        assert found.of("left").force == near(turn @ [2.0 * HEIGHT, 0.0], 10.0)
+        assert found.of("bottom").force == near(turn @ [0.0, LENGTH], 10.0)
+        assert found.of("left").acts_at == near(turn @ [0.0, HEIGHT / 2], 1.0)
+        assert found.of("bottom").acts_at == near(turn @ [LENGTH / 2, 0.0], 1.0)
+
+
+@pytest.mark.mpi
+def test_couple():
+    """Forces without a resultant have a moment, and no place."""
+    bent = plane(
+        displacement={"boundary": "left", "x": 0.0, "y": 0.0},
+        traction={"boundary": "right", "x": f"x[1] - {HEIGHT / 2}"},
+    )
+    load = solve(bent, COMM).resultants.of("right")
+    assert load.moment == near(-(HEIGHT**3) / 12, 1.0)
+    assert load.acts_at is None
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("push", [0.2, 0.6, 0.9])
+@pytest.mark.parametrize(("cell", "degree"), PLANE)
+def test_block_that_may_tip(cell, degree, push):
+    """A heavy block pushed sideways: the factors of statics, F W / H and (W L / 2) / (H h)."""
+    weight, overturning = 1.5, push * HEIGHT / 2
+    scene = plane(
+        cell,
+        degree,
+        body_force={"y": -weight / (LENGTH * HEIGHT)},
+        traction={"boundary": "left", "x": push / HEIGHT},
+        contact={"boundary": "bottom", "friction": COULOMB | {"coefficient": 2.0}},
+    )
+    solution = solve(scene, COMM)
+    (foot,), tipping = solution.contact_figures, solution.overturning
+    assert foot.pressure_integral == pytest.approx(weight, rel=1e-8)
+    assert foot.tangential_force == pytest.approx(push, rel=1e-8)
+    assert foot.friction_limit == pytest.approx(2.0 * weight, rel=1e-8)
+    assert foot.sliding_safety == pytest.approx(2.0 * weight / push, rel=1e-8)
+    assert foot.mean_pressure * foot.contact_area == pytest.approx(weight, rel=1e-8)
+    assert foot.area == pytest.approx(LENGTH)
+    assert tipping.safety == pytest.approx(weight * LENGTH / 2 / overturning, rel=1e-7)
+    assert tipping.acts_at == near([LENGTH / 2 + overturning / weight, 0.0], 1.0)
+    assert solution.resultants.of("bottom").acts_at == near(tipping.acts_at, 1.0)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree"), SPACE)
+def test_block_that_may_tip_over_a_corner(cells, degree):
+    """In space the eccentricities along both axes count: the resultant leaves the base where its ray does."""
+    weight, (along, across) = 6.0, (0.5, 0.7)
+    scene = space(
+        cells,
+        degree,
+        body_force={"z": -weight / (LENGTH * DEPTH * HEIGHT)},
+        traction={"boundary": "top", "x": along / (LENGTH * DEPTH), "y": across / (LENGTH * DEPTH)},
+        contact={"boundary": "bottom", "friction": COULOMB},
+    )
+    solution = solve(scene, COMM)
+    (foot,), tipping = solution.contact_figures, solution.overturning
+    eccentricity = np.array([along, across]) * HEIGHT / weight
+    edges = np.array([LENGTH, DEPTH]) / 2
+    assert tipping.safety == pytest.approx(np.min(edges / eccentricity), rel=1e-7)
+    assert tipping.eccentricity == pytest.approx(np.hypot(*eccentricity), rel=1e-7)
+    assert foot.sliding_safety == pytest.approx(0.6 * weight / np.hypot(along, across), rel=1e-7)
+    assert foot.area == pytest.approx(LENGTH * DEPTH)
+
+
+@pytest.mark.mpi
+def test_two_feet():
+    """The base of a body on two feet reaches from one to the other; each foot has its own figures."""
+    mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (4.0, 1.0)], (16, 4))
+    sides = {
+        "one": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.01),
+        "other": lambda x: np.isclose(x[1], 0.0) & (x[0] > 2.99),
+        "top": lambda x: np.isclose(x[1], 1.0) & (x[0] > 1.99),
+    }
+    scene = parse_scene(
+        {
+            "mesh": tag_boundaries(mesh, sides),
+            "material": STEEL,
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": [{"boundary": "one", "friction": COULOMB}, {"boundary": "other", "friction": COULOMB}],
+        }
+    )
+    solution = solve(scene, COMM)
+    one, other = solution.contact_figures
+    assert (one.boundary, other.boundary) == ("one", "other")
+    assert one.pressure_integral + other.pressure_integral == pytest.approx(2.0, rel=1e-8)
+    assert (one.area, other.area) == (pytest.approx(1.0), pytest.approx(1.0))
+    # The load acts at 3, the base is from 0 to 4.
+    assert solution.overturning.acts_at == near([3.0, 0.0], 1.0)
+    assert solution.overturning.safety == pytest.approx(2.0, rel=1e-7)
+
+
+@pytest.mark.mpi
+def test_support_and_contact_on_one_boundary():
+    """The foundation presses, and what the push needs the support takes; with the factors of the last load step."""
+    scene = plane(
+        displacement={"boundary": "bottom", "x": 0.0},
+        traction={"boundary": "top", "x": 0.4, "y": -2.0, "factors": [2.0, 0.5]},
+        contact={"boundary": "bottom", "friction": COULOMB},
+    )
+    found = solve(scene, COMM).resultants
+    assert found.of("top").force == near([0.2 * LENGTH, -LENGTH], 1.0)
+    foot = found.of("bottom")
+    assert foot.acts == ("support", "contact")
+    assert foot.force == near([-0.2 * LENGTH, LENGTH], 1.0)
+    # The load acts at the middle of the top; the push moves the place at the bottom by HEIGHT times its share.
+    assert foot.acts_at == near([LENGTH / 2 + 0.2 * HEIGHT, 0.0], 1.0)
+
+
+def test_summary():
+    """What statics say is zero is zero in the rows, and the terminal has a line for each figure."""
+    scene = plane(
+        traction=[{"boundary": "top", "y": -3.0}, {"boundary": "left", "x": 0.5}],
+        contact={"boundary": "bottom", "friction": COULOMB},
+    )
+    solution = alone(scene)
+    found = summarise(solution, solution.table)
+    rows = {row["boundary"]: row for row in found["resultants"]}
+    assert rows["top"]["force"] == [0.0, pytest.approx(-6.0)]
+    assert rows["left"]["force"] == [pytest.approx(1.5), 0.0]
+    assert rows["left"]["moment"] == pytest.approx(-1.5 * HEIGHT / 2)
+    assert rows["left"]["acts_at"] == [0.0, pytest.approx(HEIGHT / 2)]
+    assert rows["bottom"]["acts_at"][1] == 0.0
+    lines = [" ".join(line.split()) for line in render(found).splitlines()]
+    assert "sliding bottom: safety 2.4, 1.5 of at most 3.6" in lines
+    assert "overturning safety 2.667, the pressure acts at (1.375, 0)" in lines
+    assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
+    assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines
+
+
+def test_where_nothing_can_be_said():
+    """No factor without friction, without a push, or under supports."""
+    still = plane(
+        body_force={"y": -1.0},
+        displacement={"boundary": "left", "x": 0.0},
+        contact={"boundary": "bottom"},
+    )
+    solution = alone(still)
+    assert solution.overturning is None
+    assert solution.contact_figures[0].sliding_safety is None
+    upright = alone(plane(body_force={"y": -1.0}, contact={"boundary": "bottom", "friction": COULOMB}))
+    assert upright.overturning.safety is None
+    assert upright.overturning.eccentricity == 0.0
+    assert upright.contact_figures[0].sliding_safety is None
+    assert upright.contact_figures[0].tangential_force == 0.0
+    parameters = {"radius": 1.0, "size": 0.4, "contact_size": 0.1}
+    disk = parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": parameters},
+            "material": STEEL,
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": {
+                "boundary": "arc",
+                "gap": "x[1]",
+                "direction": [0.0, -1.0],
+                "friction": {"law": "tresca", "bound": 0.1},
+            },
+        }
+    )
+    on_a_disk = alone(disk)
+    assert on_a_disk.contact_figures[0].friction_limit == pytest.approx(0.1 * on_a_disk.contact_figures[0].area)
+    linear = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0}, traction={"boundary": "top", "y": 1.0}))
+    assert linear.contact_figures == []
+    assert linear.overturning is None
+
+
+def test_mistakes():
+    """A boundary that the mesh has not, and a point of another dimension."""
+    found = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0})).resultants
+    with pytest.raises(MeshError, match="no boundary 'nose'"):
+        found.of("nose")
+    with pytest.raises(ValueError, match="2 coordinates"):
+        found.of("left", about=[0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_place_of_a_force(dim):
+    """A force at the place that is found has the moment, but for the part along the normal."""
+    rng = np.random.default_rng(dim)
+    force, place, normal = rng.normal(size=(3, dim))
+    moment = moments(place, force)
+    np.testing.assert_allclose(moments(arm(moment, force, None), force), moment, atol=1e-12)
+    normal /= np.linalg.norm(normal)
+    left = moments(arm(moment, force, normal), force) - moment
+    np.testing.assert_allclose(np.cross(left, normal) if dim == 3 else left, 0.0, atol=1e-12)
+    assert abs(arm(moment, force, normal) @ normal) < 1e-12

@@ -1,0 +1,99 @@
+"""What a terminal shows: wrapped lines, colours, completion; and that a pipe gets neither of the first two."""
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from signorini_fx.cli.completion import SHELLS, completion_script
+from signorini_fx.cli.options import parser
+from signorini_fx.machine.terminal import coloured, wrapped
+
+LINES = [
+    "signorini-fx: error: scene.toml: material.density: unknown key: weight is written [body_force] with y = -density",
+    "  what to do       the load moves the body off its foundation and nothing else holds it: check the direction",
+    "    warning: traction: there is no static equilibrium: the loads drive the translation along (0, 1)",
+]
+ROW = "    1      0     0       13       0       0       13    7.1e-01     0.003    7.1e-01     0.003"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 200])
+def test_wrapped(width):
+    """No line of prose is longer than the terminal, no word is lost, and rows of tables stay as they are."""
+    for line in LINES:
+        found = wrapped(line, width).split("\n")
+        assert max(map(len, found)) <= width
+        assert " ".join(found).split() == line.split()
+    assert wrapped(ROW, width) == ROW
+    assert wrapped("\n".join([ROW, LINES[0]]), width) == f"{ROW}\n{wrapped(LINES[0], width)}"
+
+
+def test_wrapped_below_its_beginning():
+    """The lines of a figure of the summary continue where its text began."""
+    first, second, *_ = wrapped(LINES[1], 60).split("\n")
+    assert first.startswith("  what to do       the load")
+    assert second.startswith(" " * 19)
+    assert second[19] != " "
+
+
+def test_wrapped_twice():
+    """What was wrapped for a wider terminal is filled again."""
+    once = wrapped(LINES[1], 70)
+    assert wrapped(once, 50) == wrapped(LINES[1], 50)
+
+
+def test_coloured():
+    """Errors, warnings and success; the text is the same without the escapes."""
+    assert coloured(LINES[0]).startswith("\x1b[31;1msignorini-fx: error\x1b[0m: scene.toml")
+    assert coloured("A block: converged\n  algorithm").startswith("A block: \x1b[32;1mconverged\x1b[0m\n")
+    assert coloured(ROW) == ROW
+
+
+def shown(environment):
+    """What a terminal of 60 columns shows of an error."""
+    master, slave = pty.openpty()
+    command = [sys.executable, "-m", "signorini_fx", "check", "/nowhere/" + "scene_" * 8 + ".toml"]
+    environment = {**os.environ, "COLUMNS": "60", "TERM": "xterm", **environment}
+    clean = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_"))}
+    process = subprocess.run(command, stdout=slave, stderr=slave, env=clean, check=False)
+    os.close(slave)
+    text = os.read(master, 100_000).decode().replace("\r\n", "\n")
+    os.close(master)
+    assert process.returncode == 2
+    return text
+
+
+def test_colours_on_a_terminal(monkeypatch):
+    """They can be switched off."""
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b[31;1m" in shown({})
+    assert "\x1b" not in shown({"NO_COLOR": "1"})
+
+
+def completed(*words):
+    """What bash offers for the last of these words."""
+    script = completion_script(parser(), "bash")
+    state = f"COMP_WORDS=({' '.join(repr(word) for word in words)}); COMP_CWORD={len(words) - 1}"
+    command = f"{script}\n{state}; _signorini_fx 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_completion(tmp_path, monkeypatch):
+    """Commands, options of a command, values of an option or an argument, and files."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").touch()
+    assert completed("signorini-fx", "so") == ["solve"]
+    assert completed("signorini-fx", "solve", "--no") == ["--no-fields", "--no-pictures"]
+    assert completed("signorini-fx", "solve", "scene.toml", "--of", "p") == ["pressure", "peak"]
+    assert completed("signorini-fx", "completion", "") == list(SHELLS)
+    assert completed("signorini-fx", "check", "sce") == ["scene.toml"]
+
+
+def test_completion_of_other_shells():
+    """Each names every command; that of zsh is that of bash with its adapter."""
+    commands = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))
+    for shell in SHELLS:
+        assert all(name in completion_script(parser(), shell) for name in commands)
+    assert completion_script(parser(), "zsh").endswith(completion_script(parser(), "bash"))
