@@ -1895,7 +1895,7 @@ MUTANTS = (
         "outline",
         "outlines of all ranks on the points of the first",
         ranks=2,
-        tests=("fields::test_curved_cells_are_drawn_curved",),
+        tests=("field_pictures::test_curved_cells_are_drawn_curved",),
     ),
     Mutant(
         "results/sampling",

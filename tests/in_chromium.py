@@ -42,6 +42,9 @@ window.addEventListener("load", function () {
     read = place.parentElement.querySelector(".values b").textContent;
     document.querySelectorAll(".plots button").forEach(function (one) { one.click(); });
   }
+  plots.forEach(function (one) {
+    if (one.getBoundingClientRect().width > one.closest(".plot").clientWidth + 1) wide.push(one);
+  });
   var found = { width: innerWidth, across: document.documentElement.scrollWidth, failures: failures, read: read,
     wide: wide.slice(0, 3).map(function (one) { return one.outerHTML.slice(0, 80); }), small: small.length,
     plots: plots.length,

@@ -67,6 +67,7 @@ def shown(value: Any) -> str:
     return str(value)
 
 
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
 _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 
 
@@ -87,7 +88,7 @@ def is_number(value: Any) -> bool:
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
     """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
-    numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
+    numeric = [all(is_number(row[k]) or _NUMBER.fullmatch(str(row[k])) for row in rows) for k in range(len(columns))]
     head = [tag("th", name, class_="number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
     for row, class_ in zip(rows, classes or [""] * len(rows), strict=True):

@@ -139,7 +139,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
     ]
     if not rows:
         return None
-    return table(["resultant of", "by", "force on the body", "moment", "acts at"], rows)
+    return table(["resultant of", "by", "force on the body", "moment about the origin", "acts at"], rows)
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
