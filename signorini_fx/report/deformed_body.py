@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from signorini_fx.report.fields import FIELDS, Field
-from signorini_fx.report.style import INK, STYLE, Floats, finish, math_number, readable
+from signorini_fx.report.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
 from signorini_fx.report.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
@@ -100,7 +101,10 @@ def deformed_mesh(
     stress: Floats | None = None,
     foundation: Foundation | None = None,
     factor: float | None = None,
+    top: float | None = None,
+    frame: tuple[Floats, Floats] | None = None,
     title: str = "",
+    suffixes: Sequence[str] = BOTH,
 ) -> None:
     """Draw the deformed mesh on its foundation, a field in colours.
 
@@ -125,7 +129,10 @@ def deformed_mesh(
         foundation: None: none is drawn.
         factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
             where one would not be true.
+        top: the value where the colours end; None: see above.
+        frame: lowest and highest coordinates that are seen, in one panel; None: as far as body and foundation reach.
         title: what to say above the picture.
+        suffixes: of the files to write.
 
     Raises:
         ValueError: there are no cells.
@@ -148,8 +155,8 @@ def deformed_mesh(
     else:
         remark = f"left: as it is; right: {what}, contact zone thick"
 
-    tones = Tones(field, values, _areas(panels[0].corners))
-    frames = [panel.frame() for panel in panels]
+    tones = Tones(field, values, _areas(panels[0].corners), top)
+    frames = [panel.frame() if frame is None else frame for panel in panels]
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
     widest = 4.8 if true else 2.6
     widths = [min(widest, widest / aspect) for aspect in aspects]
@@ -168,7 +175,7 @@ def deformed_mesh(
             axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
             axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
         tones.bar(figure, list(grid))
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
 @dataclass(frozen=True)

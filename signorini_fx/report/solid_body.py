@@ -18,6 +18,7 @@ from signorini_fx.report import view
 from signorini_fx.report.deformed_body import magnification
 from signorini_fx.report.fields import FIELDS, Field
 from signorini_fx.report.style import (
+    BOTH,
     INK,
     MUTED,
     STYLE,
@@ -47,7 +48,11 @@ def deformed_solid(
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
     foundations: Sequence[tuple[Floats, Floats]] = (),
+    factor: float | None = None,
+    top: float | None = None,
+    frame: tuple[Floats, Floats] | None = None,
     title: str = "",
+    suffixes: Sequence[str] = BOTH,
 ) -> None:
     """Draw the outer surface of a deformed body in space, seen from the front, the right and above.
 
@@ -67,15 +72,21 @@ def deformed_solid(
         stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
         foundations: of each contact boundary nodes and the vector d n from each to the foundation, lengths, both of
             shape (k, 3); like the displacement, d n is multiplied by the magnification.
+        factor: of the displacement; None: one that makes it visible.
+        top: the value where the colours end; None: see above.
+        frame: lowest and highest coordinates of the projection that are seen; None: as far as body and planes reach.
         title: title of the picture.
+        suffixes: of the files to write.
 
     Raises:
         ValueError: there are no facets.
     """
     with mpl.rc_context(STYLE):
-        figure, factor = solid_figure(points, facets, displacement, values, foundations, field, stress)
+        figure, factor = solid_figure(
+            points, facets, displacement, values, foundations, field, stress, factor, top, frame
+        )
         remark = f"displacement $\\times\\,{math_number(factor)}$"
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark)
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
 def solid_figure(
@@ -86,11 +97,14 @@ def solid_figure(
     foundations: Sequence[tuple[Floats, Floats]],
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
+    factor: float | None = None,
+    top: float | None = None,
+    frame: tuple[Floats, Floats] | None = None,
 ) -> tuple[Figure, float]:
     """The figure that ``deformed_solid`` writes, and the magnification."""
     if not facets.size:
         raise ValueError("the body has no facets")
-    factor = magnification(points, displacement)
+    factor = magnification(points, displacement) if factor is None else factor
     moved = points + factor * displacement
     moved = np.where(np.isfinite(moved), moved, points)  # a failed solve may give any values
     seen = view.oblique()
@@ -98,7 +112,7 @@ def solid_figure(
     every = seen.flat(np.concatenate([points, moved, *(corners for corners, _ in planes)]))
     low, high = every.min(axis=0), every.max(axis=0)
     margin = 0.05 * float(max(high - low))
-    low, high = low - margin, high + margin
+    low, high = (low - margin, high + margin) if frame is None else frame
     size = high - low
     inch = _LARGEST / float(max(size))
     figure = Figure(figsize=(max(float(size[0]) * inch, 3.4), float(size[1]) * inch + 0.9), layout="constrained")
@@ -110,9 +124,12 @@ def solid_figure(
     for corners, normal in planes:
         normal = normal if (corners.mean(axis=0) - outside) @ normal > 0 else -normal  # away from the body
         _draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
-    _draw_body(figure, axes, seen, moved, facets, values, field, 72 * inch)
+    normals, areas = _normals(moved, facets)
+    facing = normals @ seen.toward > 0
+    tones = Tones(field, values[facing], areas[facing], top)
+    _draw_body(axes, seen, moved, facets, values, tones, 72 * inch)
+    tones.bar(figure, axes)
     if stress is not None:
-        normals, _ = _normals(moved, facets)
         front = normals @ seen.toward > 0.2
         middles = seen.flat(moved[facets[front]].mean(axis=1))
         draw_principal(axes, middles, stress[front], np.stack((seen.right, seen.up)), float(max(size)))
@@ -124,15 +141,14 @@ def solid_figure(
 
 
 def _draw_body(
-    figure: Figure, axes: Axes, seen: view.View, moved: Floats, facets: Rows, values: Floats, field: Field, inch: float
+    axes: Axes, seen: view.View, moved: Floats, facets: Rows, values: Floats, tones: Tones, inch: float
 ) -> None:
     """Facets that face the viewer, the farthest first, with sharp edges between them."""
     normals, areas = _normals(moved, facets)
     front = np.flatnonzero(normals @ seen.toward > 0)
-    tones = Tones(field, values[front], areas[front])
     light = seen.toward + 0.5 * seen.up - 0.6 * seen.right
     shade = 1 - _SHADE * (1 - np.clip(normals[front] @ (light / np.linalg.norm(light)), 0.0, 1.0))
-    colours = mpl.colormaps.get_cmap(field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
+    colours = mpl.colormaps.get_cmap(tones.field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
     colours[:, :3] *= shade[:, None]
     edged = math.sqrt(float(np.median(areas))) * inch >= _VISIBLE_FACET
     lines = _edges(moved, facets, seen)
@@ -156,7 +172,6 @@ def _draw_body(
         rasterized=len(front) > 5000,
     )
     axes.add_collection(body, autolim=False)
-    tones.bar(figure, axes)
 
 
 def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:

@@ -54,6 +54,7 @@ class Tones:
         field: what it is.
         values: one per cell, shape (m,).
         area: of each cell, shape (m,).
+        top: where the scale ends; None: as the values need it.
 
     Attributes:
         field: what it is.
@@ -61,10 +62,11 @@ class Tones:
         low, high: ends of the scale, before that.
     """
 
-    def __init__(self, field: Field, values: Floats, area: Floats) -> None:
+    def __init__(self, field: Field, values: Floats, area: Floats, top: float | None = None) -> None:
         self.field = field
         self._values = values[np.isfinite(values)]
         self.low, self.high = _both_tones(values, area) if field.signed else (0.0, upper_tone(values, area))
+        self.high = self.high if top is None else top
         self.power = decimal_power(max(-self.low, self.high))
 
     @property
