@@ -1,8 +1,9 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint format paper bench stability oracle mutants docs clean
+.PHONY: help demo test test-long test-report lint format paper bench stability oracle mutants docs clean
 DEMOS := example1_tresca example1_coulomb
+REPORTS := example1_coulomb press_and_slide bracket
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 
@@ -18,6 +19,11 @@ test:       ## run all tests on one rank, and those marked mpi also on two and t
 
 test-long:  ## run the tests marked long
 	./env python3 -m pytest -q -m long tests
+
+test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
+	for d in $(REPORTS); do ./env signorini-fx solve demos/scenes/$$d.toml --no-fields --quiet --out results/report/$$d && \
+	  ./env signorini-fx report results/report/$$d || exit; done
+	python3 tests/in_chromium.py $(REPORTS:%=results/report/%/report.html)
 
 lint: $(RUFF)  ## check style (ruff) and types (mypy)
 	$(RUFF) check

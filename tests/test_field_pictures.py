@@ -178,3 +178,11 @@ def test_fields_that_are_none(tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
         cli.main(["solve", "scene.toml", "--picture", "mises"])
     assert f"choose from {', '.join(ON_DEMAND)}" in capsys.readouterr().err.replace("'", "")
+
+
+def test_scale_that_is_given():
+    """An animation has the same colours in every frame: the scale ends where it is told to, with an arrow above."""
+    tones = Tones(FIELDS["von_mises"], np.array([1.0, 2.0, 4.0]), np.ones(3), top=3.0)
+    figure = Figure()
+    assert (tones.low, tones.high) == (0.0, 3.0)
+    assert tones.bar(figure, figure.add_subplot()).extend == "max"

@@ -29,7 +29,7 @@ from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, load_steps, markup
 from signorini_fx.report import page as report
-from signorini_fx.report.digits import figure
+from signorini_fx.report.digits import estimated_errors, figure
 from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.reading import read_csv
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
@@ -210,7 +210,7 @@ def test_page_needs_nothing_else(folder):
 def test_numbers(folder):
     """Those of the summary, the certificate and the tables."""
     page, summary = Page(folder), summary_of(folder)
-    assert f"The law is {summary['certificate']['law']}." in page.text
+    assert f"The law is {markup.in_text(summary['certificate']['law'])}." in page.text
     assert summary["status"] in page.text
     cells = page.of("td")
     for name, value in summary["certificate"].items():
@@ -527,6 +527,28 @@ def test_figures_have_the_digits_of_their_estimates(folders):
     assert len(expected) < len(f"{summary['max_pressure']:.6g}")
     cards = page.of("dd")
     assert expected in cards
+
+
+def test_powers_of_ten_in_text():
+    """Numbers are one word; names and plain numbers stay."""
+    text = markup.in_text("gamma_n = 2.39e+08, 1e-06, 12 and e-mail 3e")
+    assert text == "gamma_n = 2.39\xd710\u2078, 10\u207b\u2076, 12 and e-mail 3e"
+
+
+def test_errors_of_figures():
+    """A friction force is as uncertain as the contact force; a stress is by its difference from the recovered one."""
+    rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
+    summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "price_list": rows}
+    found = estimated_errors(summary)
+    assert found == pytest.approx(
+        {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
+    )
+    assert figure(summary["friction_force"], found["friction_force"]) == "(0, 0)"
+    assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
+    stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
+    assert estimated_errors({"stress": stress}) == pytest.approx({"von_mises": 0.05})
+    assert estimated_errors({"stress": stress | {"recovered": None}}) == {}
+    assert estimated_errors({}) == {}
 
 
 # --- curves to zoom into ---------------------------------------------------------------------------------------------

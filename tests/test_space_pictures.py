@@ -431,7 +431,9 @@ def test_page(folder):
     for wrong in ("unit thickness", "--accuracy", "--levels", "slip minus", "plane strain", "arc length"):
         assert wrong not in found.source
     kinds = [kind for kind, _ in pictures(found)]
-    assert kinds == ["png", "svg+xml", *(["gif", "svg+xml"] if "steps" in summary else []), "svg+xml"]
+    rubs = any(row["friction"] != "none" for row in rows_of(folder / "contact.csv"))
+    of_steps = ["gif", "svg+xml"] if "steps" in summary else []
+    assert kinds == ["png", *["svg+xml"] * (1 + rubs), *of_steps, "svg+xml"]
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):

@@ -37,6 +37,7 @@ from signorini_fx.report.style import (
 from signorini_fx.report.tones import upper_tone
 
 Rows = npt.NDArray[np.int64]
+PANELS = ("pressure", "state")
 
 # The rows of a facet in the order of VTK, as polygons of vertices.
 _POLYGONS = {
@@ -151,7 +152,13 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
 
 
 def contact_surface(
-    path_stem: str | Path, table: Table, facets: Rows, *, title: str = "", suffixes: Sequence[str] = BOTH
+    path_stem: str | Path,
+    table: Table,
+    facets: Rows,
+    *,
+    title: str = "",
+    panels: Sequence[str] = PANELS,
+    suffixes: Sequence[str] = BOTH,
 ) -> None:
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
@@ -167,30 +174,32 @@ def contact_surface(
         table: columns of ``contact.csv`` of a scene in space, each of shape (n,).
         facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
         title: title of the picture.
+        panels: which of the two to draw.
         suffixes: of the files to write.
 
     Raises:
         ValueError: the table has no rows.
     """
     with mpl.rc_context(STYLE):
-        finish(contact_figure(table, facets), path_stem, title, suffixes)
+        finish(contact_figure(table, facets, panels), path_stem, title, suffixes)
 
 
-def contact_figure(table: Table, facets: Rows) -> Figure:
+def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) -> Figure:
     """The figure that ``contact_surface`` writes."""
     sides = sides_of(table, facets)
     if not sides:
         raise ValueError("the contact table has no rows")
     friction = any(side.has_friction for side in sides)
+    shown = shown if friction else PANELS[:1]
     windows = [_window(side) for side in sides]
     wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > _WIDE
-    columns = 2 if friction and not wide else 1
+    columns = 1 if wide else len(shown)
     width = (5.8 if columns == 2 else 5.4 if wide else 4.4) - 0.4
     heights = [
         float(np.clip((width / columns - 0.5) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
         for low, high, _ in windows
     ]
-    panels = 1 + (friction and wide)
+    panels = len(shown) if wide else 1
     figure = Figure(
         figsize=(width + 0.4, sum(panels * (height + 1.0) for height in heights) + 0.4),
         layout=ConstrainedLayoutEngine(h_pad=0.05, wspace=0.05),
@@ -198,18 +207,20 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     grid = figure.add_gridspec(len(sides) * panels, columns, height_ratios=np.repeat(heights, panels) + 0.9)
     seen: set[str] = set()
     for i, (side, (low, high, part)) in enumerate(zip(sides, windows, strict=True)):
-        axes = [figure.add_subplot(cell) for cell in _cells(grid, i, panels, columns if friction else 1)]
+        axes = [figure.add_subplot(cell) for cell in _cells(grid, i, panels, columns)]
         for one in axes:
             _frame(one, side, low, high)
         sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
         sight += ", the other side is open" if side.hidden and not part else ""
-        _pressure_panel(figure, axes[0], side, low, high, f"{side.name}, {sight}")
-        if friction and side.has_friction:
-            seen.update(_state_panel(axes[1], side, low, high, f"{side.name}: state"))
-        elif friction:
-            axes[1].clear()
-            axes[1].set_axis_off()
-            axes[1].text(0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=axes[1].transAxes)
+        for panel, one in zip(shown, axes, strict=True):
+            if panel == "pressure":
+                _pressure_panel(figure, one, side, low, high, f"{side.name}, {sight}")
+            elif side.has_friction:
+                seen.update(_state_panel(one, side, low, high, f"{side.name}: state"))
+            else:
+                one.clear()
+                one.set_axis_off()
+                one.text(0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=one.transAxes)
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)

@@ -130,8 +130,7 @@ def deformed_mesh(
         factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
             where one would not be true.
         top: the value where the colours end; None: see above.
-        frame: lowest and highest coordinates that are seen, in one panel; None: as far as the body and the foundation
-            reach.
+        frame: lowest and highest coordinates that are seen, in one panel; None: as far as body and foundation reach.
         title: what to say above the picture.
         suffixes: of the files to write.
 

@@ -15,12 +15,22 @@ _ESTIMATES = {"contact_force": "force", "friction_force": "force", "max_pressure
 def estimated_errors(summary: Mapping[str, Any]) -> dict[str, float]:
     """Estimated relative errors of figures of the summary, of those that have an estimate.
 
-    That of the strain energy is the square of the error in the energy norm.
+    That of the strain energy is the square of the error in the energy norm; that of a friction force that nearly
+    vanishes is large, as it is as uncertain as the contact force is; that of the von Mises stress is the difference
+    from the recovered one.
     """
+    stress = summary.get("stress", {})
+    found: dict[str, float | None] = {}
+    if (stress.get("recovered") or {}).get("von_mises") and stress["von_mises"]["value"]:
+        raw, recovered = stress["von_mises"]["value"], stress["recovered"]["von_mises"]["value"]
+        found["von_mises"] = abs(raw - recovered) / abs(raw)
     solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
     if not solved:
-        return {}
-    found = {name: solved[-1].get(own) for name, own in _ESTIMATES.items()}
+        return {name: error for name, error in found.items() if error is not None}
+    found |= {name: solved[-1].get(own) for name, own in _ESTIMATES.items()}
+    contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
+    if found["friction_force"] is not None and 0 < friction < contact:
+        found["friction_force"] *= contact / friction
     energy = solved[-1].get("energy")
     found["strain_energy"] = None if energy is None else energy**2
     return {name: float(error) for name, error in found.items() if error is not None}

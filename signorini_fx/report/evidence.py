@@ -7,7 +7,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.report.markup import Markup, drawn_by, folded, is_number, joined, long_table, shown, table, tag
+from signorini_fx.report.markup import (
+    Markup,
+    drawn_by,
+    folded,
+    in_text,
+    is_number,
+    joined,
+    long_table,
+    shown,
+    table,
+    tag,
+)
 from signorini_fx.report.reading import ResultFiles
 
 # Every figure of the certificate: its limit, None if it is only reported, and its meaning.
@@ -52,11 +63,11 @@ def certificate(summary: dict[str, Any]) -> Markup:
         largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})"
         verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
     every = table(["figure", "value", "", "limit"], rows, classes)
-    parts = [tag("p", verdict), tag("p", note, class_="note")]
+    parts = [tag("p", in_text(verdict)), tag("p", in_text(note), class_="note")]
     parts.append(every if missed else folded("Every figure of the certificate", every))
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
-        parts.append(tag("p", f"The relative difference of primal and dual functional is {gap:.1e}."))
+        parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {gap:.1e}.")))
     return joined(parts)
 
 
@@ -87,7 +98,7 @@ def scene(summary: dict[str, Any]) -> Markup:
     return joined(
         [
             table(["effect", "data"], rows),
-            tag("p", f"Method: {shown(method)}."),
+            tag("p", in_text(f"Method: {shown(method)}.")),
             folded("The whole scene with all defaults", whole),
         ]
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import math
+import re
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -66,6 +67,20 @@ def shown(value: Any) -> str:
     return str(value)
 
 
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
+_POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+
+
+def in_text(text: str) -> str:
+    """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10 to the -8."""
+
+    def power(found: re.Match[str]) -> str:
+        factor = "" if found[1] == "1" else f"{found[1]}\N{MULTIPLICATION SIGN}"
+        return f"{factor}10{str(int(found[2])).translate(_POWERS)}"
+
+    return re.sub(r"\b(\d+(?:\.\d+)?)e([+-]\d+)\b", power, text)
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a number, or missing among numbers."""
     return value is None or (isinstance(value, int | float | np.number) and not isinstance(value, bool))
@@ -73,7 +88,7 @@ def is_number(value: Any) -> bool:
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
     """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
-    numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
+    numeric = [all(is_number(row[k]) or _NUMBER.fullmatch(str(row[k])) for row in rows) for k in range(len(columns))]
     head = [tag("th", name, class_="number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
     for row, class_ in zip(rows, classes or [""] * len(rows), strict=True):

@@ -31,8 +31,10 @@ function plot(place) {
     element("i", entry).style.background = state[0];
     entry.appendChild(document.createTextNode(state[1]));
   });
-  data.panels.forEach(function (panel) {
-    var cell = element("div", grid);
+  // All cells first: a plot takes the width that its cell has when it is made.
+  var cells = data.panels.map(function () { return element("div", grid); });
+  data.panels.forEach(function (panel, place) {
+    var cell = cells[place];
     var legend = element("div", cell, "", "values");
     var canvas = element("div", cell, "", "plot");
     var series = {};

@@ -55,7 +55,8 @@ def outcome(summary: dict[str, Any]) -> Markup:
     ]
     if "stress" in summary:
         most = summary["stress"]["von_mises"]
-        cards.insert(-3, _card("largest von Mises stress", figure(most["value"]), None))
+        error = errors.get("von_mises")
+        cards.insert(-3, _card("largest von Mises stress", figure(most["value"], error), error))
     cards.append(_card("seconds", f"{sum(summary['timings'].values()):.3g}", None))
     measure = "what" if in_space(summary) else "per unit thickness, and what"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
@@ -64,7 +65,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
 
 
 def _card(label: str, value: str, error: float | None) -> Markup:
-    told = percent(error) if error else ""
+    told = percent(error) if error and error < 1 else ""
     estimate = [tag("small", f"error {'' if told.startswith('below') else 'about '}{told}")] if told else []
     return tag("div", tag("dt", label), tag("dd", value, *estimate), class_="wide" if value.startswith("(") else "")
 
@@ -143,7 +144,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
     ]
     if not rows:
         return None
-    return table(["resultant of", "by", "force on the body", "moment", "acts at"], rows)
+    return table(["resultant of", "by", "force on the body", "moment about the origin", "acts at"], rows)
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:

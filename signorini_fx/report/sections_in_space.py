@@ -61,11 +61,14 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
     """The contact surface seen along its normal, and the table of its nodes."""
     from signorini_fx.report.contact_surface import contact_surface
 
-    caption = (
-        "Contact pressure, shear as arrows; where friction acts, the state of each node, and slip as arrows, magnified "
-        "as stated in the panel."
-    )
-    drawn = drawn_by(contact_surface, contact, facets, caption=caption)
+    captions = {"pressure": "Contact pressure, shear as arrows."}
+    if np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"):
+        captions["state"] = "State of each node, and slip as arrows, magnified as stated above."
+    pictures = [
+        drawn_by(contact_surface, contact, facets, panels=[panel], caption=caption)
+        for panel, caption in captions.items()
+    ]
+    drawn = tag("div", *pictures, class_="pictures")
     note = (
         "Seen along the outward normal, through the body. Arrows of shear point where the body slips or would slip; "
         "the traction on the body is opposite."

@@ -73,7 +73,7 @@ def deformed_solid(
         foundations: of each contact boundary nodes and the vector d n from each to the foundation, lengths, both of
             shape (k, 3); like the displacement, d n is multiplied by the magnification.
         factor: of the displacement; None: one that makes it visible.
-        top: the stress where the colours end; None: see above.
+        top: the value where the colours end; None: see above.
         frame: lowest and highest coordinates of the projection that are seen; None: as far as body and planes reach.
         title: title of the picture.
         suffixes: of the files to write.
@@ -124,9 +124,12 @@ def solid_figure(
     for corners, normal in planes:
         normal = normal if (corners.mean(axis=0) - outside) @ normal > 0 else -normal  # away from the body
         _draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
-    _draw_body(figure, axes, seen, moved, facets, values, field, 72 * inch, top)
+    normals, areas = _normals(moved, facets)
+    facing = normals @ seen.toward > 0
+    tones = Tones(field, values[facing], areas[facing], top)
+    _draw_body(axes, seen, moved, facets, values, tones, 72 * inch)
+    tones.bar(figure, axes)
     if stress is not None:
-        normals, _ = _normals(moved, facets)
         front = normals @ seen.toward > 0.2
         middles = seen.flat(moved[facets[front]].mean(axis=1))
         draw_principal(axes, middles, stress[front], np.stack((seen.right, seen.up)), float(max(size)))
@@ -138,23 +141,14 @@ def solid_figure(
 
 
 def _draw_body(
-    figure: Figure,
-    axes: Axes,
-    seen: view.View,
-    moved: Floats,
-    facets: Rows,
-    values: Floats,
-    field: Field,
-    inch: float,
-    top: float | None,
+    axes: Axes, seen: view.View, moved: Floats, facets: Rows, values: Floats, tones: Tones, inch: float
 ) -> None:
     """Facets that face the viewer, the farthest first, with sharp edges between them."""
     normals, areas = _normals(moved, facets)
     front = np.flatnonzero(normals @ seen.toward > 0)
-    tones = Tones(field, values[front], areas[front], top)
     light = seen.toward + 0.5 * seen.up - 0.6 * seen.right
     shade = 1 - _SHADE * (1 - np.clip(normals[front] @ (light / np.linalg.norm(light)), 0.0, 1.0))
-    colours = mpl.colormaps.get_cmap(field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
+    colours = mpl.colormaps.get_cmap(tones.field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
     colours[:, :3] *= shade[:, None]
     edged = math.sqrt(float(np.median(areas))) * inch >= _VISIBLE_FACET
     lines = _edges(moved, facets, seen)
@@ -178,7 +172,6 @@ def _draw_body(
         rasterized=len(front) > 5000,
     )
     axes.add_collection(body, autolim=False)
-    tones.bar(figure, axes)
 
 
 def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:
