@@ -23,6 +23,7 @@ _PUBLIC = {
     "records": ("Status",),
     "results.files": ("write_results",),
     "results.solution": ("ConvergenceError", "Solution"),
+    "scene.load_steps": ("LoadSteps",),
     "scene.model": (
         "BilateralContact",
         "BodyForce",
