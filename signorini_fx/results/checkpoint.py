@@ -255,7 +255,9 @@ def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32
     return numbers[order].astype(np.int32), nodes, row
 
 
-def _transfer(comm: MPI.Comm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal) -> None:
+def _transfer(
+    comm: MPI.Intracomm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal
+) -> None:
     """Write or read the rows with these numbers, all ranks together."""
     place = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
     place.Commit()
