@@ -167,7 +167,7 @@ def test_from_all_ranks_to_one(tmp_path, method):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["fp", "exact"])
+@pytest.mark.parametrize("method", ["fp", "newton"])
 def test_from_the_resting_place(tmp_path, method):
     """Displacements are kept from the initial position, not from where the body came to rest."""
     folder, given = shared(tmp_path), scene(SLANTED, **METHODS[method])
