@@ -17,7 +17,7 @@ DOWN = np.array([0.0, -1.0])
 def drawn(monkeypatch, gap, displacement, **options):
     """The axes of the picture and its title; ``gap`` along the bottom."""
     kept = []
-    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title: kept.append((figure, title)))
+    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, *_: kept.append((figure, title)))
     touching = gap <= -displacement[:13, 1] + 1e-12
     foundation = Foundation(BOTTOM, gap[:, None] * DOWN, touching)
     deformed_mesh("nowhere", POINTS, CELLS, displacement, np.ones(12), foundation=foundation, **options)

@@ -283,7 +283,6 @@ def gather_cells(solution: Solution) -> GatheredCells:
 def _moments(solution: Solution) -> list[Moment]:
     """The body at each of several load steps that an animation shows; collective."""
     from signorini_fx.report.moving_body import Moment, shown
-    from signorini_fx.results.outer_surface import gather_outer_surface
 
     steps = solution.shown_steps
     if len(steps) < 2:
@@ -294,6 +293,8 @@ def _moments(solution: Solution) -> list[Moment]:
         if solution.discretisation.tagged.dimension == 2:
             body: GatheredCells | OuterSurface = gather_cells(moment)
         else:
+            from signorini_fx.results.outer_surface import gather_outer_surface
+
             body = gather_outer_surface(moment)
         found.append(Moment(str(step), body.displacement, body.mises))
     return found
