@@ -25,6 +25,7 @@ _PUBLIC = {
     "results.pictures": ("pictures",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
+    "scene.load_steps": ("LoadSteps",),
     "scene.model": (
         "BilateralContact",
         "BodyForce",

@@ -26,6 +26,7 @@ from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings, template
+from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.model import LinearElastic
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
@@ -591,6 +592,7 @@ MODELS = {
     "body_force": [scene.BodyForce],
     "contact": [scene.UnilateralContact],
     "contact.friction": [scene.TrescaFriction, scene.CoulombFriction],
+    "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
 }

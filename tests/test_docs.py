@@ -32,6 +32,7 @@ from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings
+from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.template import starting_scene
 
@@ -328,6 +329,7 @@ MODELS = {
     ("`[body_force]`", "key"): [scene.BodyForce],
     ("`[[contact]]`", "key"): [scene.UnilateralContact, scene.BilateralContact],
     ("`[[contact]]`", "key of `friction`"): [scene.NoFriction, scene.TrescaFriction, scene.CoulombFriction],
+    ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
     ("`[solver]`", "key of a box"): [settings.Box],
     ("`[accuracy]`", "key"): [settings.Accuracy],

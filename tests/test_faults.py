@@ -24,7 +24,7 @@ from signorini_fx.errors import OutputError, SceneError
 from signorini_fx.linalg import choice, full
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.results import files
-from signorini_fx.results.folder import ResultFolder
+from signorini_fx.results.folder import CHECKPOINT, ResultFolder
 from signorini_fx.scene.reading import read_scene_text
 from signorini_fx.solving.solver import solve
 
@@ -176,12 +176,13 @@ def test_interrupted(tmp_path, number):
     assert process.returncode == 130
     (line,) = errors.splitlines()
     assert line.startswith("signorini-fx: interrupted after ")
+    assert line.endswith("; --restart goes on from what is complete")
     assert f"the previous mesh is in {tmp_path / 'out' / files.LAST_LEVEL}/" in line
     # The signal may come late: what counts is that the mesh before the one that is named is there.
     mesh = int(re.search(r"on mesh (\d)", line)[1])
     assert mesh >= 3
     assert whole(tmp_path / "out" / files.LAST_LEVEL) == 200 // 2 ** (5 - mesh) + 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL, CHECKPOINT}
 
 
 def test_killed_between_meshes(tmp_path):

@@ -45,11 +45,11 @@ def test_factors_between_load_steps():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("push", [1.2, 3.0, 40.0])
+@pytest.mark.parametrize("push", [1.2, 40.0])
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
 def test_limit_load(push, method):
     """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with a certificate."""
-    solution = solve(ramp(push, **method), check=False)
+    solution = solve(ramp(push, nx=18, **method), check=False)
     assert solution.status is Status.SLIDES
     last, failed = solution.last_step, solution.steps[-1]
     assert 0.99 / push <= last.time <= 1 / push < failed.time <= 1.01 / push

@@ -34,7 +34,7 @@ x = 4.0
 factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]
 [[contact]]
 boundary = "bottom"
-gap = "1e-4 * (x[0] - 1.5)**2"
+gap = "0.002 + 1e-4 * (x[0] - 1.5)**2"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
 NESTED = """
@@ -63,6 +63,23 @@ factors = [0.3, 0.6, 0.8, 1.0]
 [[contact]]
 boundary = "bottom"
 friction = { law = "coulomb", coefficient = 0.3 }
+"""
+# It comes to rest by a motion that has a component along the foundation.
+SLANTED = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 18, ny = 6 } }
+material = { young = 5000.0, poisson = 0.3 }
+[[displacement]]
+boundary = "left"
+x = 0.0
+[[traction]]
+boundary = "top"
+y = -20.0
+factors = [0.5, 0.8, 1.0, 0.6]
+[[contact]]
+boundary = "bottom"
+gap = 0.01
+direction = [0.2, -1.0]
+friction = { law = "coulomb", coefficient = 0.1 }
 """
 METHODS = {
     "fp": {},
@@ -132,6 +149,7 @@ def test_from_one_rank_to_all(tmp_path, method):
     MPI.COMM_WORLD.barrier()
     solution = solve(given, checkpoint=folder, restart=True)
     assert solution.history.events[0] == f"restart: 3 complete load steps in {folder / CHECKPOINT}"
+    assert not any("solved again" in event for event in solution.history.events)
     assert_same(solution, solve(given))
 
 
@@ -146,6 +164,18 @@ def test_from_all_ranks_to_one(tmp_path, method):
         reference = solve(given, MPI.COMM_SELF)
         assert_same(solution, reference)
         assert [r.linear_solves for r in solution.steps[:4]] != [0] * 4
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", ["fp", "newton"])
+def test_from_the_resting_place(tmp_path, method):
+    """Displacements are kept from the initial position, not from where the body came to rest."""
+    folder, given = shared(tmp_path), scene(SLANTED, **METHODS[method])
+    interrupted(given, MPI.COMM_WORLD, folder, 4)
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0].startswith("restart: 3 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    assert_same(solution, solve(given))
 
 
 @pytest.mark.mpi

@@ -45,7 +45,7 @@ def solve(options: argparse.Namespace) -> int:
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
-    progress = _Progress()
+    progress = _Progress(path)
     scene = _read_scene(options, overrides(options))
     from signorini_fx.results import files
     from signorini_fx.results.fields import chosen_format
@@ -104,7 +104,8 @@ def solve(options: argparse.Namespace) -> int:
 class _Progress:
     """The progress of a solve: an observer of its history, and the text of an interruption."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self.solves = self.meshes = 0
         self.solved = False
         self.last_level: Path | None = None
@@ -120,7 +121,11 @@ class _Progress:
             return " while the results were written: they are not kept"
         mesh = f" on mesh {self.meshes}" if self.meshes else ""
         kept = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
-        return f" after {self.solves} linear solves,{mesh}{kept}".replace(",:", ":")
+        from signorini_fx.results.folder import CHECKPOINT
+
+        begun = (self._folder / CHECKPOINT).is_dir()
+        again = "; --restart goes on from what is complete" if begun else ""
+        return f" after {self.solves} linear solves,{mesh}{kept}{again}".replace(",:", ":")
 
 
 def work_precision(options: argparse.Namespace) -> int:

@@ -12,9 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from signorini_fx.report import view
 from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
-from signorini_fx.report.solid_body import deformed_solid
 from signorini_fx.report.style import Floats
 
 MOST_FRAMES = 40  # matplotlib takes half a second for each
@@ -80,7 +78,12 @@ def moving_body(
     plane = points.shape[1] == 2
     places = [points + factor * moment.displacement for moment in moments]
     drawn = [(foundation.nodes, foundation.offset)] if foundation is not None else list(foundations)
-    seen: Callable[[Floats], Floats] = (lambda x: x) if plane else view.oblique().flat
+    seen: Callable[[Floats], Floats] = np.asarray
+    if not plane:
+        from signorini_fx.report import view
+        from signorini_fx.report.solid_body import deformed_solid
+
+        seen = view.oblique().flat
     body = seen(np.concatenate([points, *places]))
     low, high = body.min(axis=0), body.max(axis=0)
     around = 0.3 * float(max(high - low))  # a foundation that runs far away is not shown

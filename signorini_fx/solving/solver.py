@@ -113,8 +113,13 @@ def _checkpoint(
         return None
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
-        found = f"{stored.found} complete load steps" if scene.several_steps else f"{stored.found} complete meshes"
+        several = stored.found != 1
+        found = f"{stored.found} complete " + (
+            f"load step{'s' * several}" if scene.several_steps else f"mesh{'es' * several}"
+        )
         history.add(f"restart: {found} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}")
+    elif parallel.on_root(comm, stored.path.is_dir):
+        history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return stored
 
 
