@@ -119,7 +119,7 @@ def _solve_nested(
             history.move(end=time.perf_counter() + to_come)
         solved = solve_level(scene, comm, history, state, number, coarser)
         solution, state = solved.solution, None
-        coarser = MeshLevel.of(solution.discretisation, coarser)
+        coarser = MeshLevel.of(solution.discretisation, coarser, solution.displacement)
         if solution.converged:
             state = solution.contact
             if number + 1 < len(scenes):
