@@ -981,6 +981,13 @@ MUTANTS = (
         tests=("mesh_levels::test_levels_in_between",),
     ),
     Mutant(
+        "solving/one_mesh",
+        "start.getArray()[:] -= moved[: start.getLocalSize()]",
+        "pass",
+        "the coarser displacement from another resting place",
+        tests=("mesh_levels::test_the_coarser_displacement_is_the_start",),
+    ),
+    Mutant(
         "mesh_levels",
         "place += step",
         "place = step",
@@ -989,7 +996,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/solver",
-        "coarser = MeshLevel.of(solution.discretisation, coarser)",
+        "coarser = MeshLevel.of(solution.discretisation, coarser, solution.displacement)",
         "coarser = None",
         "nested meshes are no levels of multigrid",
         tests=("mesh_levels::test_steps_do_not_grow_with_the_mesh",),

@@ -6,6 +6,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
+from scipy.spatial import cKDTree
 from spaces import CELLS, block, box, friction_of
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 from test_ranks import same_on_all_ranks
@@ -17,6 +18,7 @@ from signorini_fx.linalg.mesh_levels import MeshLevel, reference_points
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import _begin_at_coarse, contact_task, from_rest
 from signorini_fx.solving.solver import _solve_nested, solve
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -198,6 +200,25 @@ def test_skew_supports(steps):  # noqa: F811
     assert ours.discretisation.rotation is not None
     agree(ours, theirs)
     assert max(count for *_, count in steps) <= 12
+
+
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_the_coarser_displacement_is_the_start(cells):
+    """At the nodes of the coarser mesh it is what it was there, although each body has a resting place of its own."""
+    coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
+    scene = block(12, cells, bound=1.5, linear_algebra="krylov")
+    d = discretise(scene, load_mesh(scene, SELF), Timings())
+    below = MeshLevel.of(coarse.discretisation, None, coarse.displacement)
+    task = contact_task(d, d.boundary, History(), below)
+    assert task.rest is not None
+    _begin_at_coarse(task, below, d)
+    found = from_rest(d, task.rest, task.iterate.x).x.array.reshape(-1, 3)
+    wanted = coarse.displacement.x.array.reshape(-1, 3)
+    distance, node = cKDTree(d.space.tabulate_dof_coordinates()).query(
+        coarse.discretisation.space.tabulate_dof_coordinates()
+    )
+    assert distance.max() < 1e-12
+    np.testing.assert_allclose(found[node], wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_a_coarsest_mesh_that_is_large(monkeypatch, steps):  # noqa: F811

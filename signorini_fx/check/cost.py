@@ -25,7 +25,6 @@ from signorini_fx.tuned import (
     KRYLOV_SECONDS,
     MEMORY_SHARE,
     MORE_SOLVES,
-    MULTIGRID_SECONDS,
     MULTIGRID_SHARE,
     ROW_ENTRIES,
     SOLVES_OF_FINER_MESH,
@@ -103,7 +102,8 @@ def estimated_cost(d: Body) -> Cost:
     kind, reason = choice.choose_kind(d, d.scene.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        once, each, held = MULTIGRID_SECONDS * n, KRYLOV_SECONDS * n, MULTIGRID_SHARE * matrix
+        seconds = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]
+        once, each, held = seconds[0] * n, seconds[1] * n, MULTIGRID_SHARE * matrix
     elif kind == "condensed":
         dense = dim * nodes
         once, each = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS

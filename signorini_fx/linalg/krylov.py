@@ -52,6 +52,13 @@ class KrylovSystem(AssembledSystem):
         system.matrix.setNearNullSpace(system._level.modes())
         return system
 
+    def displacement_of_coarser(self, coarser: MeshLevel) -> PETSc.Vec | None:
+        """That on the next coarser mesh in the unknowns of this system, prescribed ones zero; collective.
+
+        None: it is not the next one, or has none.
+        """
+        return None if self._level is None or self._level.coarser is not coarser else self._level.start()
+
     @property
     def solver_defaults(self) -> dict[str, str]:
         """None."""

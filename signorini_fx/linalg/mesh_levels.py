@@ -39,6 +39,7 @@ class MeshLevel:
         rotation: from the unknowns to displacements; None: they are the same.
         motions: the rigid motions.
         coarser: the same on the next coarser mesh; None: there is none.
+        solved: a displacement to begin with on a finer mesh; None: there is none.
     """
 
     space: fem.FunctionSpace
@@ -46,9 +47,12 @@ class MeshLevel:
     rotation: PETSc.Mat | None
     motions: RigidMotions
     coarser: MeshLevel | None
+    solved: fem.Function | None = None
 
     @classmethod
-    def of(cls, discretisation: Discretisation, coarser: MeshLevel | None = None) -> MeshLevel:
+    def of(
+        cls, discretisation: Discretisation, coarser: MeshLevel | None = None, solved: fem.Function | None = None
+    ) -> MeshLevel:
         """A mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
         d, (least, most) = discretisation, FINER_LEVELS
         dimension = d.tagged.dimension
@@ -56,7 +60,7 @@ class MeshLevel:
             coarser = coarser.coarser
         if coarser is not None and d.dofs > most**dimension * coarser.dofs:
             coarser = None
-        return cls(d.space, d.fixed, d.rotation, d.motions, coarser)
+        return cls(d.space, d.fixed, d.rotation, d.motions, coarser, solved)
 
     @property
     def dofs(self) -> int:
@@ -122,6 +126,19 @@ class MeshLevel:
             matrix = self.rotation.transposeMatMult(matrix)
         matrix.diagonalScale(self._free(), self.coarser._free())
         return matrix
+
+    def start(self) -> PETSc.Vec | None:
+        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""
+        coarse, interpolation = self.coarser, self.interpolation
+        if coarse is None or coarse.solved is None or interpolation is None:
+            return None
+        x = coarse._vector()
+        x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
+        if coarse.rotation is not None:
+            coarse.rotation.multTranspose(x.copy(), x)
+        found = self._vector()
+        interpolation.mult(x, found)
+        return found
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""

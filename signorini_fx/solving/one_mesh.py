@@ -77,11 +77,26 @@ def solve_mesh(
     start = task.start
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
+        if coarser is not None and not scene.several_steps:
+            _begin_at_coarse(task, coarser, discretisation)
     elif boundary_levels.worthwhile(task) and not (kept is not None and kept.begun()):
         with timings.phase("iterate"):
             start = boundary_levels.start_from_few_nodes(task)
     solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
     return solution, task, outcome
+
+
+def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
+    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
+    system, free = task.system, ~discretisation.fixed
+    if not isinstance(system, KrylovSystem) or discretisation.rotation is not None:
+        return
+    start = system.displacement_of_coarser(coarser)
+    if start is not None:
+        if task.rest is not None:
+            moved = discretisation.motions.displacement(task.rest.motion).ravel()
+            start.getArray()[:] -= moved[: start.getLocalSize()]
+        task.iterate.x.getArray()[free] = start.getArray(readonly=True)[free]
 
 
 def solve_contact(

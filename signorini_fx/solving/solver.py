@@ -155,7 +155,7 @@ def _solve_nested(
         kept = None if stored is None else Kept(stored, number)
         solved = solve_level(scene, comm, history, state, number, coarser, kept)
         solution, state = solved.solution, None
-        coarser = MeshLevel.of(solution.discretisation, coarser)
+        coarser = MeshLevel.of(solution.discretisation, coarser, solution.displacement)
         if solution.converged:
             state = solution.contact
             if number + 1 < len(scenes):
