@@ -2021,7 +2021,7 @@ MUTANTS = (
     # --- values ------------------------------------------------------------------------------------------------------
     Mutant(
         "results/resultants",
-        "nodal.internal(every) - nodal.external(self.step)",
+        "nodal.internal(every) - nodal.external(self.place)",
         "nodal.internal(every)",
         "values: reactions without the loads at their nodes",
         tests=("resultants",),
