@@ -96,7 +96,7 @@ def moving_body(
         pictures = []
         for number, moment in enumerate(moments):
             stem = Path(folder) / f"{number:04d}"
-            said = f"{title}, {moment.name}" if title else moment.name
+            said = f"{title}\n{moment.name}" if title else moment.name
             if outline is not None:
                 deformed_mesh(
                     stem,
