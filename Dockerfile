@@ -5,8 +5,7 @@ FROM debian:${DEBIAN}-slim AS environment
 # libopenblas0-pthread: python3-dolfinx alone brings the reference BLAS, which factorises five times slower.
 # gcc, g++, python3-dev: FFCx compiles each form on first use.
 # Check-Valid-Until: a mirror of sid may lag a few days behind its validity; the signatures are checked all the same.
-# adios4dolfinx: checkpoints; dygraphs: interactive figures; nbclient and ipykernel: the tests execute the tutorial; getfem: a
-# rival of the benchmarks.
+# dygraphs: interactive figures; nbclient, ipykernel: the tests execute the tutorial; getfem: a rival in the benchmarks.
 # No manuals and no translations, and no packages once they are installed: half a gigabyte that nothing here reads.
 RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-mirror \
  && printf 'path-exclude=/usr/share/%s/*\n' doc man info locale > /etc/dpkg/dpkg.cfg.d/99small \
@@ -14,7 +13,7 @@ RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-m
  && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
         python3-dolfinx python3-dolfinx-real python3-petsc4py-real libopenblas0-pthread \
         openmpi-bin python3-mpi4py \
-        gmsh python3-gmsh python3-meshio python3-h5py python3-adios4dolfinx \
+        gmsh python3-gmsh python3-meshio python3-h5py \
         python3-numpy python3-scipy python3-numexpr \
         python3-pydantic python3-simpleeval python3-tomli-w python3-typer python3-rich \
         python3-matplotlib fonts-dejavu-core fonts-dejavu-extra libjs-dygraphs \
