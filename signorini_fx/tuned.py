@@ -233,8 +233,8 @@ BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
 # Dense Cholesky, operations a second, and seconds of the least step.  No record.
 DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # Seconds per unknown: to set up multigrid, and of a solve, of which few are exact; with coarser meshes as its levels,
-# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/spaces.py, on meshes
-# with 316,899 unknowns, and with 6,075 and 42,483; see docs/performance.md.
+# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/spaces.py, with
+# 316,899 unknowns, and with 6,075 and 42,483; see docs/performance.md.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
