@@ -971,7 +971,7 @@ MUTANTS = (
         "matrix = self.rotation.transposeMatMult(matrix)",
         "pass",
         "interpolation into frames not turned",
-        tests=("mesh_levels::test_skew_supports",),
+        tests=("mesh_levels::test_frames_of_skew_supports",),
     ),
     Mutant(
         "mesh_levels",

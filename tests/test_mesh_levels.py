@@ -202,6 +202,24 @@ def test_skew_supports(steps):  # noqa: F811
     assert max(count for *_, count in steps) <= 12
 
 
+def test_frames_of_skew_supports():
+    """A linear displacement in the frames of the coarser mesh becomes the same in those of the finer one."""
+    coarse, fine = (level(between_walls(n), SELF) for n in (4, 8))
+    fine.coarser = coarse
+    turned = []
+    for one in (coarse, fine):
+        one.fixed[:] = False
+        flat, own = one._vector(), one._vector()
+        flat.getArray()[:] = linear(one.space.tabulate_dof_coordinates()).ravel()
+        one.rotation.multTranspose(flat, own)
+        assert (own - flat).norm() > 0.1 * flat.norm()
+        turned.append(own)
+    found = fine._vector()
+    fine.interpolation.mult(turned[0], found)
+    wanted = turned[1].getArray()
+    np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_the_coarser_displacement_is_the_start(cells):
     """At the nodes of the coarser mesh it is what it was there, although each body has a resting place of its own."""
