@@ -380,7 +380,7 @@ def test_killed(tmp_path, before, after):
     command = ("-m", "signorini_fx", "solve", file, "--no-pictures", "--no-fields", "--out")
     code, output, errors = run(after, *command, out, "--restart")
     assert code == 0, errors
-    assert f"  restart          3 complete load steps in {out / CHECKPOINT}" in output.splitlines()
+    assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(output.split())  # lines are wrapped
     assert not (out / CHECKPOINT).exists()
     assert run(1, *command, tmp_path / "reference")[0] == 0
     for name in ("steps.csv", "contact.csv", "contact_steps.csv"):

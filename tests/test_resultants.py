@@ -12,6 +12,7 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.results.resultants import arm, moments
 from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -292,6 +293,23 @@ def test_where_nothing_can_be_said():
     linear = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0}, traction={"boundary": "top", "y": 1.0}))
     assert linear.contact_figures == []
     assert linear.overturning is None
+
+
+def test_loads_of_the_last_step():
+    """A load without factors acts in full, others with their factor, in a ramp too: statics of a block of 2 by 3."""
+    scene = plane(
+        traction=[{"boundary": "top", "y": -2.0}, {"boundary": "left", "x": 1.0, "factors": [0.0, 0.5]}],
+        body_force={"y": -3.0},
+        displacement={"boundary": "right", "x": 0.0},
+        contact={"boundary": "bottom"},
+    )
+    for chosen in (scene, scene.model_copy(update={"load_steps": LoadSteps(steps=2)})):
+        found = alone(chosen).resultants
+        np.testing.assert_allclose(found.of("top").force, [0.0, -4.0], atol=1e-12)
+        np.testing.assert_allclose(found.of("left").force, [1.5, 0.0], atol=1e-12)
+        np.testing.assert_allclose(found.body_force().force, [0.0, -18.0], atol=1e-12)
+        np.testing.assert_allclose(found.of("right").force, [-1.5, 0.0], atol=1e-9)
+        np.testing.assert_allclose(found.of("bottom").force, [0.0, 22.0], atol=1e-9)
 
 
 def test_what_is_not_a_number():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +18,7 @@ from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.model import BodyForce, Scene, SurfaceTraction
 
 Array = npt.NDArray[np.float64]
 
@@ -125,8 +126,8 @@ class Resultants:
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
         """That of the body force; collective."""
-        alone = self.scene.model_copy(update={"traction": ()})
-        return self._sum(None, {"body force": self._loads(alone)} if alone.body_force is not None else {}, about)
+        volume = self.scene.body_force
+        return self._sum(None, {"body force": self._loads(body_force=volume)} if volume is not None else {}, about)
 
     def every(self) -> list[Resultant]:
         """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
@@ -182,7 +183,7 @@ class Resultants:
             taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
             found["support"] = _Forces(self._x, taken)
         if loads := tuple(load for load in scene.traction if load.boundary == boundary):
-            found["traction"] = self._loads(scene.model_copy(update={"traction": loads, "body_force": None}))
+            found["traction"] = self._loads(loads)
         parts = [k for k, effect in enumerate(scene.contact) if effect.boundary == boundary]
         if parts and self.contact is not None:
             state = self.contact
@@ -191,9 +192,13 @@ class Resultants:
             found["contact"] = _Forces(state.boundary.centre[here], forces[here])
         return found
 
-    def _loads(self, scene: Scene) -> _Forces:
-        """Those of the tractions and the body force of a scene."""
-        nodal = NodalForces(scene, self.tagged, self.displacement.function_space)
+    def _loads(self, traction: Sequence[SurfaceTraction] = (), body_force: BodyForce | None = None) -> _Forces:
+        """Those of some of the loads, with the factors that they have beside all others."""
+        factors = self.scene.factors_of
+        loads = tuple(load.model_copy(update={"factors": factors(load)}) for load in traction)
+        volume = None if body_force is None else body_force.model_copy(update={"factors": factors(body_force)})
+        alone = self.scene.model_copy(update={"traction": loads, "body_force": volume})
+        nodal = NodalForces(alone, self.tagged, self.displacement.function_space)
         return _Forces(self._x, nodal.external(self.place))
 
     def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
