@@ -1,4 +1,4 @@
-"""A box in space with a uniform structured mesh, made in parallel by dolfinx itself.
+"""A box in space with a uniform structured mesh, made on all ranks at once.
 
 ::
 
@@ -18,10 +18,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import ConfigDict, Field, validate_call
 
+from signorini_fx.mesh.grid import create_box
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import Length, coarser_grid, refuse_too_large
 
@@ -58,7 +58,7 @@ def generate(
     """
     refuse_too_large(comm, nx * ny * nz * (6 if cell == "tetrahedron" else 1))
     ends = np.array([length, width, height])
-    mesh = dmesh.create_box(comm, [np.zeros(3), ends], [nx, ny, nz], dmesh.CellType[cell])
+    mesh = create_box(comm, ends, (nx, ny, nz), cell)
     near = 1e-9 * ends.max()
 
     def at(axis: int, value: float) -> Any:
