@@ -74,7 +74,7 @@ def cells_of_points(
     """
     if VERSION >= (0, 10):
         own = np.arange(domain.topology.index_map(domain.topology.dim).size_local, dtype=np.int32)
-        found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, own, padding)
+        found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, padding, own)
     else:
         found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, padding)
     parts: Any = (getattr(found, name) for name in ("src_owner", "dest_owners", "dest_points", "dest_cells"))

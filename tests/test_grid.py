@@ -16,7 +16,7 @@ def corners(mesh):
     """Corners of all cells, sorted within each, in the order of the input; the same on all ranks."""
     owned = mesh.topology.index_map(3).size_local
     x = mesh.geometry.x[compat.geometry_cells(mesh)[:owned]].round(9)
-    x = np.stack([cell[np.lexsort(cell.T)] for cell in x]) if owned else np.empty((0, mesh.geometry.cmap.dim, 3))
+    x = np.stack([cell[np.lexsort(cell.T)] for cell in x]) if owned else x
     numbers = np.asarray(mesh.topology.original_cell_index[:owned])
     every, order = parallel.gather_rows(mesh.comm, x), parallel.gather_rows(mesh.comm, numbers)
     return every[np.argsort(order)]

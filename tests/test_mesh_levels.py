@@ -12,6 +12,7 @@ from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
+from signorini_fx import compat
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import multigrid
 from signorini_fx.linalg.mesh_levels import MeshLevel, reference_points
@@ -135,8 +136,8 @@ def test_points_of_distorted_cells(cell):
     wanted = rng.dirichlet(np.ones(dim + 1), len(cells))[:, :dim]
     x = np.zeros((len(cells), 3))
     for k, one in enumerate(cells):
-        corners = mesh.geometry.x[mesh.geometry.dofmap[one]][:, :dim]
-        x[k, :dim] = mesh.geometry.cmap.push_forward(wanted[k : k + 1], corners)[0, :dim]
+        corners = mesh.geometry.x[compat.geometry_cells(mesh)[one]][:, :dim]
+        x[k, :dim] = compat.geometry_element(mesh).tabulate(0, wanted[k : k + 1])[0, 0, :, 0] @ corners
     np.testing.assert_allclose(reference_points(mesh, cells, x), wanted, rtol=0, atol=1e-12)
 
 
