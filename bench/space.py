@@ -202,9 +202,9 @@ def linear(nx: int, cell: str) -> Run:
     return Run(seconds, cpu, ksp.getIterationNumber(), 1, load.getSize(), converged=ksp.getConvergedReason() > 0)
 
 
-def sweep_coefficients(tagged: TaggedMesh, gamma: float, coefficients: Sequence[float]) -> Run:
-    """Coulomb friction with all coefficients on a mesh in memory, from the function space to the last contact state."""
-    made = scene("coulomb", 3, CELLS[0], gamma, 1).model_copy(update={"mesh": tagged})
+def sweep_coefficients(nx: int, gamma: float, coefficients: Sequence[float], levels: int) -> Run:
+    """Coulomb friction with all coefficients, from the mesh to the last contact state, with all coarser meshes."""
+    made = scene("coulomb", nx, CELLS[0], gamma, levels)
     with _watch() as (steps, sizes):
         start, cpu = time.perf_counter(), time.process_time()
         points = sweep(made, MPI.COMM_SELF, coefficients=coefficients)

@@ -71,14 +71,16 @@ def _in_space_timed(nx: int, cell: str, repeats: int, say: Say) -> list[Row]:
 def sweeps(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
     """20 friction coefficients over one linear solve."""
     cell = space.CELLS[0]
-    space.sweep_coefficients(generate_mesh("box", space.parameters(_WARM, cell), MPI.COMM_SELF), _SPACE_GAMMA, [0.3])
+    space.sweep_coefficients(_WARM, _SPACE_GAMMA, [0.3], 2)
     for nx in sizes.space:
-        tagged = generate_mesh("box", space.parameters(nx, cell), MPI.COMM_SELF)
         found, notes = [], []
         for repeat in range(_rounds(nx, repeats)):
             say(f"space-sweep, {cell} {nx}, round {repeat + 1}")
             gc.collect()
-            unit, run = space.linear(nx, cell), space.sweep_coefficients(tagged, _SPACE_GAMMA, COEFFICIENTS)
+            unit, run = (
+                space.linear(nx, cell),
+                space.sweep_coefficients(nx, _SPACE_GAMMA, COEFFICIENTS, space_levels(nx)),
+            )
             found.append(run.cpu / unit.cpu if run.converged else np.inf)
             notes = [run.note, f"one linear solve {unit.steps}, {run.dofs} unknowns, {_cpu(run, unit)}"]
         what = f"{len(COEFFICIENTS)} values of F in space over a linear solve"

@@ -21,6 +21,7 @@ from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import _begin_at_coarse, contact_task, from_rest
 from signorini_fx.solving.solver import _solve_nested, solve
+from signorini_fx.solving.sweep import _coarser, sweep
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
@@ -288,3 +289,29 @@ def test_one_rank_or_many(name, steps):  # noqa: F811
         size = max(np.abs(wanted[one]).max() for one in group)
         for one in group:
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
+
+
+def test_sweep():
+    """Coarser meshes are levels of multigrid in a sweep too, and change no result; other methods do without them."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": {"nx": 12, "ny": 4, "nz": 4}},
+            "material": {"young": 5000.0, "poisson": 0.4},
+            "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
+            "traction": {"boundary": "top", "y": 4.0, "z": -20.0},
+            "contact": {"boundary": "bottom", "gap": 0.001, "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "solver": {"linear_algebra": "krylov", "levels": 2},
+        }
+    )
+    body = discretise(scene, load_mesh(scene, SELF), Timings())
+    assert _coarser(scene, body).dofs == 3 * 7 * 3 * 3
+    others = {}
+    for kind, levels in (("krylov", 2), ("krylov", 1), ("condensed", 2)):
+        settings = scene.solver.model_copy(update={"linear_algebra": kind, "levels": levels})
+        others[kind, levels] = scene.model_copy(update={"solver": settings})
+    assert _coarser(others["krylov", 1], body) is None
+    assert _coarser(others["condensed", 2], body) is None
+    exact, *found = ([p.contact.pressure for p in sweep(s, SELF, coefficients=[0.1, 0.3])] for s in others.values())
+    for pressures in found:
+        for mine, right in zip(pressures, exact, strict=True):
+            np.testing.assert_allclose(mine, right, rtol=0, atol=1e-8 * right.max())

@@ -15,13 +15,16 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.contact.state import ContactState
 from signorini_fx.errors import SceneError
+from signorini_fx.linalg.choice import krylov_from
+from signorini_fx.linalg.mesh_levels import MeshLevel
+from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.problem.regularised import ContactProblem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import CoulombFriction, Friction, Scene
+from signorini_fx.scene.model import CoulombFriction, Friction, MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.one_mesh import contact_task, from_rest
 from signorini_fx.solving.solver import refuse_other_than_comm
@@ -68,6 +71,17 @@ class SweepPoint:
         return certify(self._scene, tagged, displacement, Tractions.of(self.contact), law=self._law, scale=self._load)
 
 
+def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
+    """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used; collective."""
+    coarser = None
+    large = discretisation.dofs >= krylov_from(discretisation, scene.solver.linear_algebra)
+    if large and isinstance(scene.mesh, MeshGenerator):
+        for coarse in coarser_scenes(scene, scene.solver.levels):
+            body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
+            coarser = MeshLevel.of(body, coarser)
+    return coarser
+
+
 def sweep(
     scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -77,7 +91,9 @@ def sweep(
 ) -> list[SweepPoint]:
     """Solve a scene for many friction coefficients, or many multiples of all its loads.
 
-    Every value is a separate problem (the static law, no history); the previous one only provides the start.
+    Every value is a separate problem (the static law, no history); the previous one only provides the start.  All are
+    solved on the mesh of the scene; where that is large enough for multigrid, the coarser meshes that ``levels`` asks
+    for are its levels.
 
     Args:
         scene: the scene, or the path of its file, with one load step.
@@ -100,7 +116,7 @@ def sweep(
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
     assert discretisation.boundary is not None
     history = History()
-    task = contact_task(discretisation, discretisation.boundary, history)
+    task = contact_task(discretisation, discretisation.boundary, history, _coarser(scene, discretisation))
     begin, law = task.start, task.start.law
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
