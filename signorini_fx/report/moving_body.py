@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -97,35 +98,12 @@ def moving_body(
         for number, moment in enumerate(moments):
             stem = Path(folder) / f"{number:04d}"
             said = f"{title}\n{moment.name}" if title else moment.name
+            what = (stem, points, cells, moment.displacement, moment.values)
+            how: dict[str, Any] = {"factor": factor, "top": top, "frame": frame, "title": said, "suffixes": [".png"]}
             if outline is not None:
-                deformed_mesh(
-                    stem,
-                    points,
-                    cells,
-                    moment.displacement,
-                    moment.values,
-                    outline=outline,
-                    foundation=foundation,
-                    factor=factor,
-                    top=top,
-                    frame=frame,
-                    title=said,
-                    suffixes=[".png"],
-                )
+                deformed_mesh(*what, outline=outline, foundation=foundation, **how)
             else:
-                deformed_solid(
-                    stem,
-                    points,
-                    cells,
-                    moment.displacement,
-                    moment.values,
-                    foundations=foundations,
-                    factor=factor,
-                    top=top,
-                    frame=frame,
-                    title=said,
-                    suffixes=[".png"],
-                )
+                deformed_solid(*what, foundations=foundations, **how)
             with Image.open(stem.with_suffix(".png")) as picture:
                 half = (picture.width // 2, picture.height // 2)
                 pictures.append(picture.convert("RGB").resize(half, Image.Resampling.LANCZOS))
