@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import faulthandler
 import io
 import sys
 import time
 
 import pytest
 from _pytest.config import create_terminal_writer
+from _pytest.faulthandler import fault_handler_stderr_fd_key
 from hypothesis import settings
 from mpi4py import MPI
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()
 PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
+LIMIT = 300.0  # seconds that a test may take on several ranks
 
 # Every rank must draw the same examples, on every run.
 settings.register_profile("exact", derandomize=True, database=None, deadline=None)
@@ -28,11 +31,18 @@ def pytest_configure(config):
         reporter._tw = create_terminal_writer(config, io.StringIO())
 
 
-def pytest_collection_modifyitems(items):
-    """Where a test hangs inside MPI, only a thread can end it; mpirun then ends the other ranks."""
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item, nextitem):
+    """Where a test hangs inside MPI, PETSc or dolfinx, neither a signal nor another Python thread is served: a thread
+    of faulthandler, which needs no interpreter, shows where each rank is and ends it; mpirun then ends the others.
+    """
     if COMM.size > 1:
-        for item in items:
-            item.add_marker(pytest.mark.timeout(300, method="thread"))
+        shown = item.config.stash[fault_handler_stderr_fd_key]
+        faulthandler.dump_traceback_later(LIMIT, exit=True, file=shown)
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.hookimpl(wrapper=True)

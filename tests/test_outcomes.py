@@ -12,6 +12,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.model import SurfaceTraction
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 SMALL = {"nx": 30, "ny": 10}
@@ -86,6 +87,49 @@ def test_pushed_off_sideways(law):
     if not solution.history.iterations:  # known before the first solve: nothing has touched yet
         assert not solution.contact.pressure.any()
         assert not solution.contact.in_contact.any()
+
+
+def fitted(gap, support, algorithm="ssn", **mesh):
+    """A block of height 2 between two foundations, without a load."""
+    size = {"length": 3.0, "height": 2.0, "nx": 6, "ny": 4, **mesh}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": size},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": support,
+        "contact": [{"boundary": "bottom", "gap": gap[0]}, {"boundary": "top", "gap": gap[1]}],
+        "solver": {"algorithm": algorithm},
+    }
+    return parse_scene(scene)
+
+
+LEFT = {"boundary": "left", "x": 0.0}
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+@pytest.mark.parametrize("gap", [(-0.01, -0.01), (0.03, -0.05)])
+def test_squeezed(gap, algorithm):
+    """An interference fit needs no load: the block is compressed by 0.02, free to widen, wherever the foundations are.
+
+    Plane strain without a stress along x: the pressure is E / (1 - nu^2) times the strain 0.02 / 2.
+    """
+    solution = outcome(fitted(gap, LEFT, algorithm))
+    assert solution.status is Status.CONVERGED
+    # What gamma leaves of the penetration, as a share of the interference.
+    exact = 1000.0 / (1 - 0.3**2) * 0.01
+    leaves = 0.0 if algorithm in ("exact", "alm") else 2 * exact / solution.parameters["gamma_n"] / 0.02
+    np.testing.assert_allclose(solution.contact.pressure, exact, rtol=1e-7 + 2 * leaves)
+    assert solution.contact.in_contact.all()
+
+
+@pytest.mark.parametrize("gap", [(0.01, 0.01), (0.0, 0.0), (0.03, -0.02)])
+def test_nothing_presses(gap):
+    """Where the block has room, or touches without interference, nothing presses it on."""
+    assert outcome(fitted(gap, LEFT)).status is Status.OPEN
+
+
+def test_squeezed_but_free_sideways():
+    """What is squeezed without friction may still slip out sideways."""
+    assert outcome(fitted((-0.01, -0.01), {"boundary": "left", "y": 0.0})).status is Status.NOT_HELD
 
 
 @pytest.mark.parametrize("gamma", [1e6, 1e7, 1e8])

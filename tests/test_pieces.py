@@ -279,6 +279,32 @@ def test_each_piece_comes_to_rest_by_itself():
     np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+def test_a_squeezed_piece(algorithm):
+    """A piece between two foundations, without a load, beside one that friction nearly does not hold: statics of both,
+    and the pressure of uniaxial stress, E / (1 - nu^2) times the strain.
+    """
+    mesh = boxes_mesh(WORLD, [Box("pushed", 0.0, 0.0, 2.0, 1.0, 6, 3), Box("squeezed", 3.0, 0.0, 1.0, 1.0, 3, 3)])
+    scene = scene_on(
+        mesh,
+        displacement=[{"boundary": "left squeezed", "x": 0.0}],
+        traction=[{"boundary": "top pushed", "x": 0.55, "y": -1.0}],
+        contact=[
+            {"boundary": "bottom pushed", "friction": {"law": "coulomb", "coefficient": 0.6}},
+            {"boundary": "bottom squeezed", "gap": -0.01},
+            {"boundary": "top squeezed", "gap": -0.01},
+        ],
+        solver={"algorithm": algorithm, "gamma_n": 1e9, "gamma_t": 1e9},
+    )
+    solution = solve(scene, WORLD, check=False)
+    assert solution.status is Status.CONVERGED
+    exact, resultants = 1000.0 / (1 - 0.3**2) * 0.02, solution.resultants
+    np.testing.assert_allclose(resultants.of("bottom pushed").force, [-1.1, 2.0], atol=1e-6)
+    np.testing.assert_allclose(resultants.of("bottom squeezed").force, [0.0, exact], rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(resultants.of("top squeezed").force, [0.0, -exact], rtol=1e-5, atol=1e-6)
+
+
 # --- pieces joined at corners ----------------------------------------------------------------------------------------
 
 

@@ -60,6 +60,18 @@ def test_limit_load(push, method):
     assert all(step.status is Status.CONVERGED for step in solution.steps[:-1])
 
 
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
+def test_failed_steps_leave_no_trace(method):
+    """The load steps that a ramp ends up with, asked for one by one: the same solves, the same displacement."""
+    found = solve(ramp(1.2, nx=18, **method), check=False)
+    good = [step for step in found.steps if step.status is Status.CONVERGED]
+    assert any(str(event).endswith("half the increment") for event in found.history.events)
+    asked = ramp(1.2, steps=1, factors=[step.place for step in good], nx=18, **method)
+    wanted = solve(asked, check=False)
+    assert [step.linear_solves for step in good] == [step.linear_solves for step in wanted.steps]
+    np.testing.assert_array_equal(found.displacement.x.array, wanted.displacement.x.array)
+
+
 def test_limit_load_from_nothing():
     """Without factors all loads grow together; Tresca friction of bound g holds at most g times the length."""
     bound = 2.0

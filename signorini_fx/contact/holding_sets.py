@@ -57,7 +57,7 @@ def hold(
     if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
     assembly = motions.assembly_of(boundary.nodes)
-    leaving = escaping() & unresisted
+    leaving = escaping()
     if leaving.any():
         here = leaving[assembly]
         pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0

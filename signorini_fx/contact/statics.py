@@ -64,9 +64,14 @@ def unbalanced(
     leaving = np.zeros(int(motions.pieces.assembly.max()) + 1, dtype=bool)
     for number, columns, rows in motions.assemblies():
         here, load = every.of(number, columns), resultant[rows]
-        # If nothing presses the body on, all positions off the foundation are equivalent.
-        pressed = load.any() and here.given.size > 0
-        leaving[number] = not (pressed and _balances(here, motions.free[:, columns].T @ resultant, load))
+        if not here.given.size:
+            leaving[number] = True
+        elif load.any():
+            leaving[number] = not _balances(here, motions.free[:, columns].T @ resultant, load)
+        else:
+            # If nothing presses the body on, all positions off the foundation are equivalent.
+            gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[every.assembly == number, 0]
+            leaving[number] = not _interferes(here, gap)
     return leaving
 
 
@@ -167,6 +172,30 @@ def _balances(
         bounds=[(None if sign else 0.0, None) for sign in here.bilateral] + [(0.0, None)] * len(pulls),
     )
     return bool(result.status == 0)
+
+
+def _interferes(here: Reactions, gap: Nodal) -> bool:
+    """Whether the contact nodes of one assembly overlap with the foundation wherever it is: it is squeezed without a
+    load, as in an interference fit.
+
+    Args:
+        here: its contact nodes.
+        gap: at these nodes, length, shape (n,).
+    """
+    size = float(np.abs(gap).max())
+    if size == 0.0:
+        return False
+    # The motion with the largest clearance, in units of the largest gap.
+    rows = np.vstack((here.normal, -here.normal[here.bilateral]))
+    limits = np.concatenate((gap, -gap[here.bilateral])) / size
+    unknowns = np.append(np.zeros(rows.shape[1]), -1.0)
+    result = linprog(
+        unknowns,
+        A_ub=np.column_stack((rows, np.ones(len(rows)))),
+        b_ub=limits,
+        bounds=[(None, None)] * rows.shape[1] + [(None, 0.0)],
+    )
+    return bool(result.status == 0 and -result.fun < -ZERO)
 
 
 def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> bool:
