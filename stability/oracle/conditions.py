@@ -193,10 +193,10 @@ def violations(
     figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
     # Scales of the deformation: a rigid motion, however large, excuses nothing but its round-off.
     shape = deformation(body, u)
-    # At a node that a support holds in part, pressure and shear may be anything: they set no scale for the others.
+    # At a node that a support holds in part, pressure and shear may be anything: only what the body feels sets a scale.
     loose = free.reshape(-1, 2)[contact.nodes]
-    whole = loose.all(axis=1)
-    acting = np.maximum(np.abs(pressure), np.abs(shear))[whole].max(initial=0.0)
+    felt = loose * (pressure[:, None] * contact.normal + shear[:, None] * contact.tangent)
+    acting = np.abs(felt).max(initial=0.0)
     stress = max(float(acting), 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
