@@ -49,7 +49,7 @@ class _Plain:
 
     def evaluate(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """The residual, prescribed rows replaced."""
-        x.copy(self.y.x.petsc_vec)
+        self.y.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         self.y.x.scatter_forward()
         with f.localForm() as local:
             local.set(0.0)

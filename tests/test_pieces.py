@@ -273,8 +273,7 @@ def test_each_piece_comes_to_rest_by_itself():
     rest = contact_task(d, d.boundary, History()).rest
     np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
     np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
-    field = fem.Function(d.space)
-    field = from_rest(d, rest, field.x.petsc_vec)
+    field = from_rest(d, rest, d.unknowns(fem.Function(d.space)))
     lowest = d.boundary.traces(field.x.array.reshape(-1, 2)[d.boundary.nodes])[0]
     np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
 

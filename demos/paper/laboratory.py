@@ -66,7 +66,7 @@ def outer_iterates(scene: Scene, count: int) -> list[Solution]:
 
 def energy_norm(solution: Solution, other: Solution | None = None) -> float:
     """a(e, e)^(1/2) of the displacement, or of its difference to another one on the same mesh."""
-    difference = solution.discretisation.function(solution.displacement.x.petsc_vec)
+    difference = solution.displacement.copy()
     if other is not None:
         difference.x.array[:] -= other.displacement.x.array
     d = solution.discretisation

@@ -106,7 +106,7 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
             -density * dx(metadata={"quadrature_degree": coarse}),
         ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
-    return np.asarray(np.linalg.norm(assemble(missed).getArray().reshape(-1, dim), axis=1))
+    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, dim), axis=1))
 
 
 def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:

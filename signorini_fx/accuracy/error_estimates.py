@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
@@ -47,13 +46,13 @@ class Errors:
 
 
 def estimate_errors(
-    d: Discretisation, displacement: PETSc.Vec, energy: float, table: ContactTable, step: float, compliance: float
+    d: Discretisation, displacement: Floats, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
     """Estimate the errors on a mesh; collective.
 
     Args:
         d: the discretisation.
-        displacement: all displacement dofs, up to a rigid motion.
+        displacement: its dofs, the owned ones first, up to a rigid motion.
         energy: strain energy of the solution.
         table: the contact boundary.
         step: the load step.

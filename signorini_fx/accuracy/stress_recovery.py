@@ -86,54 +86,59 @@ class StressRecovery:
         ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
         return ksp
 
-    def error(self, x: PETSc.Vec) -> float:
-        """Energy norm sqrt(a(e, e)) of the discretisation error of the displacement dofs ``x``; collective."""
-        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(x).sum())))
+    def error(self, dofs: npt.NDArray[np.float64]) -> float:
+        """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs).sum())))
 
-    def squares(self, x: PETSc.Vec, step: float = 0) -> npt.NDArray[np.float64]:
+    def squares(self, dofs: npt.NDArray[np.float64], step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective.
 
         Args:
-            x: displacement dofs.
+            dofs: those of the displacement, the owned ones first.
             step: the load step that they belong to.
         """
-        _fill(self._displacement, x)
+        self._fill(dofs)
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
             for constant, factors in self._factors:
                 constant.value = factor_at(factors, step)
-            total = total + assemble(self._residual).getArray()
+            total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
-    def smoothed(self, x: PETSc.Vec) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
-        """The projected stress of the displacement dofs ``x`` in each material; collective.
+    def smoothed(self, dofs: npt.NDArray[np.float64]) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+        """The projected stress of a displacement in each material, see ``squares``; collective.
 
         Returns:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the stress as ``voigt`` has
             it, shape (m, vertices, components).
         """
-        _fill(self._displacement, x)
+        self._fill(dofs)
         space, found = self._recovered.function_space, []
         for cells, ksp in self._parts:
             self._project(cells, ksp)
             found.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
         return found
 
+    def _fill(self, dofs: npt.NDArray[np.float64]) -> None:
+        space = self._displacement.function_space
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._displacement.x.array[:owned] = dofs[:owned]
+        self._displacement.x.scatter_forward()
+
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
         """The estimate of the projection in one material for each owned cell."""
         self._project(cells, ksp)
-        return np.asarray(assemble(self._squares).getArray())
+        return assemble(self._squares)
 
     def _project(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> None:
         """Project the stress in one material, to which the forms are then restricted."""
         self._choose(cells)
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
-        owned = values.getLocalSize()
         for k in range(self._components):
-            moment.getArray()[:] = values.getArray(readonly=True)[k :: self._components]
+            moment.getArray()[:] = values[k :: self._components]
             ksp.solve(moment, component)
-            self._recovered.x.array[k : owned : self._components] = component.getArray(readonly=True)
+            self._recovered.x.array[k : values.size : self._components] = component.getArray(readonly=True)
         self._recovered.x.scatter_forward()
 
 
@@ -231,11 +236,6 @@ def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fe
 def _traction(load: SurfaceTraction, space: fem.FunctionSpace, n: Any) -> Any:
     value = vector_value(load, space)
     return value if is_zero(load.pressure) else value - ufl_value(load.pressure, space) * n
-
-
-def _fill(function: fem.Function, x: PETSc.Vec) -> None:
-    function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
-    function.x.scatter_forward()
 
 
 def compliance(tau: Any, lame: Any, mu: Any) -> Any:

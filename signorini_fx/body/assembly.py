@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
-from petsc4py import PETSc
 
 
 def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
@@ -44,25 +42,34 @@ def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: 
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
 
-def assemble(form: fem.Form) -> PETSc.Vec:
-    """A linear form as a vector, summed over the ranks; collective."""
-    vector = fem_petsc.assemble_vector(form)
-    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    return vector
+def assemble(form: fem.Form) -> npt.NDArray[np.float64]:
+    """A linear form, summed over the ranks, shape (owned dofs,); collective."""
+    return _summed(fem.assemble_vector(form))
 
 
-def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]) -> PETSc.Vec:
-    """a(function, .) with the values at the nodes ``blocks`` only: the lifting of a displacement prescribed there.
+def action(
+    elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): the lifting of a displacement
+    prescribed there.
 
     dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
     """
     result = fem.Function(function.function_space)
-    vector = result.x.petsc_vec
     for form in elastic:
-        fem_petsc.apply_lifting(vector, [form], bcs=[[fem.dirichletbc(function, blocks)]])
-    vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    vector.scale(-1.0)
-    return vector.copy()
+        fem.apply_lifting(result.x.array, [form], [[fem.dirichletbc(function, blocks)]])
+    return -_summed(result.x)
+
+
+def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
+    """The owned entries of a vector, to which the other ranks add theirs; collective.
+
+    No vector of PETSc is made of it: its communicator would be that of the index map, and PETSc duplicates it for the
+    first of its objects and frees it with the last one.  dolfinx destroys such vectors when Python's garbage collector
+    finds them, at another time on each rank: one rank would wait for ever in a duplication that the others do not need.
+    """
+    vector.scatter_reverse(la.InsertMode.add)
+    return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

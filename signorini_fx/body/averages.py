@@ -118,7 +118,7 @@ def averaged_points(
     products = fem_petsc.assemble_matrix(compiled.products)
     products.assemble()
     starts, columns, values = products.getValuesCSR()
-    moments = assemble(compiled.moments).getArray().reshape(-1, dim)
+    moments = assemble(compiled.moments).reshape(-1, dim)
     rows = sp.csr_array((values, columns, starts), shape=(len(starts) - 1, products.getSize()[1]))
     rows.eliminate_zeros()  # the nodes of the cells that are not on the boundary
     weight = np.asarray(rows.sum(axis=1)).ravel()

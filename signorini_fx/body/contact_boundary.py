@@ -219,7 +219,7 @@ def contact_part(
         normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
         free = averages.any_of(~averages.fixed)
     else:
-        every = assemble(form).getArray().reshape(-1, dim)
+        every = assemble(form).reshape(-1, dim)
         size = np.linalg.norm(every, axis=1)
         nodes = np.flatnonzero(size > 0).astype(np.int32)
         weight, normal = size[nodes], every[nodes] / size[nodes, None]

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -150,12 +149,12 @@ def applied_load(
         dofs, _ = support.dof_indices()
         prescribed.x.array[dofs] = 0.0
         if any(effect is one for one in loads):
-            fem_petsc.set_bc(prescribed.x.petsc_vec, [support])
+            support.set(prescribed.x.array)
             prescribed.x.scatter_forward()
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    forces = np.zeros(owned) if form is None else np.array(assemble(form).getArray(readonly=True))
+    forces = np.zeros(owned) if form is None else assemble(form)
     return AppliedLoad(factors, name, form, forces, prescribed)
 
 
@@ -215,7 +214,7 @@ def load_case(
     if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
         touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
         blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
-        load.axpy(-1.0, action(elastic, applied.prescribed, blocks))
+        load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
     load.getArray()[fixed] = young * applied.start[fixed]
     return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
 

@@ -17,8 +17,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from dolfinx import fem
-from petsc4py import PETSc
+from dolfinx import fem, la
 
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
@@ -201,7 +200,7 @@ class NodalForces:
         """What all ranks contribute to the nodes of this one, from shape (nodes, d) to (owned nodes, d)."""
         function = fem.Function(self.space)
         function.x.array[:] = values.ravel()
-        function.x.petsc_vec.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        function.x.scatter_reverse(la.InsertMode.add)
         return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
 
     # --- how ---------------------------------------------------------------------------------------------------------
@@ -303,7 +302,7 @@ class NodalForces:
         facets = {} if not isinstance(load, SurfaceTraction) else {load.boundary: self.tagged.facets(load.boundary)}
         _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
         assert form is not None
-        return np.array(assemble(form).getArray().reshape(-1, self.dimension))
+        return assemble(form).reshape(-1, self.dimension)
 
 
 def _clean(functions: Array) -> Array:

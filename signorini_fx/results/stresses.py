@@ -206,7 +206,7 @@ class Stresses(StressFields):
         energy = NodalForces(d.scene, d.tagged, d.space).strain_energy(self.displacement)
         if not energy > 0:
             return None
-        squares = self._recovery.squares(self.displacement.x.petsc_vec, self.place).sum()
+        squares = self._recovery.squares(self.displacement.x.array, self.place).sum()
         return float(np.sqrt(parallel.global_sum(d.comm, squares) / (2 * energy)))
 
     def as_dict(self) -> dict[str, Any]:
@@ -248,7 +248,7 @@ class RecoveredStresses(StressFields):
         values = function.x.array.reshape(-1, 3, 3)
         dim = d.tagged.dimension
         for material, (cells, components) in zip(
-            d.scene.material, self.recovery.smoothed(self.displacement.x.petsc_vec), strict=True
+            d.scene.material, self.recovery.smoothed(self.displacement.x.array), strict=True
         ):
             sigma = np.zeros((*components.shape[:2], 3, 3))
             pairs = [(k, k) for k in range(dim)] + [(i, k) for i in range(dim) for k in range(i + 1, dim)]

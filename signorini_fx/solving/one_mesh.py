@@ -379,7 +379,11 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
     if discretisation.scene.solver.algorithm == "path-following" and requested == "auto":
         recovery = StressRecovery(discretisation)
         allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
-        return lambda x: allowed * recovery.error(discretisation.displacement(system.displacement(x)))
+
+        def error(x: PETSc.Vec) -> float:
+            return allowed * recovery.error(discretisation.displacement(system.displacement(x)).getArray())
+
+        return error
 
     forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
 

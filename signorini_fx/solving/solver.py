@@ -190,7 +190,7 @@ def solve_level(
         compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
         found.append(
             estimate_errors(
-                d, d.displacement(outcome.displacement()), step.strain_energy, table, step.place, compliance
+                d, d.displacement(outcome.displacement()).getArray(), step.strain_energy, table, step.place, compliance
             )
         )
 

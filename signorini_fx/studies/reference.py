@@ -191,7 +191,7 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     while not solutions or solutions[-1].discretisation.dofs < unknowns:
         solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
         solutions.append(solution)
-        squares = StressRecovery(solution.discretisation).squares(solution.displacement.x.petsc_vec)
+        squares = StressRecovery(solution.discretisation).squares(solution.displacement.x.array)
         tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
     return solutions
 
