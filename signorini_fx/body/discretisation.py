@@ -34,6 +34,7 @@ from signorini_fx.body.rigid import RigidMotions, rigid_motions
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scene.model import PrescribedDisplacement, Scene
@@ -137,6 +138,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         SceneError: see ``prepare``.
         MeshError: see ``prepare``.
     """
+    free_unused(tagged.mesh)
     return assemble_body(prepare(scene, tagged, timings), timings)
 
 
