@@ -2012,9 +2012,23 @@ MUTANTS = (
     ),
     Mutant(
         "scene/expressions",
-        "reduce(self._backend.both, tests)",
-        "tests[0]",
+        "reduce(self._backend.both, [self._compare(op, *pair) for op, pair in zip(node.ops, pairs, strict=True)])",
+        "[self._compare(op, *pair) for op, pair in zip(node.ops, pairs, strict=True)][0]",
         "a < b < c: second half dropped",
+        tests=("expressions",),
+    ),
+    Mutant(
+        "scene/expressions",
+        "a + room < b",
+        "a < b",
+        "numbers that are equal but for round-off: strict comparison",
+        tests=("expressions",),
+    ),
+    Mutant(
+        "scene/expressions",
+        "size + self._backend.reach(self._position)",
+        "size",
+        "round-off of a coordinate that is nearly zero",
         tests=("expressions",),
     ),
     Mutant(

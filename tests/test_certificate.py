@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
+from spaces import block as block_in_space
 
 from signorini_fx import compat
 from signorini_fx.algorithms.ssn import SemismoothNewton
@@ -423,6 +424,13 @@ def test_a_rigid_motion_is_no_deformation():
     gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
     scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
     refused(judged(solution, scene=scene), "entered")
+
+
+@pytest.mark.parametrize(("n", "degree"), [(4, 1), (4, 2), (8, 1)])
+def test_a_load_that_jumps_at_points_of_quadrature(n, degree):
+    """Thirds of the cells are points of quadrature; the solver and the certificate compute their positions each."""
+    solution = alone(block_in_space(n, "tetrahedra", coefficient=0.3, gamma="auto", degree=degree))
+    assert solution.certificate.equilibrium < 1e-10
 
 
 def test_a_node_smaller_than_the_digits_of_the_displacement():

@@ -49,6 +49,17 @@ def test_meaning(text):
     np.testing.assert_array_equal(points, X)
 
 
+@pytest.mark.parametrize(("text", "at"), [("x[0]", 1.0), ("x[0]", 0.0), ("x[0]**2 + 3", 4.0)])
+@pytest.mark.parametrize("away", [-3e-16, 0.0, 3e-16])
+def test_comparisons_at_round_off(text, at, away):
+    """A point that is on a jump but for round-off is on it, wherever its position was computed."""
+    place = 1.0 if at == 4.0 else at
+    points = np.array([[place + away, 5.0], [0.0, 0.0], [0.0, 0.0]])
+    for op, turned, holds in ("<=", ">=", True), (">=", "<=", True), ("<", ">", False), (">", "<", False):
+        assert Expression(f"{text} {op} {at}")(points)[0] == holds
+        assert Expression(f"{at} {turned} {text}")(points)[0] == holds
+
+
 def test_numpy_and_compiled_ufl_agree():
     """Each expression, compiled by FFCx and evaluated at the nodes of P2, has the values of NumPy."""
     square = mesh.create_rectangle(MPI.COMM_SELF, [np.array([-1.0, -1.3]), np.array([2.1, 1.7])], [3, 4])

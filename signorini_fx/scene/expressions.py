@@ -30,18 +30,15 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
     ast.Pow: operator.pow,
 }
 _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
-_COMPARISONS: dict[type, Callable[..., Any]] = {
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-}
+_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _ALLOWED = (
     "Allowed are numbers, pi, x[0], x[1], in space x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number"
 )
 _MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
+# Numbers that differ by less than this share of their size are equal in comparisons.
+_EQUAL = 1e-12
 Kind = Literal["number", "condition"]
 
 
@@ -54,6 +51,7 @@ class _Backend:
     either: Callable[[Any, Any], Any]
     negate: Callable[[Any], Any]
     number: Callable[[float], Any]
+    reach: Callable[[Any], Any]
 
 
 _NUMPY = _Backend(
@@ -68,6 +66,7 @@ _NUMPY = _Backend(
     negate=np.logical_not,
     # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never an exception.
     number=np.float64,
+    reach=lambda position: np.abs(position).max(initial=0.0),
 )
 
 
@@ -80,6 +79,9 @@ def _ufl_backend(mesh: Any) -> _Backend:
         """UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless recursion."""
         return value if isinstance(value, ufl.algebra.Abs) else abs(value)
 
+    def number(value: float) -> Any:
+        return fem.Constant(mesh, default_scalar_type(value))
+
     names = {"abs": absolute, "log": ufl.ln}
     return _Backend(
         functions={
@@ -91,7 +93,8 @@ def _ufl_backend(mesh: Any) -> _Backend:
         both=ufl.And,
         either=ufl.Or,
         negate=ufl.Not,
-        number=lambda value: fem.Constant(mesh, default_scalar_type(value)),
+        number=number,
+        reach=lambda _: number(float(np.abs(mesh.geometry.x).max(initial=0.0))),
     )
 
 
@@ -132,7 +135,7 @@ def _check(node: ast.expr) -> Kind:
         case ast.BoolOp(values=values):
             return _expect("condition", *values)
         case ast.Compare(left=left, ops=ops, comparators=comparators):
-            unknown = [type(op).__name__ for op in ops if type(op) not in _COMPARISONS]
+            unknown = [type(op).__name__ for op in ops if not isinstance(op, _COMPARISONS)]
             if unknown:
                 raise ValueError(f"comparison {unknown[0]} is not available: use <, <=, >, >=")
             _expect("number", left, *comparators)
@@ -218,9 +221,24 @@ class _Evaluator(SimpleEval):  # type: ignore[misc]
         return reduce(combine, map(self._eval, node.values))
 
     def _comparison(self, node: ast.Compare) -> Any:
-        values = [self._eval(part) for part in (node.left, *node.comparators)]
-        tests = [_COMPARISONS[type(op)](a, b) for op, (a, b) in zip(node.ops, pairwise(values), strict=True)]
-        return reduce(self._backend.both, tests)
+        pairs = pairwise((node.left, *node.comparators))
+        return reduce(self._backend.both, [self._compare(op, *pair) for op, pair in zip(node.ops, pairs, strict=True)])
+
+    def _compare(self, op: ast.cmpop, left: ast.expr, right: ast.expr) -> Any:
+        """A comparison in which numbers are equal that are so but for round-off.
+
+        Where a load jumps at a point of quadrature, its value would otherwise be another one in each program that
+        computes the position of that point.
+        """
+        if isinstance(op, ast.Gt | ast.GtE):
+            left, right = right, left
+        a, b = self._eval(left), self._eval(right)
+        absolute = self._backend.functions["abs"]
+        size = absolute(a) + absolute(b)
+        if isinstance(left, ast.Subscript) or isinstance(right, ast.Subscript):
+            size = size + self._backend.reach(self._position)  # the round-off of a coordinate is that of the largest
+        room = self._backend.number(_EQUAL) * size
+        return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
     def _choice(self, node: ast.IfExp) -> Any:
         return self._backend.functions["where"](*map(self._eval, (node.test, node.body, node.orelse)))
