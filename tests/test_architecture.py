@@ -50,6 +50,19 @@ def test_the_reader_of_imports_reads():
     assert len(MODULES) > 20
 
 
+@pytest.mark.parametrize("name", ["petsc_vec", "assemble_vector", "create_vector", "set_bc", "create_petsc_vector"])
+def test_vectors_of_dolfinx_are_not_made_petscs(name):
+    """See ``body.assembly._summed``: ranks would wait for each other, depending on their garbage collectors."""
+    calls = [
+        file.name
+        for file in MODULES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == name
+        if not (isinstance(node.value, ast.Name) and node.value.id == "fem")  # those give dolfinx's own vectors
+    ]
+    assert calls == []
+
+
 @pytest.mark.parametrize("folder", ["algorithms", "linalg"])
 def test_the_seams_know_no_forms(folder):
     """Neither the algorithms nor the linear algebra import ufl."""
