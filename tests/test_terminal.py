@@ -9,7 +9,8 @@ import pytest
 
 from signorini_fx.cli.completion import SHELLS, completion_script
 from signorini_fx.cli.options import parser
-from signorini_fx.machine.terminal import coloured, wrapped
+from signorini_fx.machine.launcher import environment_of_no_rank
+from signorini_fx.machine.terminal import PAGE, coloured, wrapped
 
 LINES = [
     "signorini-fx: error: scene.toml: material.density: unknown key: weight is written [body_force] with y = -density",
@@ -39,9 +40,13 @@ def test_wrapped_below_its_beginning():
 
 
 def test_wrapped_twice():
-    """What was wrapped for a wider terminal is filled again."""
-    once = wrapped(LINES[1], 70)
-    assert wrapped(once, 50) == wrapped(LINES[1], 50)
+    """What was broken for a page is filled again; the rows of a list stay rows."""
+    figure = f"{LINES[1]}; {LINES[2].lstrip()}"
+    once = wrapped(figure, PAGE)
+    assert "\n" in once
+    assert wrapped(once, 50) == wrapped(figure, 50)
+    rows = [f"  forces           left: {'0' * 40}", f"{' ' * 19}right: {'0' * 40}"]
+    assert wrapped("\n".join(rows), 60) == "\n".join(wrapped(row, 60) for row in rows)
 
 
 def test_coloured():
@@ -55,9 +60,8 @@ def shown(environment):
     """What a terminal of 60 columns shows of an error."""
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "signorini_fx", "check", "/nowhere/" + "scene_" * 8 + ".toml"]
-    environment = {**os.environ, "COLUMNS": "60", "TERM": "xterm", **environment}
-    clean = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_"))}
-    process = subprocess.run(command, stdout=slave, stderr=slave, env=clean, check=False)
+    environment = {**environment_of_no_rank(), "COLUMNS": "60", "TERM": "xterm", **environment}
+    process = subprocess.run(command, stdout=slave, stderr=slave, env=environment, check=False)
     os.close(slave)
     text = os.read(master, 100_000).decode().replace("\r\n", "\n")
     os.close(master)
@@ -70,6 +74,22 @@ def test_colours_on_a_terminal(monkeypatch):
     monkeypatch.delenv("NO_COLOR", raising=False)
     assert "\x1b[31;1m" in shown({})
     assert "\x1b" not in shown({"NO_COLOR": "1"})
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_output_of_ranks_in_a_file(tmp_path, ranks):
+    """Neither colours nor line breaks, although mpirun gives each rank a pseudo-terminal on the way to the file."""
+    lines = ["A block: converged", LINES[1]]
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
+    program = (
+        "from signorini_fx.machine import launcher, terminal\n"
+        f"if launcher.started_as_root(): terminal.say({chr(10).join(lines)!r})"
+    )
+    log = tmp_path / "log"
+    with log.open("w") as file:
+        command = ["mpirun", "-n", str(ranks), sys.executable, "-c", program]
+        subprocess.run(command, stdout=file, env=own, check=True)
+    assert log.read_text().splitlines() == lines
 
 
 def completed(*words):

@@ -17,6 +17,7 @@ from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import overrides, parser
 from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
@@ -71,7 +72,7 @@ def solve(options: argparse.Namespace) -> int:
     if not options.quiet:
         observers.append(show)
     # Watched on all ranks or on none, shown by the one that has the terminal.
-    watched = parallel.on_root(comm, lambda: not options.quiet and sys.stderr.isatty())
+    watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     watcher = (line if parallel.is_root(comm) else lambda _: None) if watched else None
     try:
         with ResultFolder(comm, path) as folder:

@@ -19,6 +19,7 @@ from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.display import clean, results_of
+from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
@@ -366,7 +367,8 @@ def _warnings(summary: dict[str, Any]) -> list[str]:
         if finding["level"] == "warning":
             told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
     blank = " " * 19
-    return [line for text in told for line in textwrap.wrap(text, 110, subsequent_indent=blank, break_long_words=False)]
+    wrapper = textwrap.TextWrapper(PAGE, subsequent_indent=blank, break_long_words=False, break_on_hyphens=False)
+    return [line for text in told for line in wrapper.wrap(text)]
 
 
 def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
