@@ -43,7 +43,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
         "status": solution.status.value,
-        "advice": solution.status.advice,
+        "advice": solution.advice,
         "converged": solution.converged,
         "algorithm": solution.algorithm,
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
@@ -364,7 +364,7 @@ def _warnings(summary: dict[str, Any]) -> list[str]:
     pieces = len(summary["pieces"])
     told = [f"  {'pieces':16s} {pieces}: {_listed(summary['pieces'])}"] if pieces > 1 else []
     for finding in summary["findings"]:
-        if finding["level"] == "warning":
+        if finding["level"] == "warning" and finding["message"] != summary["advice"]:
             told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
     blank = " " * 19
     wrapper = textwrap.TextWrapper(PAGE, subsequent_indent=blank, break_long_words=False, break_on_hyphens=False)
