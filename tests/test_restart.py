@@ -383,6 +383,8 @@ def test_killed(tmp_path, before, after):
     assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(output.split())  # lines are wrapped
     assert not (out / CHECKPOINT).exists()
     assert run(1, *command, tmp_path / "reference")[0] == 0
+    solved = [row["step"] for row in rows(out / "history.csv")]
+    assert all(solved.count(row["step"]) == int(row["linear_solves"]) for row in rows(out / "steps.csv"))
     for name in ("steps.csv", "contact.csv", "contact_steps.csv"):
         ours, theirs = rows(out / name), rows(tmp_path / "reference" / name)
         assert len(ours) == len(theirs)
