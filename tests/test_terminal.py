@@ -2,6 +2,8 @@
 
 import os
 import pty
+import shutil
+import signal
 import subprocess
 import sys
 
@@ -97,23 +99,84 @@ def completed(*words):
     script = completion_script(parser(), "bash")
     state = f"COMP_WORDS=({' '.join(repr(word) for word in words)}); COMP_CWORD={len(words) - 1}"
     command = f"{script}\n{state}; _signorini_fx 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.split()
+    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.splitlines()
 
 
 def test_completion(tmp_path, monkeypatch):
     """Commands, options of a command, values of an option or an argument, and files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").touch()
+    (tmp_path / "a b.toml").touch()
     assert completed("signorini-fx", "so") == ["solve"]
     assert completed("signorini-fx", "solve", "--no") == ["--no-fields", "--no-pictures"]
     assert completed("signorini-fx", "solve", "scene.toml", "--of", "p") == ["pressure", "peak"]
     assert completed("signorini-fx", "completion", "") == list(SHELLS)
     assert completed("signorini-fx", "check", "sce") == ["scene.toml"]
+    assert completed("signorini-fx", "check", "a") == ["a b.toml"]
 
 
 def test_completion_of_other_shells():
-    """Each names every command; that of zsh is that of bash with its adapter."""
+    """Each names every command."""
     commands = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))
     for shell in SHELLS:
         assert all(name in completion_script(parser(), shell) for name in commands)
-    assert completion_script(parser(), "zsh").endswith(completion_script(parser(), "bash"))
+
+
+# What is typed, and what fish offers; zsh writes it if it is one word.
+TYPED = {
+    "signorini-fx so": ["solve"],
+    "signorini-fx solve --no-f": ["--no-fields"],
+    "signorini-fx solve --no": ["--no-fields", "--no-pictures"],
+    "signorini-fx solve scene.toml --of pr": ["pressure"],
+    "signorini-fx completion z": ["zsh"],
+    "signorini-fx check sce": ["scene.toml"],
+    "signorini-fx solve scene.toml --out res": ["results/"],
+}
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder with a scene, results, and the scripts."""
+    (tmp_path / "scene.toml").touch()
+    (tmp_path / "results").mkdir()
+    for shell in SHELLS:
+        (tmp_path / f".{shell}").write_text(completion_script(parser(), shell))
+    return tmp_path
+
+
+@pytest.mark.skipif(not shutil.which("fish"), reason="there is no fish")
+@pytest.mark.parametrize("line", TYPED)
+def test_completion_in_fish(place, line):
+    """The shell itself, asked for its offers."""
+    command = ["fish", "--private", "--no-config", "-c", f"source .fish; complete -C '{line}'"]
+    clean = {**os.environ, "HOME": str(place)}
+    process = subprocess.run(command, cwd=place, env=clean, capture_output=True, text=True, check=True)
+    assert [offer.partition("\t")[0] for offer in process.stdout.splitlines()] == TYPED[line]
+
+
+@pytest.mark.skipif(not shutil.which("zsh"), reason="there is no zsh")
+@pytest.mark.parametrize("line", [line for line, offers in TYPED.items() if len(offers) == 1])
+def test_completion_in_zsh(place, line):
+    """The shell itself on a terminal: after the tabulator, Ctrl-T prints what stands in its line."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(place)
+        os.execvpe("zsh", ["zsh", "-f", "-i"], {**os.environ, "HOME": str(place), "TERM": "dumb"})
+    with open(terminal, "r+b", buffering=0) as stream:
+        begin = "source .zsh; show() { print -r \"LINE<$BUFFER>\"; BUFFER=; }; zle -N show; bindkey '^T' show"
+        stream.write(f"{begin}; print REA''DY\n".encode())
+        shown = _until(stream, b"READY\r\n")
+        stream.write(f"{line}\t\x14".encode())
+        shown = _until(stream, b">\r\n")
+        os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    word = line.rpartition(" ")[0] + " " + TYPED[line][0]
+    assert shown.decode().rpartition("LINE<")[2].partition(">")[0].rstrip() == word
+
+
+def _until(stream, mark):
+    """What a terminal shows up to a mark."""
+    shown = b""
+    while not shown.endswith(mark):
+        shown += stream.read(1)
+    return shown
