@@ -1,6 +1,6 @@
 """Random scenes with fixed seeds: supports, loads, foundations, laws, elements and settings of all kinds, together.
 
-Whole batches are one row.  Scenes that once broke the solver, or still do, have a row of their own.  A solution is
+A batch is one row. Scenes that the solver did not solve, or still does not, have a row of their own.  A solution is
 right if its certificate holds, which judges all conditions of the problem.
 """
 
@@ -23,7 +23,7 @@ _RIGHT = (CONVERGED, Status.OPEN.value, Status.SLIDES.value, Status.NOT_HELD.val
 _REFUSED = "scene refused"
 _REPORTED = (Status.CYCLING.value, Status.OUTER_MAX_ITERATIONS.value, Status.ROUND_OFF.value)
 _BATCH = 200
-# Seeds of scenes that the plain iteration does not solve, and what is known of those that nothing solves.
+# Seeds of scenes that the iteration alone does not solve, and a note on those that no method solves.
 HARD = {
     5: "",
     60: "",
@@ -50,7 +50,7 @@ HARD = {
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """Batches, then the hard ones."""
+    """Batches, then the difficult scenes."""
     for first in range(0, 60 if short else 2000, _BATCH):
         last = min(first + _BATCH, 60) if short else first + _BATCH
         yield Case(
@@ -70,7 +70,7 @@ def _one(seed: int) -> Finding:
 
 
 def _batch(first: int, last: int) -> Finding:
-    """Converged if every scene is solved, or has no solution and is told so; else the first other outcome."""
+    """Converged if every scene is solved, or correctly has an outcome without solution; else the first other one."""
     tally: Counter[str] = Counter()
     others: list[tuple[int, Solution]] = []
     solves, certificate = 0, 0.0
