@@ -89,7 +89,7 @@ def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
     wrong = case.target is not None and (found.error is None or not found.error <= case.target)
     if found.outcome == CONVERGED and found.certificate is not None and not found.certificate <= 1e-6:
         verdict = RED
-        notes.append("calls itself converged without a certificate")
+        notes.append("converged without a certificate")
     elif found.outcome in case.wanted:
         if wrong and found.outcome == CONVERGED:
             verdict = RED

@@ -56,7 +56,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             target=1e-12,
             reference="one another",
         )
-    yield Case("triangle, warning above the critical F", _warned, target=0.0, reference="said at F = 3, not at 0.1")
+    yield Case("triangle, warning above the critical F", _warned, target=0.0, reference="at F = 3, not at 0.1")
     for state in STATES:
         yield Case(
             f"triangle, F = 3, fp from {state}", partial(_triangle_fp, state), target=1e-3, reference="one of the three"

@@ -73,7 +73,7 @@ class _Score:
     def finding(self) -> Finding:
         note = ", ".join(f"{count} {end}" for end, count in sorted(self.ends.items()))
         if self.bad:
-            return Finding(f"{len(self.bad)} end badly", note=f"{self.bad[0]}; {note}")
+            return Finding(f"{len(self.bad)} with a bad end", note=f"{self.bad[0]}; {note}")
         return Finding(CONVERGED, error=0.0, note=note)
 
 
@@ -157,7 +157,7 @@ def _mesh(file: Path) -> str:
         return "refused"
     assert os.WEXITSTATUS(status) == 0, f"the process of gmsh ends with {os.WEXITSTATUS(status)}"
     status = _in_a_child(lambda: _solve_on(file, arrays), 120)
-    assert status == 0, f"a mesh that was let through ends with {status}"
+    assert status == 0, f"a mesh that was accepted ends with {status}"
     return "meshes"
 
 
@@ -254,7 +254,7 @@ def solved_scenes(seed: int, count: int) -> Finding:
         try:
             solution = solve(parse_scene(data), MPI.COMM_SELF, check=False)
         except (MeshError, SceneError) as refusal:
-            return "refused" if str(refusal).strip() else "refused without a word"
+            return "refused" if str(refusal).strip() else "refused without a message"
         _check(solution)
         return str(solution.status.value)
 

@@ -37,15 +37,15 @@ HARD = {
     467: "",
     584: "alm does not contract at F = 1.85 on linear triangles with nu = 0.499999; the default algorithm solves it",
     920: "",
-    1090: "alm: multipliers of a body that slides freely in a corner creep; the default algorithm solves it",
+    1090: "alm: the multipliers of a body that is free to slide converge very slowly; the default algorithm solves it",
     1451: "",
     2380: "gamma is 2e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
-    3202: "alm: as before, multipliers creep; the default algorithm solves it",
+    3202: "alm: as before, the multipliers converge very slowly; the default algorithm solves it",
     3679: "gamma is 1e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     3738: "gamma is 4e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     4195: "",
     4501: "",
-    4780: "a body that locks (linear cells, nu = 0.499999) hangs on friction in a corner; P2/P0 and nu = 0.3 end well",
+    4780: "a body that locks (linear cells, nu = 0.499999) is held by friction in a corner; P2/P0 or nu = 0.3 helps",
 }
 
 

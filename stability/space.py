@@ -36,7 +36,7 @@ def cases(*, short: bool) -> Iterator[Case]:
                 allowed=beyond,
                 target=target,
                 reference="unregularised limit",
-                note="gamma is beyond what double precision bears; 'auto' is not" if beyond else "",
+                note="gamma is too large for double precision; 'auto' is not" if beyond else "",
             )
         for ratio in (0.4999,) if short else (0.0, 0.3, 0.45, 0.4999, 0.499999):
             yield Case(
