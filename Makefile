@@ -3,7 +3,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-long test-report lint format paper bench stability oracle mutants docs clean
 DEMOS := example1_tresca example1_coulomb
-REPORTS := example1_coulomb press_and_slide bracket
+REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 
@@ -21,9 +21,9 @@ test-long:  ## run the tests marked long
 	./env python3 -m pytest -q -m long tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
-	for d in $(REPORTS); do ./env signorini-fx solve demos/scenes/$$d.toml --no-fields --quiet --out results/report/$$d && \
-	  ./env signorini-fx report results/report/$$d || exit; done
-	python3 tests/in_chromium.py $(REPORTS:%=results/report/%/report.html)
+	for d in $(REPORTS); do out=results/report/$${d##*/}; \
+	  ./env signorini-fx solve $$d.toml --no-fields --quiet --out $$out && ./env signorini-fx report $$out || exit; done
+	python3 tests/in_chromium.py $(patsubst %,results/report/%/report.html,$(notdir $(REPORTS)))
 
 lint: $(RUFF)  ## check style (ruff) and types (mypy)
 	$(RUFF) check

@@ -1,4 +1,4 @@
-"""Interleaved timing: A B C A B C ..., so that whatever else the machine does meets all alike; ratios, then medians."""
+"""Interleaved timing, A B C A B C ..., so that other load on the machine affects all alike; medians of ratios."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Sample:
         nx: cells along the bottom.
         repeat: number of the round, from 0.
         seconds: wall time.
-        cpu: CPU time of the process, all threads; less than the wall time where others took the core.
-        phases: its own account of the wall time.
+        cpu: CPU time of the process, all threads; less than the wall time where other processes used the core.
+        phases: seconds by phase as the program itself measures them.
     """
 
     name: str
@@ -41,7 +41,7 @@ def warm_up(plan: Sequence[Key], meshes: Mapping[int, TaggedMesh], say: Callable
     """Run everyone once, so that all forms are compiled, and check that all solve the same problem.
 
     Returns:
-        What each has to say: its linear solves and factorisations.
+        A note on each: its linear solves and factorisations.
     """
     notes = {}
     for nx in sorted({nx for _, nx in plan}):
@@ -73,7 +73,7 @@ def _note(outcome: contestants.Outcome) -> str:
 def interleave(
     plan: Sequence[Key], meshes: Mapping[int, TaggedMesh], repeats: int, say: Callable[[str], None]
 ) -> list[Sample]:
-    """Every contestant once a round."""
+    """Run every contestant once in each round."""
     samples = []
     for repeat in range(repeats):
         for name, nx in plan:
@@ -94,7 +94,7 @@ def series(samples: Sequence[Sample], key: Key, *, cpu: bool = False) -> np.ndar
 
 
 def phases(samples: Sequence[Sample], key: Key) -> dict[str, float]:
-    """Median seconds of each phase of a contestant; ``rest`` is what it does not account for."""
+    """Median seconds of each phase of a contestant; ``rest`` is the time outside of its phases."""
     own = [s for s in samples if (s.name, s.nx) == key]
     names = dict.fromkeys(name for s in own for name in s.phases)
     found = {name: float(np.median([s.phases.get(name, 0.0) for s in own])) for name in names}

@@ -1,4 +1,4 @@
-"""Who runs: the package, one linear solve, the rivals; each from the mesh in memory to the solution."""
+"""What is compared: the package, one linear solve, other programs; each from the mesh in memory to the solution."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from signorini_fx import solve, sweep
 from signorini_fx.mesh.tagged import TaggedMesh
 
 COEFFICIENTS = [float(value) for value in np.linspace(0.05, 1.0, 20)]
-# The plain way is stopped after so many seconds, and takes part in the first round only.
+# The plain way is stopped after this many seconds, and runs in the first round only.
 PATIENCE = 60.0
 ROUNDS = {"plain": 1}
 LOADS = [float(value) for value in np.linspace(0.1, 2.0, 20)]
@@ -26,7 +26,7 @@ LOADS = [float(value) for value in np.linspace(0.1, 2.0, 20)]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves: one answer for each problem that it solved, and its own account of the time."""
+    """The result of a run: one answer for each problem that it solved, and the seconds that it measured by phase."""
 
     answers: Sequence[Answer] = ()
     phases: Mapping[str, float] = field(default_factory=dict)
@@ -86,12 +86,12 @@ ALL: dict[str, Contestant] = {
     "rival fp": _alone(rival.coulomb),
     "plain": _plain,
 }
-# Who must come to the same solution and the same sets.
+# Those that must find the same solution and the same sets.
 SAME = {"rival tresca": "tresca", "rival fp": "fp", "newton": "fp", "plain": "tresca"}
 
 
 def default_coulomb(tagged: TaggedMesh) -> str:
-    """Which of ``fp`` and ``newton`` a scene gets that does not say."""
+    """Which of ``fp`` and ``newton`` is the default of a scene."""
     return "newton" if "newton" in _package("coulomb")(tagged).algorithm else "fp"
 
 

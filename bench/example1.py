@@ -1,4 +1,4 @@
-"""Example 1 of the paper as every contestant gets it: the same mesh, the same numbers; and what they answer."""
+"""Example 1 of the paper with the same mesh and numbers for every contestant, and the form of their answers."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def parameters(nx: int) -> dict[str, Any]:
 
 
 def tagged_mesh(nx: int, comm: MPI.Comm = MPI.COMM_SELF) -> TaggedMesh:
-    """The mesh, in memory before any clock starts."""
+    """The mesh, which is in memory before any time is measured."""
     return generate_mesh("rectangle", parameters(nx), comm)
 
 
 def scene(
     law: str, mesh: TaggedMesh | int, *, gamma: float = GAMMA, coefficient: float = COEFFICIENT, **settings: Any
 ) -> Scene:
-    """The scene with friction ``law``, on a mesh or, for nested iteration, on the one that nx cells along it make."""
+    """The scene with friction ``law``, on a mesh or, for nested iteration, on the generator with nx cells along it."""
     friction = {"law": law} | ({"bound": BOUND} if law == "tresca" else {"coefficient": coefficient})
     data = {
         "mesh": {"generator": "rectangle", "parameters": parameters(mesh if isinstance(mesh, int) else 3)},
@@ -61,7 +61,7 @@ def scene(
 
 @dataclass(frozen=True)
 class Answer:
-    """What a contestant says of the contact boundary, nodes from left to right.
+    """The answer of a contestant on the contact boundary, nodes from left to right.
 
     Attributes:
         x: position, shape (n,).
@@ -71,7 +71,7 @@ class Answer:
         slip: +1, -1 on the slip sets, else 0.
         solves: linear solves.
         factorisations: of them with a new factorisation.
-        note: anything else worth printing.
+        note: printed with it.
     """
 
     x: Floats
@@ -92,14 +92,14 @@ class Answer:
 
     @classmethod
     def of_state(cls, c: ContactState, solves: int, factorisations: int = 0) -> Answer:
-        """The package's, from the state of the contact boundary; one rank."""
+        """The answer of the package, from the state of the contact boundary; one rank."""
         order = np.argsort(c.boundary.x[:, 0])
         slip = np.where(c.bound > 0, c.direction[:, 0], 0).astype(np.int8)
         nodal = (c.boundary.x[:, 0], c.pressure, c.shear[:, 0], c.in_contact, slip)
         return cls(*(values[order] for values in nodal), solves, factorisations)
 
     def differs(self, other: Answer, tolerance: float = 1e-6) -> str:
-        """What is not the same in ``other``; empty if nothing is.
+        """The differences of ``other``; empty if there are none.
 
         Pressure and shear are compared relative to the largest pressure.
         """

@@ -1,4 +1,4 @@
-"""One linear elastic solve of the size of Example 1, as fast as dolfinx and PETSc do it: the unit of this benchmark.
+"""One linear elastic solve of the size of Example 1 by dolfinx and PETSc: the unit of this benchmark.
 
 The body is held at the bottom instead of touching a foundation there; the pattern of the matrix is the same.
 """
@@ -25,7 +25,7 @@ PACKAGES: dict[str, dict[str, str]] = {"mumps": {}, "cholmod": {"mat_cholmod_nme
 
 @contextmanager
 def petsc_options(options: dict[str, str]) -> Iterator[None]:
-    """Set PETSc options for a while: some are read when a factor is made only."""
+    """Set PETSc options temporarily: some are read only when a factor is made."""
     table = PETSc.Options()
     for name, value in options.items():
         table[name] = value
@@ -92,7 +92,7 @@ def assemble(tagged: TaggedMesh, held: dict[str, int]) -> Body:
 
 
 def direct_solver(matrix: PETSc.Mat, package: str) -> PETSc.KSP:
-    """A Cholesky factorisation by ``package``, with no options of its own but those of the caller."""
+    """A Cholesky factorisation by ``package`` with the options of the caller only."""
     ksp = PETSc.KSP().create(matrix.comm)
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc = ksp.getPC()

@@ -43,9 +43,9 @@ class Counters:
 
     @contextmanager
     def during(self, name: str) -> Iterator[None]:
-        """Count for a phase, in PETSc's log too."""
+        """Count for a phase, also in PETSc's log."""
         before, self.phase = self.phase, name
-        stage = PETSc.Log.Stage(name)  # the same one for the same name
+        stage = PETSc.Log.Stage(name)  # a name always gives the same stage
         stage.push()
         try:
             yield
@@ -54,7 +54,7 @@ class Counters:
             self.phase = before
 
     def watch(self) -> None:
-        """Put the counters into the package."""
+        """Insert the counters into the package."""
         timed, gather, total = records.Timings.phase, parallel.gather_rows, parallel.global_sum
         counters = self
 

@@ -22,12 +22,12 @@ from signorini_fx import TaggedMesh, parallel, solve
 from signorini_fx.accuracy.price_list import peak_memory
 from signorini_fx.solving import one_mesh
 
-_WARM = 96  # cells along the bottom of the solve that loads and compiles everything
+_WARM = 96  # cells along the bottom of the first solve, which loads and compiles everything
 
 
 @contextmanager
 def stopwatch(clock: Callable[[], float] = time.perf_counter) -> Iterator[list[float]]:
-    """The seconds that each mesh takes to be made."""
+    """The seconds of making each mesh."""
     make, seconds = one_mesh.load_mesh, []
 
     def timed(*arguments: Any) -> TaggedMesh:
@@ -59,7 +59,7 @@ def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
     settings: dict[str, Any] = {"levels": levels, "linear_algebra": algebra}
     if law == "coulomb":
         settings["coulomb"] = what
-    # Nested iteration makes its meshes itself, which does not count; the other kind gets its mesh.
+    # Nested iteration makes its meshes itself, which is not counted; otherwise the mesh is given.
     mesh = example1.tagged_mesh(nx, comm) if levels == 1 else nx
     with stopwatch() as making:
         start, before = time.perf_counter(), peak_memory(MPI.COMM_SELF)
@@ -80,7 +80,7 @@ def run(what: str, nx: int, levels: int, algebra: str) -> dict[str, Any]:
 
 
 def main(arguments: list[str]) -> int:
-    """Warm up, solve, print."""
+    """Solve once to compile, solve again, and print."""
     what, nx, levels, algebra = (*arguments, *("1", "auto")[len(arguments) - 2 :])
     run(what, _WARM, int(levels), algebra)
     found = run(what, int(nx), int(levels), algebra)

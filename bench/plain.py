@@ -1,12 +1,12 @@
 """Example 1 with Tresca friction the plain way: one residual in UFL, its derivative by UFL, PETSc's SNES.
 
 Everything is assembled and factorised anew in each step.  The max and min of (3.3b) and (3.4) are integrated by the
-vertex rule, with which the plain way does better than with Gauss points, and which makes it the same problem as that of
-the other contestants.  Newton's method for them cycles where gamma is large: a node jumps from one slip set to the
-other and back.  So gamma is raised step by step, each from the solution before; where a step fails, it is halved.
+vertex rule, with which this program is faster than with Gauss points, and with which it solves the same problem as the
+other contestants.  Newton's method cycles where gamma is large: a node changes from one slip set to the other and back.
+Therefore gamma is raised step by step, starting from the previous solution; a step that fails is halved.
 
-Of what was tried this is the fastest: the line search ``cp`` (``basic``, ``bt`` and ``l2`` need smaller steps), at most
-12 iterations before a step counts as failed, Cholesky rather than LU.
+These settings are the fastest of those that were tried: the line search ``cp`` (``basic``, ``bt`` and ``l2`` need
+smaller steps), at most 12 iterations before a step counts as failed, Cholesky rather than LU.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ FIRST_GAMMA = 1e4
 _FACTOR = 10.0
 _ITERATIONS = 12
 _SMALLEST_FACTOR = 1.002
-_DOWN = -1e-2  # where the body begins: in contact everywhere, or nothing would hold it
+_DOWN = -1e-2  # the initial displacement: in contact everywhere, since otherwise nothing would hold the body
 
 
 class Unfinished(Exception):
-    """The time was up before the last gamma."""
+    """The time limit was reached before the last gamma."""
 
 
 @dataclass
@@ -67,10 +67,10 @@ class _Plain:
 
 
 def tresca(tagged: TaggedMesh, seconds: float = math.inf) -> Answer:
-    """Solve; the answer is read off the displacement at the bottom nodes.
+    """Solve; the answer follows from the displacement of the bottom nodes.
 
     Raises:
-        Unfinished: it takes more than so many seconds.
+        Unfinished: it takes longer than the limit.
     """
     begin = time.perf_counter()
     mesh = tagged.mesh
@@ -111,7 +111,7 @@ def tresca(tagged: TaggedMesh, seconds: float = math.inf) -> Answer:
 
 
 def _follow(snes: PETSc.SNES, gamma: fem.Constant, iterate: PETSc.Vec, end: float) -> list[float]:
-    """Raise gamma to its last value; the values at which there is a solution."""
+    """Raise gamma to its last value, and return the values at which there is a solution."""
     factor, good, path = _FACTOR, iterate.copy(), []
     while not path or path[-1] < example1.GAMMA:
         wanted = min(path[-1] * factor, example1.GAMMA) if path else FIRST_GAMMA

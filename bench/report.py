@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from row import Row, Sizes
 
-# From light to dark in the order of the phases, so that they are told apart on a gray printer too.
+# From light to dark in the order of the phases, so that they can be distinguished in gray print too.
 _PHASES = {
     "compile": "#ffffff",
     "assemble": "#d9e6f2",
@@ -53,7 +53,7 @@ _STYLE: dict[str, Any] = {
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows as text; ratios, but for the rows that have a unit."""
+    """The rows as text; ratios, except for the rows that have a unit."""
     width = max(len(row.what) for row in rows)
     lines = [f"{'what':{width}} {'mesh':>16} {'value':>9} {'range':>13}  must be  verdict"]
     for row in rows:
@@ -75,7 +75,7 @@ def _shares(where: dict[str, float]) -> str:
 
 
 def information(samples: Sequence[Sample]) -> str:
-    """Median seconds, for information, and how much of a core each run had."""
+    """Median seconds, for information, and the CPU seconds of each run."""
     lines = ["median seconds of this run, for information (CPU seconds in parentheses)"]
     for key in dict.fromkeys((s.name, s.nx) for s in samples):
         wall, cpu = (np.median(clock.series(samples, key, cpu=flag)) for flag in (False, True))
@@ -152,12 +152,12 @@ def _where(axes: Axes, samples: Sequence[Sample], bars: Sequence[clock.Key]) -> 
 
 
 def _distances(axes: Axes, judged: Sequence[Row]) -> None:
-    axes.set_title("What must be reached: value over target, or target over value; hollow: not reached")
+    axes.set_title("Value over target, or target over value where large values are good; hollow: target not reached")
     for place, row in enumerate(judged):
         assert row.target is not None
         share = row.target / row.value if row.at_least else row.value / row.target
         reached = row.verdict == "reached"
-        # What is farther away than the axis goes is an arrow at its end.
+        # A value beyond the axis is an arrow at its end.
         marker, at = ("o", share) if share < _FARTHEST else (">", _FARTHEST)
         axes.plot(at, place, marker, color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
         value = f"{row.value:.2f} ({'>=' if row.at_least else '<='} {row.target:g})"

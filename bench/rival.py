@@ -1,6 +1,6 @@
-"""The best hand-written rival: stiffness assembled once in dolfinx, active sets in NumPy, CHOLMOD re-factorised.
+"""A program written by hand: stiffness assembled once in dolfinx, active sets in NumPy, refactorised by CHOLMOD.
 
-Algorithm (SSN) and (FP) of the paper on all unknowns, with what a careful programmer does: the contact terms are
+Algorithm (SSN) and (FP) of the paper on all unknowns, with the usual optimisations: the contact terms are
 diagonal (the bottom is straight), so that they are written into the diagonal of the stiffness; the symbolic
 factorisation is kept; where no set has changed the factor is kept; FP starts from what it has.
 """
@@ -20,7 +20,7 @@ from petsc4py import PETSc
 from signorini_fx.mesh.tagged import TaggedMesh
 
 # The fastest sequences of one symbolic and many numeric factorisations: CHOLMOD's own nested dissection, tried beside
-# AMD where that is cheap.
+# AMD where that takes little time.
 _OPTIONS = {"mat_cholmod_default_nesdis": "1"}
 _CHEAP, _BOTH = 300_000, {"mat_cholmod_nmethods": "3"}
 
@@ -74,7 +74,7 @@ class Rival:
     def _step(self, sets: Sets, bound: Floats | None) -> _Iterate:
         """Step 4 with given sets."""
         (contact, slip), gamma, w = sets, example1.GAMMA, self.weight
-        # A bound of zero transmits nothing: such a node neither sticks nor slips.
+        # A bound of zero transmits no shear: such a node neither sticks nor slips.
         stick = np.zeros_like(contact) if bound is None else (slip == 0) & (bound > 0)
         springs = np.concatenate((np.where(contact, gamma * w, 0.0), np.where(stick, gamma * w * self.movable, 0.0)))
         diagonal = self.elastic + springs
@@ -122,7 +122,7 @@ class Rival:
         return np.ones(self.x.size, dtype=bool), np.zeros(self.x.size, dtype=np.int8)
 
     def answer(self, last: _Iterate) -> Answer:
-        """In the form in which all contestants answer."""
+        """The answer in the common form."""
         contact, slip = last.sets
         return Answer(self.x, last.pressure, last.shear, contact, slip, self.solves, self.factorisations)
 

@@ -1,4 +1,4 @@
-"""One line of the table, and the sizes of the meshes."""
+"""A row of the table, and the sizes of the meshes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Row:
         what: what is measured.
         size: on what mesh.
         measured: one value a repeat; the median counts.
-        target: what must be reached; None: shown for information.
+        target: the limit to be reached; None: shown for information.
         at_least: whether the target is the smallest value rather than the largest.
-        key: the contestant whose phases say where the time goes.
+        key: the contestant whose seconds by phase are shown.
         unit: "" for ratios, else what the value is.
         note: anything else.
     """
@@ -54,10 +54,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Cells along the bottom: two for ratios, a small one for growth, a large one that must just be solved.
+    """Cells along the bottom: two for ratios, a small one for growth, a large one for time and memory.
 
     Attributes:
-        space: cells along the block in space, from one mesh to one with eight times as many cells.
+        space: cells along the block in space, of a mesh and of one with eight times as many cells.
     """
 
     small: int

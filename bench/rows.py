@@ -1,4 +1,4 @@
-"""The rows of the benchmark: what is compared with what, and what must be reached."""
+"""The rows of the benchmark: what is compared with what, and the targets."""
 
 from __future__ import annotations
 
@@ -83,12 +83,12 @@ GROUPS = (
     "space-rivals",
     "import",
 )
-# The largest mesh is no matter of small differences.
+# On the largest mesh differences are not small, and fewer rounds suffice.
 _FEW_REPEATS = 3
 
 
 def plan(groups: Sequence[str], sizes: Sizes) -> list[Key]:
-    """Whom the rows need, each once."""
+    """The contestants that the rows need, each once."""
     keys: list[Key] = []
     for ratio in RATIOS:
         if ratio.group in groups:
@@ -141,7 +141,7 @@ def _growth(sizes: Sizes, samples: list[Sample], default: str) -> list[Row]:
 
 
 def apart(arguments: Sequence[object], ranks: int = 1, options: str = "") -> dict[str, Any]:
-    """Run ``once.py`` in a process of its own, or several.
+    """Run ``once.py`` in a separate process, or on several ranks.
 
     Raises:
         RuntimeError: it failed.
@@ -159,7 +159,7 @@ def apart(arguments: Sequence[object], ranks: int = 1, options: str = "") -> dic
 
 
 def memory(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
-    """Peak memory of a process that solves, over one that solves the linear problem."""
+    """Peak memory of a process that solves a contact problem, over that of one that solves the linear problem."""
     nx = sizes.large
     names = ("tresca", "newton", "fp", "mumps", "cholmod")
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
@@ -233,9 +233,9 @@ def ranks(sizes: Sizes, levels: int, repeats: int, say: Say) -> list[Row]:
 
 
 def counts(sizes: Sizes, levels: int, say: Say) -> list[Row]:
-    """What should not grow with mesh and ranks where no clock can say so: solves, and CG iterations with multigrid.
+    """Counts that should not grow with mesh and ranks: solves, and CG iterations with multigrid.
 
-    More ranks than cores do for counts.
+    Counts may be taken on more ranks than there are cores.
     """
     rows = []
     for nx, most in ((sizes.small, 4), (sizes.middle, 4), (sizes.large, 2)):
@@ -284,7 +284,7 @@ _HEAVY = ("dolfinx", "petsc4py", "mpi4py", "ufl", "basix", "gmsh", "matplotlib")
 
 
 def start_up(repeats: int, say: Say) -> list[Row]:
-    """Seconds of ``--help`` and of the import, each a process; and what they import."""
+    """Seconds of ``--help`` and of the import, each in a process of its own; and what they import."""
     cases = {
         "signorini-fx --help": ["-m", "signorini_fx", "--help"],
         "import signorini_fx": ["-c", "import signorini_fx"],
@@ -313,7 +313,7 @@ def start_up(repeats: int, say: Say) -> list[Row]:
 def run(
     groups: Sequence[str], sizes: Sizes, repeats: int, levels: int, say: Say
 ) -> Iterator[tuple[list[Row], list[Sample]]]:
-    """All rows of the groups, and the samples behind those that are ratios of times; more with each yield."""
+    """All rows of the groups, and the samples of those that are ratios of times; each yield has more."""
     keys = plan(groups, sizes)
     default = contestants.default_coulomb(example1.tagged_mesh(sizes.middle))
     meshes = {nx: example1.tagged_mesh(nx) for nx in sorted({nx for _, nx in keys})}

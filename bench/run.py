@@ -1,10 +1,11 @@
-"""Measure the package against one linear solve and against its rivals, side by side: ratios, CSV files and a picture.
+"""Compare the package with one linear solve and with other programs: ratios, CSV files and a picture.
 
     ./env python3 bench/run.py [--quick] [--only NAME,...] [--out DIR]        (make bench)
 
-Every contestant gets the same mesh in memory, the same problem, tolerance and BLAS, and one thread per rank; all forms
-are compiled before any clock starts, and all must have come to the same pressure and the same sets.  Runs are
-interleaved, a ratio is taken within each round, and the median of the rounds counts.  What is not reached is said.
+Every contestant gets the same mesh in memory, the same problem, tolerance and BLAS, and one thread per rank; all
+forms are compiled before any time is measured, and all must find the same pressure and the same sets.  Runs are
+interleaved, a ratio is taken within each round, and the median of the rounds counts.  Targets that are not reached are
+reported as such.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     }
     found: list[rows.Row] = []
     samples: list[Sample] = []
-    # What there is is written at once: the whole takes its time.
+    # Written after each group, because the whole takes hours.
     for found, samples in rows.run(groups, sizes, repeats, given.levels, _say):
         facts["load average at the start, at the end"] = " and ".join(
             f"{one[0]:.1f}" for one in (load, os.getloadavg())
@@ -65,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _say("")
     print("\n".join(f"{name}: {value}" for name, value in facts.items()), end="\n\n")
     if sizes != _FULL:
-        print("The targets are for the full sizes; on these they say little.\n")
+        print("The targets are for the full sizes; here they mean little.\n")
     print(report.table(found), end="\n\n")
     if samples:
         print(report.information(samples), end="\n\n")
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(text: str) -> None:
-    """What is being done, on one line of a terminal."""
+    """The current run, on one line of a terminal."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 

@@ -1,4 +1,4 @@
-"""The block in space that three programs agree on: the package with multigrid, one linear solve, and what all answer.
+"""The block in space: the package with multigrid, one linear solve, and the form in which all programs answer.
 
 The linear solve is the same body held at the bottom: assemble, set up GAMG, CG to the residual at which the package
 ends its own solves.
@@ -39,7 +39,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "coulomb": {"law": "coulomb", "coefficient": 0.3},
 }
 CELLS = ("hexahedron", "tetrahedron")
-MIDDLE = (1.5, 0.5, 1.0)  # of the top, where the deflection is read
+MIDDLE = (1.5, 0.5, 1.0)  # of the top, where the deflection is measured
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -47,7 +47,7 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Answer:
-    """What every program says about the block.
+    """The answer of every program for the block.
 
     Attributes:
         deflection: u_z in the middle of the top, length.
@@ -102,17 +102,17 @@ def node_at(space: fem.FunctionSpace, place: tuple[float, float, float]) -> int:
 
 @dataclass(frozen=True)
 class Run:
-    """What a run leaves.
+    """The result of a run.
 
     Attributes:
         seconds: without the making of meshes.
-        cpu: CPU seconds of the same: what other processes on the machine hardly change.
+        cpu: CPU seconds of the same, on which other processes have little influence.
         steps: of all Krylov solves on the finest mesh.
         set_ups: multigrid hierarchies, on all meshes.
         dofs: unknowns of the finest mesh.
-        note: what the steps are made of.
+        note: the steps of each solve.
         converged: whether there is a certified solution.
-        answer: of those who solve the contact problem.
+        answer: of programs that solve the contact problem.
     """
 
     seconds: float
@@ -218,7 +218,7 @@ def sweep_coefficients(nx: int, gamma: float, coefficients: Sequence[float], lev
 def assemble(
     tagged: TaggedMesh, held: dict[str, tuple[int, ...]]
 ) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec, list[fem.DirichletBC]]:
-    """Function space, stiffness, with the rigid motions as its near null space, load, and what is held."""
+    """Function space, stiffness, with the rigid motions as its near null space, load, and what is fixed."""
     mesh = tagged.mesh
     space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)

@@ -1,10 +1,10 @@
-"""The block in space with GetFEM's contact brick, in a process of its own: prints its answer as one line of JSON.
+"""The block in space with GetFEM's contact brick, in a separate process: prints its answer as one line of JSON.
 
     python3 bench/space_getfem.py LAW NX
 
-LAW is frictionless or coulomb; the brick knows no other.  The constraints are exact: the multipliers are forces at the
-bottom nodes, found by the augmented Lagrangian of Alart & Curnier (1991) and Newton's method with MUMPS.  Nothing of
-the package or of dolfinx is used.
+LAW is frictionless or coulomb; the brick has no Tresca friction.  The constraints are exact: the multipliers are forces
+at the bottom nodes, found by the augmented Lagrangian of Alart & Curnier (1991) and Newton's method with MUMPS.  It
+uses neither the package nor dolfinx.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 LAWS = {"frictionless": 0.0, "coulomb": 0.3}  # with their coefficients
 LENGTH, YOUNG, POISSON, TRACTION = 3.0, 5000.0, 0.4, (0.0, 4.0, -20.0)
 MIDDLE = (1.5, 0.5, 1.0)
-# Where the body begins: in contact except at the ends, or nothing would hold it.  There u_x and u_y are prescribed,
-# which leaves the brick no force of friction to find.
+# The initial state is contact except at the ends, since otherwise nothing holds the body.  At the ends u_x and u_y are
+# prescribed, so that the brick has no friction force to determine there.
 _DOWN = -7e-3
-# Of a force at a node to its displacement, in units of Young's modulus times the width of a cell; and which of
-# Alart & Curnier's Lagrangians.  Of 0.1, 1, 10 and the four versions none takes less time at 6,075 unknowns.
+# Force at a node per displacement, in units of Young's modulus times the width of a cell; and which of Alart &
+# Curnier's Lagrangians.  None of the factors 0.1, 1 and 10 and of the four versions takes less time at 6,075 unknowns.
 _AUGMENTATION, _VERSION = 1.0, 1
 _RESIDUAL, _STEPS = 1e-8, 40
 _ENDS, _LOADED, _BOTTOM = 1, 2, 3

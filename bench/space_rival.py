@@ -1,13 +1,14 @@
-"""The hand-written rival in space: Newton's method in plain dolfinx, and GAMG set up on stiffness plus contact terms.
+"""A program in space written by hand: Newton's method in plain dolfinx, GAMG set up on stiffness plus contact terms.
 
-What a careful programmer does with what PETSc has: the stiffness is assembled once; the contact terms are blocks of
-3 x 3 at the bottom nodes (lumped by the vertices), which are written into the stiffness; CG, or GMRES where Coulomb
-friction makes the matrix unsymmetric, starts from the last displacement, and is loose as long as much changes (inexact
-Newton); GAMG gets the rigid motions and is set up for each matrix.  A slipping node keeps its direction and resists
-turning, as in the package (Hueber, Stadler, Wohlmuth 2008): without that Newton's method does not converge.
+It has the usual optimisations that PETSc allows.  The stiffness is assembled once.  The contact terms are blocks of 3 x
+3 at the bottom nodes (lumped by the vertices), which are written into the stiffness.  CG, or GMRES where Coulomb
+friction makes the matrix unsymmetric, starts from the last displacement, with a larger tolerance while many nodes
+change (inexact Newton).  GAMG gets the rigid motions and is set up for each matrix.  A slipping node keeps its
+direction and resists turning, as in the package (Hueber, Stadler, Wohlmuth 2008): otherwise Newton's method does not
+converge.
 
-Residuals are measured after preconditioning: before it the penalty outweighs everything else, and a solution
-that is no equilibrium looks like one.
+Residuals are measured after preconditioning: without it the penalty dominates the norm, which is then small for a
+displacement that is not in equilibrium.
 """
 
 from __future__ import annotations
@@ -27,12 +28,13 @@ from space import Answer, Flags, Floats, Run
 from signorini_fx.mesh.tagged import TaggedMesh
 
 NEWTON_STEPS = 60
-# What a linear solve leaves of the residual with which it begins, while sets change and when they stay.  Tuned at
-# 42,483 unknowns, between 0.1 and 1e-5: within 15 % of the least time for each law and gamma.  With anything looser
-# than the last, Coulomb friction with a large gamma does not converge on all meshes: GMRES sees the error badly.
-_LOOSE, _CLOSE = 0.01, 1e-4
-_LOOSE_UNSYMMETRIC, _LARGE_GAMMA = 1e-4, 1e7
-# What is left of the displacement at the end.
+# Reduction of the residual by a linear solve, while sets change and when they stay.  Tuned at 42,483 unknowns, between
+# 0.1 and 1e-5: within 15 % of the least time for each law and gamma.  With a larger value than the last one, Coulomb
+# friction with a large gamma does not converge on all meshes, because the residual of GMRES is then a poor measure of
+# the error.
+_WIDE, _CLOSE = 0.01, 1e-4
+_WIDE_UNSYMMETRIC, _LARGE_GAMMA = 1e-4, 1e7
+# Relative change of the displacement at the end.
 _ERROR = 1e-9
 # The directions of slip have settled when the friction law is met to this share of the bound.
 _LAW = 1e-7
@@ -144,7 +146,7 @@ class Rival:
         self.steps += self.ksp.getIterationNumber()
 
     def next_sets(self, sets: _Sets) -> tuple[_Sets, Floats]:
-        """The sets at the displacement, and what the friction law is missed by, in shares of the bound."""
+        """The sets at the displacement, and by how much the friction law is violated, relative to the bound."""
         values = self._values()
         contact, bound = -values[:, 2] > self.gap, self.bound(values)
         elastic = self.gamma * values[:, :2] * self.free[:, :2]
@@ -152,7 +154,7 @@ class Rival:
         size = np.linalg.norm(elastic, axis=1)
         slip = np.where(sets.slip, along > bound, size > bound) & (bound > 0)
         fresh = slip & ~sets.slip
-        # The shear of a node that goes on slipping, and its direction.
+        # The shear of a node that continues to slip, and its direction.
         turning = sets.turning[:, None] * (values[:, :2] - along[:, None] / self.gamma * sets.direction)
         shear = bound[:, None] * sets.direction + turning
         direction = np.where(fresh[:, None], elastic, shear)
@@ -175,7 +177,7 @@ class Rival:
         sets = _Sets(np.ones(count, dtype=bool), np.zeros(count, dtype=bool), np.zeros((count, 2)), np.zeros(count))
         bound = self.bound(np.full((count, 3), -1.0))
         large = self.unsymmetric and self.gamma > _LARGE_GAMMA
-        loose = tolerance = _LOOSE_UNSYMMETRIC if large else _LOOSE
+        loose = tolerance = _WIDE_UNSYMMETRIC if large else _WIDE
         for _ in range(NEWTON_STEPS):
             self._step(sets, bound, tolerance)
             left = tolerance * self.change.norm() / self.y.norm()
@@ -188,7 +190,7 @@ class Rival:
         raise RuntimeError(f"the rival has no solution after {NEWTON_STEPS} Newton steps")
 
     def answer(self, sets: _Sets) -> Answer:
-        """In the form in which all answer."""
+        """The answer in the common form."""
         values = self._values()
         bound = self.bound(values)
         gamma, e = self.gamma, sets.direction

@@ -87,13 +87,13 @@ def sweeps(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
         yield Row("space-sweep", what, f"{cell} {nx}", found, 8.0, note="; ".join(notes))
 
 
-# The gamma of package and rival, and the one that suits the rival best, with which it also keeps the interpolation of
-# GAMG.  What the package must be faster by at the largest size, by law.
+# The gamma of package and rival, and the one with which the rival is fastest, where it also keeps the interpolation of
+# GAMG. By how much the package must be faster at the largest size, for each law.
 _STIFF, _BEST = 1e8, 1e6
 _FASTER = {"frictionless": 3.0, "tresca": 4.0, "coulomb": 8.0}
 _FASTER_THAN_BEST, _FASTER_THAN_GETFEM = 2.0, 10.0
 # Answers are the same if the deflection and the force differ by no more than this share, and no node is in another set.
-# GetFEM has no penalty: what that of the package lets through is allowed in addition.
+# GetFEM has no penalty: the penetration that the package allows is a permitted difference as well.
 SAME, PENALTY = 1e-6, 1e-4
 # A mesh of that many cells on which all forms are compiled, and one from which on a rival runs once: it takes minutes.
 _WARM, _SLOW = 12, 96
@@ -102,7 +102,7 @@ _WARM, _SLOW = 12, 96
 def rivals(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
     """The hand-written Newton's method with GAMG at both sizes, and GetFEM at the smaller one, over the package.
 
-    CPU seconds, because a run of minutes never has the machine for itself.
+    CPU seconds, because other processes use the machine during a run of minutes.
     """
     cell = space.CELLS[0]
     for law in space.LAWS:
@@ -138,7 +138,7 @@ def _rounds(nx: int, repeats: int) -> int:
 
 
 def _hand_written(law: str, nx: int, cell: str) -> Iterator[Run | str]:
-    """The package, the rival with the same gamma, and with the one that suits it best; a text: it has no solution."""
+    """The package, the rival with the same gamma, and with its fastest one; a text: it has no solution."""
     yield space.package(law, nx, cell, _STIFF, space_levels(nx))
     tagged = generate_mesh("box", space.parameters(nx, cell), MPI.COMM_SELF)
     for gamma, reuse in ((_STIFF, False), (_BEST, True)):

@@ -23,6 +23,7 @@ _PUBLIC = {
     "records": ("Status",),
     "results.files": ("write_results",),
     "results.pictures": ("pictures",),
+    "results.progress_line": ("ProgressLine",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
     "scene.load_steps": ("LoadSteps",),

@@ -98,6 +98,7 @@ class IterationRecord:
     """One linear solve of the semi-smooth Newton iteration (Algorithm SSN, step 4).
 
     Attributes:
+        step: number of the load step, from 1.
         solve: running number of the linear solve, from 1.
         outer: running number of the outer iteration, from 0.
         iteration: number k of the inner iteration, from 1.
@@ -110,6 +111,7 @@ class IterationRecord:
         seconds: wall time since the solve began, on this rank.
     """
 
+    step: int
     solve: int
     outer: int
     iteration: int
@@ -127,6 +129,7 @@ class OuterRecord:
     """One outer iteration, that is, the solution of one regularised problem.
 
     Attributes:
+        step: number of the load step, from 1.
         outer: running number from 0.
         linear_solves: inner linear solves that it took.
         gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
@@ -135,6 +138,7 @@ class OuterRecord:
         status: how the inner solve ended.
     """
 
+    step: int
     outer: int
     linear_solves: int
     gamma_n: float
@@ -257,6 +261,7 @@ class History:
         observers: called with each new record or event, and when a load step begins, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
         shared: whether several meshes share this limit, so that none of them gets its own.
+        step: number of the load step that the solve is at, from 1.
         progress: where the solve is.
         watchers: called with it whenever it changes; on all ranks or on none.
     """
@@ -267,6 +272,7 @@ class History:
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
     shared: bool = False
+    step: int = 1
     progress: Progress = field(default_factory=Progress)
     watchers: list[Callable[[Progress], object]] = field(default_factory=list)
 
@@ -309,7 +315,7 @@ class History:
             case str():
                 self.events.append(record)
             case StepRecord():  # the results have a table of their own
-                pass
+                self.step = record.step
         for observer in self.observers:
             observer(record)
 

@@ -10,5 +10,5 @@ and a number of ranks.  Everything else (a process of its own that can be killed
 done by ``runner``, ``case.judge`` and ``report``.  ``short`` asks for the few cheap cases that the tests run.
 
 A case never raises on purpose: what it raises is a red row, as is a time limit that is passed, a crash, and a result
-that calls itself converged and is wrong.
+whose outcome is converged although it is wrong.
 """

@@ -2,7 +2,7 @@
 
     ./env python3 -m stability [--short] [--only GROUP,...] [--out DIR]        (make stability)
 
-Exit code 1 if any row is red.
+The exit code is 1 if any row is red.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(text: str) -> None:
-    """What is being done, on one line of a terminal."""
+    """The current case, on one line of a terminal."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 

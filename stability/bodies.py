@@ -20,7 +20,7 @@ _LINEAR = "the same body without contact"
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """How bodies are held; grazing contact; nothing to hold."""
+    """How bodies are held; grazing contact; bodies without load."""
     laws = ("Coulomb",) if short else tuple(LAWS)
     friction = tuple(law for law in laws if law != "frictionless")
     for law in laws:
@@ -36,7 +36,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             reference="unregularised limit",
         )
         yield Case(f"lifted off, {law}", partial(_lifted, law), wanted=(Status.OPEN.value,))
-        # Given friction acts whether there is contact or not (section 2): with it another reference.
+        # Given friction acts whether there is contact or not (section 2), so that it needs another reference.
         open_reference = "unregularised limit" if law == "Tresca" else _LINEAR
         target = REGULARISED if law == "Tresca" else 1e-10
         yield Case(f"lifted off, but held, {law}", partial(_never, law, 20.0), target=target, reference=open_reference)
@@ -48,7 +48,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             reference="unregularised limit" if law != "frictionless" else "prescribed displacement",
         )
         for load in (1e-14,) if short else (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
-            # The gap itself is known to eps: what the load adds to the displacements is so much smaller.
+            # The gap is known to round-off only, relative to which the displacements by the load are small.
             target = max(1e-8, 1e-15 / load)
             yield Case(f"grazing, load {load:g}, {law}", partial(_grazing, law, load), target=target, reference=BALANCE)
         for share in (1e-8,) if short else (1e-2, 1e-5, 1e-8, 1e-11, 1e-14):
@@ -59,7 +59,7 @@ def cases(*, short: bool) -> Iterator[Case]:
                 reference=open_reference,
             )
         yield Case(f"no load, supported, {law}", partial(_nothing, law, held=True), target=0.0, reference="zero")
-        # Every position is as good as another: a name, not a guess.
+        # All positions are equivalent: an outcome with a name is expected.
         yield Case(f"no load, floating, {law}", partial(_nothing, law, held=False), wanted=(Status.OPEN.value,))
     for law in friction:
         for nx, ny in ((13, 4),) if short else ((12, 4), (13, 4), (15, 5), (33, 11), (61, 20)):
@@ -76,7 +76,7 @@ def cases(*, short: bool) -> Iterator[Case]:
 
 
 def _resultant(solution: Solution) -> np.ndarray:
-    """Contact and friction force together."""
+    """The contact force plus the friction force."""
     assert solution.contact is not None
     contact, friction = solution.contact.forces
     return contact + friction
@@ -143,12 +143,12 @@ def _never(law: str, load: float) -> Finding:
 
 
 def _open_reference(scene: dict[str, Any], law: str) -> dict[str, Any]:
-    """The same scene without contact; but given friction acts all the same."""
+    """The same scene without contact, in which given friction acts nevertheless."""
     return scene | ({"solver": {"algorithm": "exact"}} if law == "Tresca" else {"contact": []})
 
 
 def _penetrating(law: str) -> Finding:
-    """The foundation stands a little too high under a clamped top."""
+    """The foundation penetrates the body slightly, under a clamped top."""
     scene = example1(law) | {"traction": []}
     scene["displacement"] = [{"boundary": "top", "x": 0.0, "y": 0.0}]
     scene["contact"] = scene["contact"] | {"gap": -0.01}
@@ -166,7 +166,7 @@ def _grazing(law: str, load: float) -> Finding:
 
 
 def _sagging(law: str, share: float) -> Finding:
-    """The foundation is where the free body would come to, but for a small share."""
+    """The foundation is at the position of the free loaded body, except for a small distance."""
     linear = solved(_open_reference(_clamped(law, 1.0), law))
     bottom = linear.discretisation.space.tabulate_dof_coordinates()[:, 1] < 1e-9
     sag = -linear.displacement.x.array[1::2][bottom].min()

@@ -1,4 +1,4 @@
-"""Cases that must come out red: what the tests of the suite itself run.  No part of the suite."""
+"""Cases that must give red rows, for the tests of the suite; they are not a part of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stability.case import CONVERGED, Case, Finding
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """One of each kind, and good ones between, which must not suffer."""
+    """One of each kind, and good ones between, which must not be affected."""
     yield Case("good", lambda: Finding(CONVERGED, 1, 1e-9, 0.0), target=1e-8)
     yield Case("hangs", _hang, seconds=2.0)
     yield Case("good after a hang", lambda: Finding(CONVERGED, 1, 1e-9, 0.0), target=1e-8)

@@ -1,4 +1,4 @@
-"""A case, what it finds, and the verdict on it.  Plain data: nothing here imports dolfinx."""
+"""A case, its finding and its verdict: plain data without dolfinx."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 CONVERGED = "converged"
-# Outcomes that only the runner gives.
+# Outcomes that only the runner assigns.
 TOO_LONG, CRASHED, RAISED = "time limit passed", "process died", "unexpected error"
 # Verdicts, best first.
 GOOD, REPORTED, RED = "as expected", "failure reported", "RED"
@@ -16,14 +16,14 @@ GOOD, REPORTED, RED = "as expected", "failure reported", "RED"
 
 @dataclass(frozen=True)
 class Finding:
-    """What a case found out.
+    """The finding of a case.
 
     Attributes:
         outcome: how it ended: the text of a ``Status``, or the name of an error.
         solves: linear solves.
         certificate: largest figure of the certificate that is judged, relative; None where there is none.
-        error: largest error against the reference of the case, relative; None where there is nothing to compare.
-        note: what is to be said of it.
+        error: largest error against the reference of the case, relative; None without a reference.
+        note: a remark for the table.
     """
 
     outcome: str
@@ -35,11 +35,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Case:
-    """Something that the solver must get through.
+    """A problem for the solver.
 
     Attributes:
         name: unique in its group.
-        run: does it; called in a process of its own, on every rank where there are several.
+        run: solves it; called in a separate process, on every rank where there are several.
         wanted: the outcomes that are right.
         allowed: outcomes that report a failure although there is a solution; the note says why.
         target: largest error allowed where it converges.
@@ -79,17 +79,17 @@ class Row:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Row:
-        """A row as the worker has sent it."""
+        """A row from the message of a worker."""
         return cls(**data)
 
 
 def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
-    """The verdict: a wrong answer is red whatever it calls itself; other outcomes must be wanted or allowed."""
+    """The verdict: a wrong answer is red whatever its outcome; other outcomes must be wanted or allowed."""
     verdict, notes = GOOD, [found.note]
     wrong = case.target is not None and (found.error is None or not found.error <= case.target)
     if found.outcome == CONVERGED and found.certificate is not None and not found.certificate <= 1e-6:
         verdict = RED
-        notes.append("calls itself converged without a certificate")
+        notes.append("converged without a certificate")
     elif found.outcome in case.wanted:
         if wrong and found.outcome == CONVERGED:
             verdict = RED
@@ -116,5 +116,5 @@ def judge(group: str, case: Case, found: Finding, seconds: float) -> Row:
 
 
 def _number(value: float | None) -> float | None:
-    """JSON and CSV know no NaN: what is not a number is as wrong as can be."""
+    """JSON and CSV have no NaN: it counts as infinite."""
     return None if value is None else float(value) if math.isfinite(value) else 1e300

@@ -14,7 +14,7 @@ from pathlib import Path
 from stability.case import CONVERGED, Case, Finding
 
 ROOT = Path(__file__).parent.parent
-# What is tried -> the tests that try it.
+# Fault -> the tests of it.
 TRIED = {
     "killed at every step of writing": ("killed_at_every_step",),
     "killed between two meshes": ("killed_between_meshes",),
@@ -30,7 +30,7 @@ _SCENE = ROOT / "demos" / "scenes" / "example1_coulomb.toml"
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """The tests, which are the short form, and what needs root or mpirun."""
+    """The tests, which are the short form, and cases that need root or mpirun."""
     if short:
         return
     for name, tests in TRIED.items():
@@ -68,7 +68,7 @@ def _tests(names: Sequence[str], ranks: int = 1) -> Finding:
 
 
 def _environment() -> dict[str, str]:
-    """Without what a launcher has set for this process: it may start others."""
+    """The environment without the variables of a launcher, so that other launchers can be started."""
     return {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_", "PMI_"))}
 
 
@@ -79,7 +79,7 @@ def _command(folder: Path, ranks: int, scene: Path = _SCENE) -> list[str]:
 
 
 def _full_disk(size: str, ranks: int) -> Finding:
-    """A disk of a few blocks: one sentence, no hang, nothing left behind."""
+    """A disk of a few blocks: one error in one sentence, no hang, and no file remains."""
     place = Path(tempfile.mkdtemp())
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(place)], capture_output=True, check=False
@@ -106,7 +106,7 @@ def _full_disk(size: str, ranks: int) -> Finding:
 
 
 def _interrupted_mpirun() -> Finding:
-    """Mpirun asks its ranks to end, and kills them half a second later: what is complete is there before."""
+    """Mpirun asks its ranks to end and kills them half a second later: the last complete result is kept."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
         command = [*_command(out, 2), "--levels", "4"]

@@ -56,7 +56,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             target=1e-12,
             reference="one another",
         )
-    yield Case("triangle, warning above the critical F", _warned, target=0.0, reference="said at F = 3, not at 0.1")
+    yield Case("triangle, warning above the critical F", _warned, target=0.0, reference="at F = 3, not at 0.1")
     for state in STATES:
         yield Case(
             f"triangle, F = 3, fp from {state}", partial(_triangle_fp, state), target=1e-3, reference="one of the three"
@@ -116,7 +116,7 @@ def _scene(coefficient: float, load: float = 1.0, **settings: Any) -> dict[str, 
         "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
         "body_force": {"x": 15.0 * load, "y": -6.0},
         "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
-        # The three states are what the problem is known for: they are numbers, not displacements of a body.
+        # The three states of the problem are known as numbers, not as displacements of a body.
         "solver": {"largest_deformation": 10.0, **settings},
     }
 
@@ -142,13 +142,13 @@ def _free_node(solution: Solution) -> np.ndarray:
 
 
 def _triangle(state: str) -> Finding:
-    """The start decides which of the three states is found; each to round-off by augmentation."""
+    """The start determines which of the three states is found; augmentation finds each to round-off."""
     solution = _from(state, 3.0, algorithm="alm", coulomb="newton", tolerance=1e-14)
     return found(solution, float(np.abs(_free_node(solution) - STATES[state]).max()))
 
 
 def _triangle_fp(state: str) -> Finding:
-    """The slip state repels the fixed point: it must end at another one, and say how."""
+    """The fixed-point iteration diverges from the slip state: it must end at another one and report how."""
     solution = _from(state, 3.0, coulomb="fp")
     node = _free_node(solution)
     nearest = min(STATES, key=lambda name: float(np.abs(node - STATES[name]).max()))
@@ -179,7 +179,7 @@ def _pulled(coefficient: float, way: str, push: float) -> Finding:
 
 @cache
 def _block(coefficient: float, way: str, push: float, algorithm: str = "auto") -> Solution:
-    """A slender block, clamped on the right, pressed down and pulled to the side by its left end."""
+    """A slender block, clamped on the right, its left end pressed down and pulled sideways."""
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": 60, "ny": 20}},
         "material": {"young": 5000.0, "poisson": 0.3},

@@ -1,8 +1,8 @@
 """Fuzz: thousands of randomly corrupted scenes, expressions and mesh files, by seed.
 
-Each must end with an error that names its place, or with a certified result; nothing in it may be executed, and none
-may take long.  Every mesh is read in a separate process, where gmsh may crash without harm; what it leaves behind
-must not break anything.
+Each must end with an error that names its place, or with a certified result; no code in it may be executed, and none
+may take long.  Every mesh is read in a separate process, where gmsh may crash without harm; the files that remain must
+do no harm.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def cases(*, short: bool) -> Iterator[Case]:
 
 
 class _Score:
-    """What became of each, and the first that ended badly."""
+    """The outcome of each, and the first ones with a bad end."""
 
     def __init__(self) -> None:
         self.ends: Counter[str] = Counter()
@@ -73,7 +73,7 @@ class _Score:
     def finding(self) -> Finding:
         note = ", ".join(f"{count} {end}" for end, count in sorted(self.ends.items()))
         if self.bad:
-            return Finding(f"{len(self.bad)} end badly", note=f"{self.bad[0]}; {note}")
+            return Finding(f"{len(self.bad)} with a bad end", note=f"{self.bad[0]}; {note}")
         return Finding(CONVERGED, error=0.0, note=note)
 
 
@@ -108,11 +108,11 @@ def texts(seed: int, count: int) -> Finding:
         assert function(np.array([[0.0, 0.3, 3.0], [0.0, 1.0, 0.5]])).shape == (3,)
         return "expressions"
 
-    # Whatever Python imports for reading is imported by now.
+    # All modules that reading needs are imported by now.
     scene(random.Random(seed))
     expression(random.Random(seed))
     importlib.import_module("unicodedata")
-    with suppress(ImportError):  # Python 3.14 has it apart
+    with suppress(ImportError):  # a separate module in Python 3.14
         importlib.import_module("_ast_unparse")
     sys.addaudithook(watch)
     for number, (chance, kind) in enumerate(repeated(seed, count, ("scene", "expression"))):
@@ -128,7 +128,7 @@ def meshes(seed: int, count: int) -> Finding:
     score = _Score()
     importlib.import_module("gmsh")  # once, not in every child
     with tempfile.TemporaryDirectory() as name:
-        # gmsh is started in children only: it keeps a state.
+        # gmsh is started in children only, because it has a global state.
         assert _in_a_child(lambda: _write_bases(Path(name)), 60) == 0
         contents = [path.read_bytes() for path in sorted(Path(name).glob("base*.msh"))]
         for number, (chance, _) in enumerate(repeated(seed, count, ("mesh",))):
@@ -157,7 +157,7 @@ def _mesh(file: Path) -> str:
         return "refused"
     assert os.WEXITSTATUS(status) == 0, f"the process of gmsh ends with {os.WEXITSTATUS(status)}"
     status = _in_a_child(lambda: _solve_on(file, arrays), 120)
-    assert status == 0, f"a mesh that was let through ends with {status}"
+    assert status == 0, f"a mesh that was accepted ends with {status}"
     return "meshes"
 
 
@@ -204,7 +204,7 @@ def _write_bases(folder: Path) -> None:
 
 
 def _in_a_child(action: Callable[[], object], seconds: float) -> int | None:
-    """How a fork ended that did something; None if it had to be killed."""
+    """The exit of a fork that runs a function; None if it had to be killed."""
     child = os.fork()
     if child == 0:
         code = 1
@@ -254,7 +254,7 @@ def solved_scenes(seed: int, count: int) -> Finding:
         try:
             solution = solve(parse_scene(data), MPI.COMM_SELF, check=False)
         except (MeshError, SceneError) as refusal:
-            return "refused" if str(refusal).strip() else "refused without a word"
+            return "refused" if str(refusal).strip() else "refused without a message"
         _check(solution)
         return str(solution.status.value)
 

@@ -22,8 +22,8 @@ GAPS = {
     "sawtooth, every other node": "0.001 + 0.0005 * abs(sin(10.471975511965978 * x[0]))",
     "jump": "0.001 if x[0] < 1.37 else 0.002",
     "jump of 1e3": "0.001 if x[0] < 1.37 else 1.0",
-    "one node proud": "0.0 if abs(x[0] - 1.5) < 1e-6 else 0.01",
-    "two nodes proud": "0.0 if abs(abs(x[0] - 1.5) - 1) < 1e-6 else 0.01",
+    "one node raised": "0.0 if abs(x[0] - 1.5) < 1e-6 else 0.01",
+    "two nodes raised": "0.0 if abs(abs(x[0] - 1.5) - 1) < 1e-6 else 0.01",
 }
 # Cells of an aspect ratio, put into a mesh by moving its lines.
 _ASPECTS = (10.0, 1e2, 1e3, 1e4)

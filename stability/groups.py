@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from stability.case import Case
 
-# Name -> what it tries; each is a module of this package.
+# Name -> what it tests; each is a module of this package.
 GROUPS = {
     "regularisation": "gamma from too small to beyond round-off",
     "incompressible": "Poisson's ratio close to 1/2",
@@ -32,7 +32,7 @@ def ranks_of(group: str) -> tuple[int, ...]:
 
 
 def cases_of(group: str, *, short: bool) -> list[Case]:
-    """The cases of a group; imports what it needs, dolfinx included.
+    """The cases of a group; imports its module, and with it dolfinx.
 
     Raises:
         ValueError: two cases have one name, or a number of ranks that the group does not have.

@@ -1,4 +1,4 @@
-"""Poisson's ratio close to 1/2: the element that does not lock, and beside it those that do."""
+"""Poisson's ratio close to 1/2: the element that does not lock, compared with those that do."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ FULL: dict[str, dict[str, Any]] = {
     "full P2": {"element": {"degree": 2}, "mesh": _TRIANGLES},
     "full Q2": {"element": {"degree": 2}},
 }
-# Counts may grow by so much over those at nu = 0.3.
+# The largest growth of counts compared with nu = 0.3.
 _GROWTH = 1.6
-# What may alternate from node to node, or cell to cell.
+# The largest oscillation from node to node, or cell to cell.
 _OSCILLATION = 1e-2
 
 
@@ -93,14 +93,14 @@ def _sound(law: str, name: str, poisson: float) -> Finding:
 
 
 def _alternation(values: np.ndarray, axis: int = 0) -> float:
-    """What alternates from node to node: neighbouring second differences of opposite sign; in units of the values."""
+    """The oscillation from node to node: neighbouring second differences of opposite sign, relative to the values."""
     bend = np.diff(values, 2, axis=axis) / 4
     neighbours = np.split(bend, [1], axis=axis)[1] * np.split(bend, [-1], axis=axis)[0]
     return float(np.sqrt(np.maximum(0.0, -neighbours).mean()))
 
 
 def _checkerboard(solution: Solution, poisson: float) -> float:
-    """What alternates from cell to cell in the mean volumetric stress of a grid, relative to its mean size."""
+    """The oscillation from cell to cell of the mean volumetric stress of a grid, relative to its mean size."""
     space = solution.discretisation.space
     x = space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array.reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""What the cases have in common: solving, comparing, and saying what was found."""
+"""Functions for all cases: solving, comparing, and the finding."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def solved_from(
     return solution
 
 
-# What gamma = auto may leave of the displacement.
+# The largest error of the displacement by gamma = auto.
 REGULARISED = 5e-4
 
 
 def found(solution: Solution, error: float | None = None, note: str = "") -> Finding:
     """The finding of a solve."""
     certificate = solution.certificate.worst
-    # A fall-back of the solver is worth a word.
+    # A fall-back of the solver is reported.
     events = dict.fromkeys(event for event in solution.history.events if not event.startswith("level "))
     solves = solution.history.linear_solves or sum(step.linear_solves for step in solution.steps)
     return Finding(solution.status.value, solves, certificate, error, "; ".join([*([note] if note else []), *events]))
@@ -106,5 +106,5 @@ def column(solution: Solution, name: str) -> npt.NDArray[np.float64]:
 
 
 def worst(errors: Sequence[float]) -> float:
-    """The largest, where NaN is larger than anything."""
+    """The largest value; NaN counts as the largest."""
     return float(np.max(np.nan_to_num(np.asarray(errors, dtype=float), nan=np.inf)))

@@ -37,21 +37,21 @@ from stability.mistakes import MUTANTS, QUICK, ROOT, Mutant
 PAGE = ROOT / "docs" / "mutants.md"
 BEGIN, END = "<!-- written by make mutants -->", "<!-- end -->"
 NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
-# These would see that the copy is not the code that they know, and not what the mistake does.
+# These tests fail because the source differs, and not because of the effect of the mistake.
 _NOT_FOR_COPIES = ("tests/test_mutants.py",)
-# What comes first in the suite: quick, and about everything.
+# The first tests of the suite: quick ones of all parts.
 _FIRST = (
     "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "fall_backs", "invariances",
     "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "boundary_levels", "expressions",
 )  # fmt: skip
-# CPU seconds of a process, and wall seconds, by how much is run: a mutant may run for ever.
+# CPU seconds of a process, and wall seconds, by how much is run: a mutant may run endlessly.
 _LIMITS = {"test": (120, 900), "files": (600, 2400), "suite": (3600, 7200)}
 _MEMORY = 16_000_000  # kB of address space
 
 
 @dataclass(frozen=True)
 class Fate:
-    """What became of a mutant.
+    """The fate of a mutant.
 
     Attributes:
         fate: noticed, survives, or limit: it took more time than allowed, or its process died, which is noticed too.
@@ -75,11 +75,11 @@ class Copy:
         anywhere = shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis")
 
         def ignored(place: str, names: list[str]) -> set[str]:
-            """What git does not hold; the package has a folder with the name of that of the results."""
+            """Files that are not in git; the package has a folder of the same name as that of the results."""
             return anywhere(place, names) | ({"results", "build"} & set(names) if Path(place) == ROOT else set())
 
         shutil.copytree(ROOT, folder / "code", symlinks=True, ignore=ignored)
-        # Forms that another mutant began to compile, and did not end, would be waited for.
+        # Compilation locks of another mutant that ended would make this one wait.
         for name in ("fenics", "matplotlib"):
             if (cache / name).is_dir():
                 shutil.copytree(cache / name, self.cache / name, copy_function=_link)
@@ -142,7 +142,7 @@ class Copy:
             return (code if code is not None and 0 <= code <= 5 else None), output.read()
 
 
-# What runs, and whether it is to end.
+# The running processes, and whether they are to end.
 _RUNNING: set[int] = set()
 _STOP = threading.Event()
 

@@ -41,7 +41,7 @@ SOLVED: dict[str, dict[str, Any]] = {
     "rank without cells": {"law": "Coulomb", "nx": 2, "ny": 1},
     "one cell": {"law": "Coulomb", "nx": 1, "ny": 1},
 }
-# How those end that have no solution, or are none.
+# The outcomes of scenes without a solution, and of scenes with an error.
 ENDED: dict[str, tuple[str, dict[str, Any]]] = {
     "pulled off": (Status.OPEN.value, {"displacement": [], "traction": _UP}),
     "slides away": (Status.SLIDES.value, {"displacement": [], "traction": _SIDEWAYS}),

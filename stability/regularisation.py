@@ -1,4 +1,4 @@
-"""Gamma from far too small to far beyond round-off, and the methods whose limit does not depend on it."""
+"""Gamma from far too small to far above the limit of round-off, and methods whose limit does not depend on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def cases(*, short: bool) -> Iterator[Case]:
                 f"{law}, gamma = 1e{exponent:+d} E/L",
                 partial(_gamma, law, exponent),
                 wanted=(CONVERGED, Status.ROUND_OFF.value) if large else (CONVERGED,),
-                # What the regularisation leaves falls like 1 / gamma; round-off grows like gamma.
+                # The regularisation error falls like 1 / gamma; round-off grows like gamma.
                 target=20.0 * 10.0**-exponent + 1e-15 * 10.0**exponent,
                 reference="unregularised limit",
                 seconds=60,
@@ -43,7 +43,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             yield Case(
                 f"{law}, {name}",
                 partial(_limit, law, settings),
-                # The penalty has a round-off of its own, and it grows with gamma.
+                # The penalty terms have round-off that grows with gamma.
                 target=1e-10 if "1e7" in name and "ALM" in name else 3e-12 if "ALM, gamma = auto" in name else 1e-12,
                 reference="exact on the full system",
             )
@@ -57,7 +57,7 @@ def _gamma(law: str, exponent: int) -> Finding:
 
 @cache
 def _limit_of(law: str) -> Solution:
-    """The reference takes another way to the same limit: full system, tight tolerance."""
+    """The reference is the same limit by another method: full system, tight tolerance."""
     return solved(example1(law, algorithm="exact", linear_algebra="full", tolerance=1e-14))
 
 

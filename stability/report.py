@@ -30,7 +30,7 @@ _STYLE: dict[str, Any] = {
     "text.color": _INK,
 }
 _COLOURS = {GOOD: _INK, REPORTED: "#e69f00", RED: _ALARM}
-# Shares of what is allowed that are drawn; others at the edge.
+# Range of errors relative to their limit that is drawn; others are at the edge.
 _LEFT, _RIGHT = 1e-10, 1e2
 # Cases of the sweep over gamma.
 _SWEEP = re.compile(r"\w+, gamma = (\S+) E/L")
@@ -76,7 +76,7 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
 
 
 def picture(folder: Path, rows: Sequence[Row]) -> Path:
-    """``stability.png``: how far every case is from what is allowed, and what gamma does to the accuracy."""
+    """``stability.png``: the error of every case relative to its limit, and the accuracy over gamma."""
     groups = [group for group in dict.fromkeys(row.group for row in rows) if group in GROUPS]
     sweep = [row for row in rows if _SWEEP.fullmatch(row.case)]
     heights = [0.8 + 0.42 * len(groups), *([2.4] if sweep else [])]
@@ -92,12 +92,12 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
 
 
 def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
-    """One line a group, one mark per case: its error over what is allowed."""
+    """One line per group, one mark per case: its error over its limit."""
     axes.set_title("Error relative to its limit (cross: no solution, and reported as such; bar: certificate only)")
     for place, group in enumerate(groups):
         own = [row for row in rows if row.group == group]
         for k, row in enumerate(own):
-            high = place + 0.28 * (2 * ((0.618034 * k) % 1) - 1)  # spread, without chance
+            high = place + 0.28 * (2 * ((0.618034 * k) % 1) - 1)  # spread, the same in every run
             colour = _COLOURS[row.verdict]
             if row.outcome != CONVERGED or row.error is None or row.target is None:
                 marker = "|" if row.outcome == CONVERGED else "x"

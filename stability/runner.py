@@ -1,4 +1,4 @@
-"""Runs groups of cases in processes of their own, so that a hang or a crash gives a red row and the others continue."""
+"""Runs groups of cases in separate processes, so that a hang or a crash gives a red row and the others continue."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _START_SECONDS = 120.0
 
 
 def run_group(group: str, ranks: int, *, short: bool, show: Callable[[str], None] = lambda text: None) -> Iterator[Row]:
-    """The rows of one group for one number of ranks; a worker that is stuck is killed and the next case begun anew."""
+    """The rows of one group for one number of ranks; a worker that hangs is killed and replaced."""
     done = 0
     while True:
         with _Worker(group, ranks, done, short) as worker:
@@ -48,7 +48,7 @@ def run_group(group: str, ranks: int, *, short: bool, show: Callable[[str], None
 
 
 class _Worker:
-    """A worker process and what it says."""
+    """A worker process and its messages."""
 
     def __init__(self, group: str, ranks: int, skip: int, short: bool) -> None:
         launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
@@ -96,7 +96,7 @@ class _Worker:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # mpirun ends its ranks when it is asked to; what does not listen is killed.
+        # mpirun ends its ranks when it is terminated; otherwise it is killed.
         self._process.terminate()
         try:
             self._process.wait(10)

@@ -1,6 +1,6 @@
 """Random scenes with fixed seeds: supports, loads, foundations, laws, elements and settings of all kinds, together.
 
-Whole batches are one row.  Scenes that once broke the solver, or still do, have a row of their own.  A solution is
+A batch is one row. Scenes that the solver did not solve, or still does not, have a row of their own.  A solution is
 right if its certificate holds, which judges all conditions of the problem.
 """
 
@@ -23,7 +23,7 @@ _RIGHT = (CONVERGED, Status.OPEN.value, Status.SLIDES.value, Status.NOT_HELD.val
 _REFUSED = "scene refused"
 _REPORTED = (Status.CYCLING.value, Status.OUTER_MAX_ITERATIONS.value, Status.ROUND_OFF.value)
 _BATCH = 200
-# Seeds of scenes that the plain iteration does not solve, and what is known of those that nothing solves.
+# Seeds of scenes that the iteration alone does not solve, and a note on those that no method solves.
 HARD = {
     5: "",
     60: "",
@@ -37,20 +37,20 @@ HARD = {
     467: "",
     584: "alm does not contract at F = 1.85 on linear triangles with nu = 0.499999; the default algorithm solves it",
     920: "",
-    1090: "alm: multipliers of a body that slides freely in a corner creep; the default algorithm solves it",
+    1090: "alm: the multipliers of a body that is free to slide converge very slowly; the default algorithm solves it",
     1451: "",
     2380: "gamma is 2e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
-    3202: "alm: as before, multipliers creep; the default algorithm solves it",
+    3202: "alm: as before, the multipliers converge very slowly; the default algorithm solves it",
     3679: "gamma is 1e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     3738: "gamma is 4e7 times E / L for a load of 1e-3: round-off, as the outcome says; gamma = auto solves it",
     4195: "",
     4501: "",
-    4780: "a body that locks (linear cells, nu = 0.499999) hangs on friction in a corner; P2/P0 and nu = 0.3 end well",
+    4780: "a body that locks (linear cells, nu = 0.499999) is held by friction in a corner; P2/P0 or nu = 0.3 helps",
 }
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """Batches, then the hard ones."""
+    """Batches, then the difficult scenes."""
     for first in range(0, 60 if short else 2000, _BATCH):
         last = min(first + _BATCH, 60) if short else first + _BATCH
         yield Case(
@@ -70,7 +70,7 @@ def _one(seed: int) -> Finding:
 
 
 def _batch(first: int, last: int) -> Finding:
-    """Converged if every scene is solved, or has no solution and is told so; else the first other outcome."""
+    """Converged if every scene is solved, or correctly has an outcome without solution; else the first other one."""
     tally: Counter[str] = Counter()
     others: list[tuple[int, Solution]] = []
     solves, certificate = 0, 0.0

@@ -27,7 +27,7 @@ def cases(*, short: bool) -> Iterator[Case]:
     laws = {"Tresca": _TRESCA} if short else _LAWS
     for name, law in laws.items():
         for power in (7,) if short else (2, 3, 5, 7, 9, 11):
-            # The penalty leaves about its share; beyond round-off it is said by name.
+            # The penalty has about this error; above the limit of round-off the outcome has a name.
             target = max(REGULARISED, 30 * 10.0**-power)
             beyond = (Status.ROUND_OFF.value, Status.NOT_CERTIFIED.value) if power > 9 else ()
             yield Case(
@@ -36,7 +36,7 @@ def cases(*, short: bool) -> Iterator[Case]:
                 allowed=beyond,
                 target=target,
                 reference="unregularised limit",
-                note="gamma is beyond what double precision bears; 'auto' is not" if beyond else "",
+                note="gamma is too large for double precision; 'auto' is not" if beyond else "",
             )
         for ratio in (0.4999,) if short else (0.0, 0.3, 0.45, 0.4999, 0.499999):
             yield Case(
@@ -64,7 +64,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             yield Case(
                 f"{cell}s, height {height:g} of 3",
                 partial(_flat, cell, height),
-                # gamma = auto goes with the size of the body, the contact with its width: a tower is softer on it.
+                # gamma = auto depends on the size of the body, the contact on its width: a tower penetrates more.
                 target=REGULARISED * max(1.0, height),
                 reference="unregularised limit",
             )
@@ -78,7 +78,7 @@ def cases(*, short: bool) -> Iterator[Case]:
 
 
 def _block(law: dict[str, Any], *, length: float = 1.0, stress: float = 1.0, **changed: Any) -> dict[str, Any]:
-    """A block 3 x 1 x 1 on a bowl, its ends guided, loaded aslant in the middle of its top."""
+    """A block 3 x 1 x 1 on a paraboloid, its ends guided, under an oblique load in the middle of its top."""
     settings = {key: value for key, value in changed.items() if key not in ("parameters", "poisson", "element")}
     friction = dict(law, bound=law["bound"] * stress) if "bound" in law else law
     within = f"{length} <= x[0] <= {2 * length}"

@@ -1,4 +1,4 @@
-"""Starts: the iteration ends at the same solution, whatever it begins with."""
+"""Starts: the iteration ends at the same solution from every start."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ MOTIONS = {
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """Every start for every law; random multipliers for Coulomb friction, whose first bound they make."""
+    """Every start for every law; random multipliers for Coulomb friction, which give its first bound."""
     shape = {"target": 1e-8, "reference": "the solution from the usual start"}
     for law in ("Tresca", "Coulomb") if short else LAWS:
         some = ("none", "both ends", "random 0") if short else (*SETS, "another problem")
@@ -81,7 +81,7 @@ def cases(*, short: bool) -> Iterator[Case]:
             sets = _of_another(law) if name == "another problem" else SETS[name]
             yield Case(f"{law}, sets: {name}", partial(_from_sets, law, sets), **shape)
         for name in ("torn by 1e6 lengths",) if short else MOTIONS:
-            # A huge first iterate leaves its own round-off.
+            # A huge first iterate has a large round-off.
             yield Case(f"{law}, {name}", partial(_from_motion, law, MOTIONS[name]), **shape)
         for name, settings in {"Newton": {}, "path-following": {"algorithm": "path-following"}}.items():
             if not short and name != "Newton":

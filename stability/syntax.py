@@ -1,4 +1,4 @@
-"""A piece of code found by its syntax and replaced: layout, comments and what stands around it do not matter."""
+"""Finds a piece of code by its syntax and replaces it, whatever the layout, comments and code around it."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from stability.case import Case, Finding
 from stability.measure import apart, counts, found, solved
 from stability.scenes import LAWS, example1
 
-# (length, stress): what one unit of the paper is in the others.
+# (length, stress): one unit of the paper in the other units.
 UNITS = {
     "mm, N, MPa": (1e3, 1e-6),
     "km, GN": (1e-3, 1e-3),
@@ -23,7 +23,7 @@ UNITS = {
     "3e6 long, E = 1e-3": (1e6, 1e-3 / 5000),
 }
 _GMSH = {"generator": "block", "parameters": {"layout": "unstructured"}}
-# Ways through the program, each with what makes a scene take it.
+# Methods, each with the settings that select it.
 WAYS: dict[str, dict[str, Any]] = {
     **{law: {"law": law} for law in LAWS},
     "Coulomb, monolithic": {"law": "Coulomb", "coulomb": "newton"},
@@ -42,7 +42,7 @@ WAYS: dict[str, dict[str, Any]] = {
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """Every way in every unit; the short form has the extreme units only."""
+    """Every method in every unit; the short form has the extreme units only."""
     for way in ("Tresca", "Coulomb", "exact Coulomb") if short else WAYS:
         for unit in ("3e-9 long, E = 1e15", "3e6 long, E = 1e-3") if short else UNITS:
             yield Case(

@@ -18,12 +18,12 @@ from mpi4py import MPI
 from stability.case import RAISED, Finding, judge
 from stability.groups import cases_of
 
-# Libraries print too: only lines that begin so are ours.
+# Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the cases, but for the first SKIP."""
+    """Run the cases except the first SKIP."""
     group, ranks, skip, *rest = arguments
     cases = [case for case in cases_of(group, short="--short" in rest) if case.ranks == int(ranks)]
     _say({"cases": [[case.name, case.seconds] for case in cases]})

@@ -1,8 +1,8 @@
 """Open reports in Debian's Chromium, as on a telephone, on a desk and on paper, and say what is wrong.
 
 ``make test-report`` runs it, outside the image; it installs Chromium and poppler-utils where it may.  It checks that no
-script fails, that nothing but tables scrolls sideways, that a value appears under the pointer, and that the print has
-two to four pages, none of which ends with a heading.
+script fails, that nothing scrolls sideways but folded tables, and tables on a telephone, that a value appears under the
+pointer, and that the print is no wider than the paper and has two to four pages, none of which ends with a heading.
 
     python3 tests/in_chromium.py PAGE.html ...     leaves pictures of what it saw beside each page
 """
@@ -18,6 +18,8 @@ import tempfile
 from pathlib import Path
 
 WIDTHS = (390, 1280)
+TELEPHONE = 600  # pixels, up to which tables may scroll
+PAPER = 688  # pixels between the margins of the print, 182 mm
 PAGES = range(2, 5)
 # So that it neither needs a profile nor a network.
 OPTIONS = (
@@ -29,6 +31,9 @@ LOOK = """<script>
 window.addEventListener("load", function () {
   var wide = Array.from(document.querySelectorAll("body *")).filter(function (one) {
     return one.getBoundingClientRect().right > innerWidth + 1 && !one.closest(".scroll, details, pre");
+  });
+  var tables = Array.from(document.querySelectorAll(".scroll")).filter(function (one) {
+    return one.scrollWidth > one.clientWidth + 1 && !one.closest("details");
   });
   var small = Array.from(document.querySelectorAll("td, dd, p, li, figcaption")).filter(function (one) {
     return one.offsetParent && parseFloat(getComputedStyle(one).fontSize) < 12;
@@ -47,7 +52,7 @@ window.addEventListener("load", function () {
   });
   var found = { width: innerWidth, across: document.documentElement.scrollWidth, failures: failures, read: read,
     wide: wide.slice(0, 3).map(function (one) { return one.outerHTML.slice(0, 80); }), small: small.length,
-    plots: plots.length,
+    plots: plots.length, tables: tables.map(function (one) { return one.querySelector("th").textContent; }),
     headings: Array.from(document.querySelectorAll("h2")).map(function (one) { return one.textContent; })
   };
   parent.postMessage(JSON.stringify(found), "*");
@@ -85,10 +90,12 @@ def chromium(page, *options):
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout
 
 
-def looked_at(page, width):
-    """What LOOK found in a frame of this width, and a picture of it beside the page."""
+def looked_at(page, width, as_printed=False):
+    """What LOOK found in a frame of this width, on the screen or in the style of the print, and a picture of it."""
     source = page.read_text(encoding="utf-8")
-    picture = page.with_name(f"{page.stem}-{width}.png")
+    if as_printed:
+        source = source.replace("@media print", "@media all").replace("@media screen", "@media speech")
+    picture = page.with_name(f"{page.stem}-{'print' if as_printed else width}.png")
     with tempfile.TemporaryDirectory() as folder:
         copy, plain, frame = (Path(folder) / name for name in ("watched.html", "plain.html", "frame.html"))
         watched = source.replace("<head>", f"<head>{WATCH}", 1).replace("</body>", f"{LOOK}</body>")
@@ -110,6 +117,7 @@ def problems_on_screen(page, width):
         f"scripts fail: {found['failures']}": not found["failures"],
         "no value under the pointer": found["read"] or not found["plots"],
         f"{found['small']} texts of less than 12 pixels": found["small"] == 0,
+        f"wider than the page: the tables of {found['tables']}": width < TELEPHONE or not found["tables"],
     }
     return [f"{width} pixels: {what}" for what, good in checks.items() if not good], found
 
@@ -121,6 +129,9 @@ def problems_in_print(page, headings):
     boxes = subprocess.run(["pdftotext", "-bbox-layout", str(paper), "-"], capture_output=True, text=True, check=True)
     pages = boxes.stdout.split("<page ")[1:]
     wrong = [] if len(pages) in PAGES else [f"print: {len(pages)} pages"]
+    across = looked_at(page, PAPER, as_printed=True)["across"]
+    if across > PAPER:
+        wrong.append(f"print: {across} pixels wide, there is place for {PAPER}")
     for number, text in enumerate(pages, start=1):
         lines = [
             (float(bottom), " ".join(html.unescape(word) for word in re.findall(r">([^<]*)</word>", line)))

@@ -105,6 +105,11 @@ def changed(old, new):
         (changed("y = -20.0", 'y = "1e200*x[0]"'), (), "traction, body_force: an expression is not finite, or larger"),
         (SCENE + "[solver]\ngamma_n = 1e300\n", (), "solver.gamma_n: must not be larger than 1e+60"),
         (changed("nx = 6", "self = 1"), (), "mesh.parameters.self: unknown key; there are: length"),
+        (
+            changed("[mesh]", "[mesh]\nboundaries = {}"),
+            (),
+            "mesh.boundaries: unknown key; there are: generator, parameters",
+        ),
         (changed("nx = 6", "comm = 1"), (), "mesh.parameters.comm: unknown key; there are: length"),
         (changed("nx = 6", "length = 9223372036854775808"), (), "the body is too thin"),
         (changed("nx = 6", 'nx = "six"'), ("--levels", "2"), "mesh.parameters.nx: must be"),
@@ -118,7 +123,7 @@ def changed(old, new):
         ),
         (b"\xef\xbb\xbf" + changed("poisson = 0.4", "poisson = 0.6").encode(), (), "material.poisson: must be less"),
     ],
-    ids=range(15),
+    ids=range(16),
 )
 def test_scene(solve_text, text, arguments, message):
     """Exit code 2 and one line that names the key."""

@@ -68,6 +68,7 @@ def test_result_folder(tmp_path):
     assert [float(row["x"]) for row in rows] == sorted(float(row["x"]) for row in rows)
     solves = read_rows(tmp_path / "out" / "history.csv")
     assert len(solves) == summary["linear_solves"]
+    assert not any("step" in rows[0] for rows in (solves, read_rows(tmp_path / "out" / "outer.csv")))
 
 
 def without_times(value):

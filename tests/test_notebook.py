@@ -19,18 +19,53 @@ def test_notebook_is_up_to_date():
     )
 
 
-def test_notebook_runs(tmp_path, monkeypatch):
-    """In a kernel of its own, which knows nothing of the MPI of this process; results are displayed as tables."""
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A function that runs a notebook in a kernel of its own, which knows nothing of the MPI of this process."""
     monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")  # jupyter_core warns without it when it is imported
-    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
     for name in [name for name in os.environ if name.startswith(("OMPI_COMM", "PMIX_"))]:
         monkeypatch.delenv(name)
     monkeypatch.delenv("MPLBACKEND", raising=False)  # a notebook shows figures
     monkeypatch.setenv("CELLS", "30")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
+
+    def executed(notebook):
+        client = nbclient.NotebookClient(notebook, kernel_name="python3", timeout=600)
+        client.execute(cwd=str(tmp_path))  # raises if a cell fails
+
+    return executed
+
+
+PROGRESS = """
+from signorini_fx import ProgressLine
+from signorini_fx.records import Progress
+from signorini_fx.results import progress_line
+progress_line._PAUSE = 0.0
+line = ProgressLine()
+for number in (1, 2):
+    line(Progress(solve=number))
+"""
+
+
+def test_progress_line(run):
+    """One output of its cell, which changes, and is empty in the end; nothing on standard error."""
+    from nbformat.v4 import new_code_cell, new_notebook
+
+    notebook = new_notebook(cells=[new_code_cell(PROGRESS), new_code_cell(f"{PROGRESS}line.erase()")])
+    run(notebook)
+    assert [[output.data["text/plain"] for output in cell.outputs] for cell in notebook.cells] == [
+        ["linear solve 2"],
+        [""],
+    ]
+
+
+def test_notebook_runs(tmp_path, run):
+    """The cells do not fail, and results are displayed as tables."""
+    nbformat = pytest.importorskip("nbformat")
     notebook = nbformat.read(SOURCE.with_suffix(".ipynb"), as_version=4)
-    client = nbclient.NotebookClient(notebook, kernel_name="python3", timeout=600)
-    client.execute(cwd=str(tmp_path))  # raises if a cell fails
+    run(notebook)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     tables = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
     assert len(tables) >= 3

@@ -10,9 +10,10 @@ from spaces import block
 from test_cli import SCENE
 from test_ranks import same_on_all_ranks
 
-from signorini_fx.cli import main, progress_line
-from signorini_fx.cli.progress_line import ProgressLine, told
+from signorini_fx.cli import main
 from signorini_fx.records import Progress
+from signorini_fx.results import progress_line
+from signorini_fx.results.progress_line import ProgressLine, told
 from signorini_fx.solving.solver import solve
 
 
@@ -85,9 +86,18 @@ def test_in_words(progress, text):
     assert told(progress, 100.0) == text
 
 
-def test_not_more_often_than_one_can_read(monkeypatch, capsys):
+class Terminal(io.StringIO):
+    """A standard error that is a terminal."""
+
+    def isatty(self):
+        """It is."""
+        return True
+
+
+def test_not_more_often_than_one_can_read(monkeypatch):
     """A line within a fifth of a second of the last is left out; an erased one comes back at once."""
-    now = [0.0]
+    stream, now = Terminal(), [0.0]
+    monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr(progress_line.time, "perf_counter", lambda: now[0])
     line = ProgressLine()
     line.erase()
@@ -97,15 +107,19 @@ def test_not_more_often_than_one_can_read(monkeypatch, capsys):
     line(Progress(solve=4))
     erase = "\r\x1b[K"
     shown = [f"{erase}linear solve {number}" for number in (1, 3)]
-    assert capsys.readouterr().err == "".join([*shown, erase, f"{erase}linear solve 4"])
+    assert stream.getvalue() == "".join([*shown, erase, f"{erase}linear solve 4"])
 
 
-class Terminal(io.StringIO):
-    """A standard error that is a terminal."""
-
-    def isatty(self):
-        """It is."""
-        return True
+@pytest.mark.parametrize("terminal", [True, False])
+def test_in_python(monkeypatch, terminal):
+    """A line of a solve in Python is erased at its end, and is not there without a terminal."""
+    stream = Terminal() if terminal else io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with ProgressLine() as line:
+        solve(example1(bound=1.5, nx=12, ny=4), MPI.COMM_SELF, on_progress=line)
+    assert ("linear solve 1" in stream.getvalue()) is terminal
+    assert stream.getvalue().endswith("\r\x1b[K" if terminal else "")
+    assert bool(stream.getvalue()) is terminal
 
 
 @pytest.mark.parametrize(

@@ -223,6 +223,23 @@ def test_files_of_a_failed_ramp(failed):
     assert summary["certificate"]["holds"]
 
 
+def test_load_step_of_each_linear_solve(failed):
+    """The tables of the iteration say which load step each row is of; failed increments are of the step they try."""
+    _, _, folder = failed
+    solves = {int(row["step"]): int(row["linear_solves"]) for row in rows(folder, "steps.csv")}
+    iterations, problems = rows(folder, "history.csv"), rows(folder, "outer.csv")
+    for table in (iterations, problems):
+        numbers = [int(row["step"]) for row in table]
+        assert numbers == sorted(numbers)
+    for step, count in solves.items():
+        last = [int(row["solve"]) for row in iterations if int(row["step"]) == step][-count:]
+        assert len(last) == count
+        assert last == list(range(last[0], last[0] + count))
+    for row in problems:
+        of_it = [solve for solve in iterations if (solve["step"], solve["outer"]) == (row["step"], row["outer"])]
+        assert len(of_it) == int(row["linear_solves"])
+
+
 def test_fields_of_every_step(failed):
     """The file has all steps with a solution, at their times, and their values."""
     adios2 = pytest.importorskip("adios2")

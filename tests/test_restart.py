@@ -303,12 +303,16 @@ def test_a_mesh_file_that_has_changed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (PUSHED.replace("factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", ""), "several load steps or levels"),
-        (PUSHED + "[accuracy]\ntarget = 0.1\n", "without"),
+        (
+            PUSHED.replace("factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", ""),
+            "a scene with one load step on one mesh has no",
+        ),
+        (PUSHED + "[accuracy]\ntarget = 0.1\n", "a run with a requested accuracy has no checkpoint to go on from"),
+        (PUSHED.partition("[[contact]]")[0], "a scene without contact has no checkpoint"),
     ],
 )
 def test_nothing_to_go_on_from(tmp_path, text, message):
-    """A scene without load steps or levels has no checkpoint."""
+    """A scene of one piece, and meshes that are made on the way, have no checkpoint: the error says which it is."""
     with pytest.raises(SceneError, match=message):
         solve(scene(text), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
 
@@ -383,6 +387,8 @@ def test_killed(tmp_path, before, after):
     assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(output.split())  # lines are wrapped
     assert not (out / CHECKPOINT).exists()
     assert run(1, *command, tmp_path / "reference")[0] == 0
+    solved = [row["step"] for row in rows(out / "history.csv")]
+    assert all(solved.count(row["step"]) == int(row["linear_solves"]) for row in rows(out / "steps.csv"))
     for name in ("steps.csv", "contact.csv", "contact_steps.csv"):
         ours, theirs = rows(out / name), rows(tmp_path / "reference" / name)
         assert len(ours) == len(theirs)

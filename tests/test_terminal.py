@@ -2,6 +2,8 @@
 
 import os
 import pty
+import shutil
+import signal
 import subprocess
 import sys
 
@@ -9,7 +11,8 @@ import pytest
 
 from signorini_fx.cli.completion import SHELLS, completion_script
 from signorini_fx.cli.options import parser
-from signorini_fx.machine.terminal import coloured, wrapped
+from signorini_fx.machine.launcher import environment_of_no_rank
+from signorini_fx.machine.terminal import PAGE, coloured, wrapped
 
 LINES = [
     "signorini-fx: error: scene.toml: material.density: unknown key: weight is written [body_force] with y = -density",
@@ -39,9 +42,13 @@ def test_wrapped_below_its_beginning():
 
 
 def test_wrapped_twice():
-    """What was wrapped for a wider terminal is filled again."""
-    once = wrapped(LINES[1], 70)
-    assert wrapped(once, 50) == wrapped(LINES[1], 50)
+    """What was broken for a page is filled again; the rows of a list stay rows."""
+    figure = f"{LINES[1]}; {LINES[2].lstrip()}"
+    once = wrapped(figure, PAGE)
+    assert "\n" in once
+    assert wrapped(once, 50) == wrapped(figure, 50)
+    rows = [f"  forces           left: {'0' * 40}", f"{' ' * 19}right: {'0' * 40}"]
+    assert wrapped("\n".join(rows), 60) == "\n".join(wrapped(row, 60) for row in rows)
 
 
 def test_coloured():
@@ -55,9 +62,8 @@ def shown(environment):
     """What a terminal of 60 columns shows of an error."""
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "signorini_fx", "check", "/nowhere/" + "scene_" * 8 + ".toml"]
-    environment = {**os.environ, "COLUMNS": "60", "TERM": "xterm", **environment}
-    clean = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_"))}
-    process = subprocess.run(command, stdout=slave, stderr=slave, env=clean, check=False)
+    environment = {**environment_of_no_rank(), "COLUMNS": "60", "TERM": "xterm", **environment}
+    process = subprocess.run(command, stdout=slave, stderr=slave, env=environment, check=False)
     os.close(slave)
     text = os.read(master, 100_000).decode().replace("\r\n", "\n")
     os.close(master)
@@ -72,28 +78,105 @@ def test_colours_on_a_terminal(monkeypatch):
     assert "\x1b" not in shown({"NO_COLOR": "1"})
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_output_of_ranks_in_a_file(tmp_path, ranks):
+    """Neither colours nor line breaks, although mpirun gives each rank a pseudo-terminal on the way to the file."""
+    lines = ["A block: converged", LINES[1]]
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
+    program = (
+        "from signorini_fx.machine import launcher, terminal\n"
+        f"if launcher.started_as_root(): terminal.say({chr(10).join(lines)!r})"
+    )
+    log = tmp_path / "log"
+    with log.open("w") as file:
+        command = ["mpirun", "-n", str(ranks), sys.executable, "-c", program]
+        subprocess.run(command, stdout=file, env=own, check=True)
+    assert log.read_text().splitlines() == lines
+
+
 def completed(*words):
     """What bash offers for the last of these words."""
     script = completion_script(parser(), "bash")
     state = f"COMP_WORDS=({' '.join(repr(word) for word in words)}); COMP_CWORD={len(words) - 1}"
     command = f"{script}\n{state}; _signorini_fx 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.split()
+    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.splitlines()
 
 
 def test_completion(tmp_path, monkeypatch):
     """Commands, options of a command, values of an option or an argument, and files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").touch()
+    (tmp_path / "a b.toml").touch()
     assert completed("signorini-fx", "so") == ["solve"]
     assert completed("signorini-fx", "solve", "--no") == ["--no-fields", "--no-pictures"]
     assert completed("signorini-fx", "solve", "scene.toml", "--of", "p") == ["pressure", "peak"]
     assert completed("signorini-fx", "completion", "") == list(SHELLS)
     assert completed("signorini-fx", "check", "sce") == ["scene.toml"]
+    assert completed("signorini-fx", "check", "a") == ["a b.toml"]
 
 
 def test_completion_of_other_shells():
-    """Each names every command; that of zsh is that of bash with its adapter."""
+    """Each names every command."""
     commands = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))
     for shell in SHELLS:
         assert all(name in completion_script(parser(), shell) for name in commands)
-    assert completion_script(parser(), "zsh").endswith(completion_script(parser(), "bash"))
+
+
+# What is typed, and what fish offers; zsh writes it if it is one word.
+TYPED = {
+    "signorini-fx so": ["solve"],
+    "signorini-fx solve --no-f": ["--no-fields"],
+    "signorini-fx solve --no": ["--no-fields", "--no-pictures"],
+    "signorini-fx solve scene.toml --of pr": ["pressure"],
+    "signorini-fx completion z": ["zsh"],
+    "signorini-fx check sce": ["scene.toml"],
+    "signorini-fx solve scene.toml --out res": ["results/"],
+}
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder with a scene, results, and the scripts."""
+    (tmp_path / "scene.toml").touch()
+    (tmp_path / "results").mkdir()
+    for shell in SHELLS:
+        (tmp_path / f".{shell}").write_text(completion_script(parser(), shell))
+    return tmp_path
+
+
+@pytest.mark.skipif(not shutil.which("fish"), reason="there is no fish")
+@pytest.mark.parametrize("line", TYPED)
+def test_completion_in_fish(place, line):
+    """The shell itself, asked for its offers."""
+    command = ["fish", "--private", "--no-config", "-c", f"source .fish; complete -C '{line}'"]
+    clean = {**os.environ, "HOME": str(place)}
+    process = subprocess.run(command, cwd=place, env=clean, capture_output=True, text=True, check=True)
+    assert [offer.partition("\t")[0] for offer in process.stdout.splitlines()] == TYPED[line]
+
+
+@pytest.mark.skipif(not shutil.which("zsh"), reason="there is no zsh")
+@pytest.mark.parametrize("line", [line for line, offers in TYPED.items() if len(offers) == 1])
+def test_completion_in_zsh(place, line):
+    """The shell itself on a terminal: after the tabulator, Ctrl-T prints what stands in its line."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(place)
+        os.execvpe("zsh", ["zsh", "-f", "-i"], {**os.environ, "HOME": str(place), "TERM": "dumb"})
+    with open(terminal, "r+b", buffering=0) as stream:
+        begin = "source .zsh; show() { print -r \"LINE<$BUFFER>\"; BUFFER=; }; zle -N show; bindkey '^T' show"
+        stream.write(f"{begin}; print REA''DY\n".encode())
+        shown = _until(stream, b"READY\r\n")
+        stream.write(f"{line}\t\x14".encode())
+        shown = _until(stream, b">\r\n")
+        os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    word = line.rpartition(" ")[0] + " " + TYPED[line][0]
+    assert shown.decode().rpartition("LINE<")[2].partition(">")[0].rstrip() == word
+
+
+def _until(stream, mark):
+    """What a terminal shows up to a mark."""
+    shown = b""
+    while not shown.endswith(mark):
+        shown += stream.read(1)
+    return shown

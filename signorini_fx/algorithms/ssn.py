@@ -160,8 +160,9 @@ class SemismoothNewton:
         self, data: RegularisedData, status: Status, before: int, measure: Callable[[], float | None] = lambda: None
     ) -> None:
         """Record the end of a problem that began after ``before`` linear solves."""
-        solves = self.history.linear_solves - before
-        self.history.add(OuterRecord(len(self.history.outer), solves, data.gamma_n, measure(), status.value))
+        history = self.history
+        solves = history.linear_solves - before
+        history.add(OuterRecord(history.step, len(history.outer), solves, data.gamma_n, measure(), status.value))
 
     def attempt(
         self,
@@ -342,6 +343,7 @@ class SemismoothNewton:
     def _record(self, k: int, active: int, plus: int, minus: int, changed: int, residual: float) -> None:
         self.history.add(
             IterationRecord(
+                step=self.history.step,
                 solve=self.history.linear_solves + 1,
                 outer=len(self.history.outer),
                 iteration=k - 1 + self._first_iteration,

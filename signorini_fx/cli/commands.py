@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from signorini_fx.cli.completion import completion_script
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import overrides, parser
-from signorini_fx.cli.progress_line import ProgressLine
 from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
@@ -50,6 +50,7 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results import files
     from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.progress_line import ProgressLine
     from signorini_fx.results.solution import outcome
     from signorini_fx.results.summary import render, table_row
     from signorini_fx.solving import solver
@@ -70,9 +71,8 @@ def solve(options: argparse.Namespace) -> int:
     observers: list[Callable[[Any], None]] = [progress]
     if not options.quiet:
         observers.append(show)
-    # Watched on all ranks or on none, shown by the one that has the terminal.
-    watched = parallel.on_root(comm, lambda: not options.quiet and sys.stderr.isatty())
-    watcher = (line if parallel.is_root(comm) else lambda _: None) if watched else None
+    # Watched on all ranks or on none, shown by the first.
+    watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     try:
         with ResultFolder(comm, path) as folder:
             try:
@@ -82,7 +82,7 @@ def solve(options: argparse.Namespace) -> int:
                     check=False,
                     observers=observers,
                     on_level=write_level,
-                    on_progress=watcher,
+                    on_progress=line if watched else None,
                     checkpoint=path,
                     restart=options.restart,
                 )

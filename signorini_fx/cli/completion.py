@@ -7,7 +7,7 @@ import argparse
 SHELLS = ("bash", "zsh", "fish")
 
 _BASH = """_signorini_fx() {{
-    local word="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" words=""
+    local word="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" known=""
     if ((COMP_CWORD == 1)); then
         COMPREPLY=($(compgen -W "{commands}" -- "$word"))
         return
@@ -15,20 +15,42 @@ _BASH = """_signorini_fx() {{
     case "$before" in
 {values}
     esac
-    if [[ -z "$words" && "$word" == -* ]]; then
+    if [[ -z "$known" && "$word" == -* ]]; then
         case "${{COMP_WORDS[1]}}" in
 {options}
         esac
     fi
-    if [[ -n "$words" ]]; then
-        COMPREPLY=($(compgen -W "$words" -- "$word"))
+    if [[ -n "$known" ]]; then
+        COMPREPLY=($(compgen -W "$known" -- "$word"))
     else
+        local IFS=$'\\n'
         compopt -o filenames 2>/dev/null
         COMPREPLY=($(compgen -f -- "$word"))
     fi
 }}
 complete -F _signorini_fx signorini-fx"""
-_ZSH = "autoload -U +X compinit bashcompinit && compinit && bashcompinit\n"
+_ZSH = """_signorini_fx() {{
+    local word="${{words[CURRENT]}}" before="${{words[CURRENT-1]}}" known=""
+    if ((CURRENT == 2)); then
+        compadd -- {commands}
+        return
+    fi
+    case "$before" in
+{values}
+    esac
+    if [[ -z "$known" && "$word" == -* ]]; then
+        case "${{words[2]}}" in
+{options}
+        esac
+    fi
+    if [[ -n "$known" ]]; then
+        compadd -- ${{=known}}
+    else
+        _files
+    fi
+}}
+(($+functions[compdef])) || {{ autoload -U compinit && compinit }}
+compdef _signorini_fx signorini-fx"""
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
@@ -50,12 +72,11 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
         for name in action.option_strings or [_name_of(command)]
     }
     options = {name: " ".join(_options(command)) for name, command in commands.items()}
-    script = _BASH.format(
+    return (_ZSH if shell == "zsh" else _BASH).format(
         commands=" ".join(commands),
-        values="\n".join(f'{indent}{name}) words="{words}" ;;' for name, words in values.items()),
-        options="\n".join(f'{indent}    {name}) words="{words}" ;;' for name, words in options.items()),
+        values="\n".join(f'{indent}{name}) known="{words}" ;;' for name, words in values.items()),
+        options="\n".join(f'{indent}    {name}) known="{words}" ;;' for name, words in options.items()),
     )
-    return (_ZSH if shell == "zsh" else "") + script
 
 
 def _commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

@@ -13,6 +13,14 @@ def started_as_root() -> bool:
     return next((os.environ[name] for name in _RANK if name in os.environ), "0") == "0"
 
 
+def gives_pseudo_terminals() -> bool:
+    """Whether the standard output of a rank is a pseudo-terminal wherever the output of the launcher itself goes.
+
+    Open MPI's mpirun does so, even if its output is a file; MPICH's, Intel's and Slurm's launchers pass pipes on.
+    """
+    return "OMPI_COMM_WORLD_SIZE" in os.environ
+
+
 def environment_of_no_rank() -> dict[str, str]:
     """The environment for a separate program, which would otherwise take itself for one of the MPI ranks."""
     return {name: value for name, value in os.environ.items() if not name.startswith(_FAMILIES)}

@@ -10,6 +10,8 @@ import sys
 import textwrap
 from typing import TextIO
 
+from signorini_fx.machine import launcher
+
 _lost = False
 
 
@@ -20,11 +22,16 @@ def prepare() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether somebody reads this stream on a terminal; of a rank of mpirun that is not known, and it counts as no."""
+    return stream is not None and stream.isatty() and not launcher.gives_pseudo_terminals()
+
+
 def say(text: str, *, error: bool = False) -> None:
     """Print ``text`` on standard output, or on standard error; a stream that cannot be written is given up."""
     stream = sys.stderr if error else sys.stdout
     try:
-        if stream is not None and stream.isatty():
+        if is_terminal(stream):
             plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
             text = wrapped(text, shutil.get_terminal_size().columns)
             text = text if plain else coloured(text)
@@ -33,6 +40,8 @@ def say(text: str, *, error: bool = False) -> None:
         _give_up(stream, reason)
 
 
+# Columns that prose of several lines is broken at before it is known who reads it.
+PAGE = 110
 _NARROWEST = 40  # columns
 _NAME = re.compile(r"  \S.{15} (?=\S)")  # of a line of the summary
 _COLOURS = [
@@ -65,12 +74,13 @@ def wrapped(text: str, width: int) -> str:
 
 
 def _joined(lines: list[str], width: int) -> list[str]:
-    """Figures of the summary that were broken for a wider page are one line again."""
+    """Figures of the summary that were broken at the page are one line again; the rows of a list stay rows."""
     joined: list[str] = []
-    for line in lines:
-        named = joined and (name := _NAME.match(joined[-1])) and len(joined[-1]) > width
-        if named and name and line[: name.end()].isspace() and not line[name.end() :][:1].isspace():
-            joined[-1] += f" {line.lstrip()}"
+    for before, line in zip(["", *lines], lines, strict=False):
+        name, words = _NAME.match(joined[-1]) if joined else None, line.split()
+        continues = name and words and len(line) - len(line.lstrip()) == name.end()
+        if continues and len(joined[-1]) > width and len(before) + 1 + len(words[0]) > PAGE:
+            joined[-1] += f" {' '.join(words)}"
         else:
             joined.append(line)
     return joined

@@ -16,7 +16,7 @@ import numpy as np
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
-_VOID = frozenset({"br", "img", "meta"})
+_VOID = frozenset({"br", "img", "meta", "wbr"})
 
 
 class Markup(str):
@@ -68,6 +68,7 @@ def shown(value: Any) -> str:
 
 
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
+_VECTOR = re.compile(r"\([-+.,e\d ]+\)")
 _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 
 
@@ -95,11 +96,19 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
         cells = []
         for value, right in zip(row, numeric, strict=True):
             text = shown(value)
-            cells.append(tag("td", text, class_="number" if right else "words" if len(text) > _WIDE_CELL else ""))
+            words = not right and len(text) > _WIDE_CELL and not _VECTOR.fullmatch(text)
+            cells.append(tag("td", _breakable(text) if words else text, class_="words" if words else "number" * right))
         body.append(tag("tr", *cells, class_=class_))
     size = "wide" if len(columns) > _WIDE_TABLE else ""
     whole = tag("table", tag("thead", tag("tr", *head)), tag("tbody", *body), class_=size)
     return tag("div", whole, class_="scroll", tabindex="0")
+
+
+def _breakable(text: str) -> Markup:
+    """Words of which a long one may be broken behind its underscores, as names of boundaries may be of any length."""
+    if isinstance(text, Markup):
+        return text
+    return Markup(tag("wbr").join(joined([part]) for part in re.split(r"(?<=_)(?=[^_])", text)))
 
 
 def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:

@@ -73,7 +73,8 @@ def _card(label: str, value: str, error: float | None) -> Markup:
 def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
     """The findings of one level about the scene and the result; empty if there are none."""
     found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
-    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in found]
+    others = [finding for finding in found if finding["message"] != summary["advice"]]
+    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in others]
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 

@@ -115,8 +115,10 @@ def _write(
 
     def write() -> None:
         try:
-            write_csv(part / "history.csv", as_rows(solution.history.iterations))
-            write_csv(part / "outer.csv", as_rows(solution.history.outer))
+            for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
+                rows = as_rows(records)
+                left_out = () if steps else ("step",)
+                write_csv(part / f"{name}.csv", [{k: v for k, v in row.items() if k not in left_out} for row in rows])
             if solution.price_list:
                 write_csv(part / "price_list.csv", as_rows(solution.price_list))
             if steps:

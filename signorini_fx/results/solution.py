@@ -124,6 +124,12 @@ class Solution:
         return self.status is Status.CONVERGED
 
     @property
+    def advice(self) -> str:
+        """What to do about the outcome; of a body that is not held, the warning that names the free motion."""
+        named = (found.message for found in self.findings if (found.level, found.path) == ("warning", "displacement"))
+        return next(named, self.status.advice) if self.status is Status.NOT_HELD else self.status.advice
+
+    @property
     def last_step(self) -> StepResult:
         """The load step that the results are of: the last one with a solution, or the first one if it has none."""
         return self.shown_steps[-1]
@@ -203,14 +209,14 @@ class ConvergenceError(SignoriniError):
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
-        warnings = (f"\n{found.path}: {found.message}" for found in solution.findings if found.level == "warning")
-        super().__init__(f"{outcome(solution)}{''.join(warnings)}")
+        found = [found for found in solution.findings if found.level == "warning" and found.message != solution.advice]
+        super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
 
 
 def outcome(solution: Solution) -> str:
     """How a solve without a solution ended, and what to do; with load steps, which one, and what there is."""
     status, last, failed = solution.status, solution.last_step, solution.steps[-1]
-    text = f"{status.value}: {status.advice}"
+    text = f"{status.value}: {solution.advice}"
     if not solution.scene.several_steps or failed.status is Status.CONVERGED:
         return text
     kept = f"; the results are those of {last}" if last is not failed else ""

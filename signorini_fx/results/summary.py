@@ -19,6 +19,7 @@ from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.display import clean, results_of
+from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
@@ -42,7 +43,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
         "status": solution.status.value,
-        "advice": solution.status.advice,
+        "advice": solution.advice,
         "converged": solution.converged,
         "algorithm": solution.algorithm,
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
@@ -363,10 +364,11 @@ def _warnings(summary: dict[str, Any]) -> list[str]:
     pieces = len(summary["pieces"])
     told = [f"  {'pieces':16s} {pieces}: {_listed(summary['pieces'])}"] if pieces > 1 else []
     for finding in summary["findings"]:
-        if finding["level"] == "warning":
+        if finding["level"] == "warning" and finding["message"] != summary["advice"]:
             told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
     blank = " " * 19
-    return [line for text in told for line in textwrap.wrap(text, 110, subsequent_indent=blank, break_long_words=False)]
+    wrapper = textwrap.TextWrapper(PAGE, subsequent_indent=blank, break_long_words=False, break_on_hyphens=False)
+    return [line for text in told for line in wrapper.wrap(text)]
 
 
 def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:

@@ -74,7 +74,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     given = detail.get("input")
     if detail["type"] == "extra_forbidden" and guess:
         *place, key = detail["loc"]
-        message += _meant(str(key), model) or _known(_tables_at(place, {model}))
+        message += _meant(str(key), model) or _known(str(key), _tables_at(place, {model}))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and shown(given) not in message:
@@ -129,9 +129,9 @@ def _words(table: type[BaseModel]) -> tuple[Any, ...]:
     return tuple(word for field in fields for word in get_args(field))
 
 
-def _known(tables: set[type[BaseModel]]) -> str:
-    """The keys of these tables, in the same order on every rank."""
-    ordered = sorted(tables, key=lambda table: table.__name__)
+def _known(key: str, tables: set[type[BaseModel]]) -> str:
+    """The keys of those of these tables that do not have this key, in the same order on every rank."""
+    ordered = sorted((table for table in tables if key not in table.model_fields), key=lambda table: table.__name__)
     return f"; there are: {', '.join(dict.fromkeys(key for table in ordered for key in table.model_fields))}"
 
 

@@ -105,11 +105,16 @@ def _checkpoint(
     """The checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError([("restart", "needs the folder of the checkpoint")])
-    pieces = bool(scene.contact) and (scene.several_steps or scene.solver.levels > 1)
-    if folder is None or not pieces or scene.accuracy is not None:
+    without = None
+    if scene.accuracy is not None:
+        without = "a run with a requested accuracy"
+    elif not scene.contact:
+        without = "a scene without contact"
+    elif not scene.several_steps and scene.solver.levels == 1:
+        without = "a scene with one load step on one mesh"
+    if folder is None or without is not None:
         if restart:
-            needs = "needs a scene with contact, with several load steps or levels, and without [accuracy]"
-            raise SceneError([("restart", f"{needs}: solve from the beginning")])
+            raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:

@@ -136,7 +136,8 @@ def _stay(task: Task, start: Start) -> Outcome:
     """Zero is the solution; no linear system is solved."""
     task.iterate.x.set(0.0)
     task.history.add("nothing loads the body: it stays where it is")
-    task.history.add(OuterRecord(len(task.history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+    history = task.history
+    history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
     return _without_contact(task, start.data, Status.CONVERGED)
 
 

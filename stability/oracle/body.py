@@ -48,7 +48,7 @@ class Side:
 
 
 def listed(scene: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    """The tables of a key, where one only may stand without a list."""
+    """The tables of a key; a single one may stand without a list."""
     found = scene.get(key, [])
     return [found] if isinstance(found, dict) else found
 
@@ -129,7 +129,7 @@ class Body:
 
     @cached_property
     def exterior(self) -> list[Ints]:
-        """All nodes of the mesh on each side that one cell only has."""
+        """All nodes of the mesh on each side that belongs to one cell only."""
         count: dict[tuple[int, int], int] = {}
         for row in self.corners:
             for i, j in elements.SIDES[self.corners.shape[1]]:

@@ -98,7 +98,7 @@ class Origin:
     Attributes:
         u_t: tangential displacement.
         shear: shear.
-        elastic: what of the tangential displacement is no slip, because a regularised law lets the contact creep.
+        elastic: the part of the tangential displacement that is elastic in the regularised law and no slip.
     """
 
     u_t: Array
@@ -115,13 +115,13 @@ class Origin:
         return Origin(u_t, shear, self.elastic + compliance * (shear - self.shear) if compliance > 0 else 0 * u_t)
 
     def slip_from(self, compliance: float) -> Array:
-        """From where slip counts: the law itself knows no elastic slip."""
+        """The origin of the slip: without regularisation there is no elastic slip."""
         return self.u_t if compliance > 0 else self.u_t - self.elastic
 
 
 @dataclass(frozen=True)
 class Tractions:
-    """Contact pressure, shear and state of every contact node in a load step, as the package says them."""
+    """Contact pressure, shear and state of every contact node in a load step, as the package reports them."""
 
     pressure: Array
     shear: Array
@@ -134,8 +134,13 @@ def free_dofs(body: Body, step: int) -> npt.NDArray[np.bool_]:
 
 
 def interior(body: Body, contact: Contact, step: int, at_contact: Array) -> Array:
-    """The displacement (nodes, 2) that is in balance everywhere but at the contact nodes, which are where they are said
-    to be: shape (contact nodes, 2).
+    """The displacement (nodes, 2) with given values at the contact nodes that is in balance everywhere else.
+
+    Args:
+        body: the body.
+        contact: its contact nodes.
+        step: the load step.
+        at_contact: their displacement, shape (contact nodes, 2).
     """
     prescribed = body.prescribed(step)
     u = np.nan_to_num(prescribed).reshape(-1, 2)
@@ -187,11 +192,11 @@ def violations(
     inner, load = body.stiffness @ u.ravel(), body.load(step)
     taken = contact.forces(pressure, shear, len(u))
     noise = 200 * _EPS * float((abs(body.stiffness) @ np.abs(u.ravel())).max())
-    # What a support takes from the contact is felt by nothing, however large.
+    # Contact forces on supported unknowns have no effect, however large they are.
     force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(taken[free]).max(initial=0.0)))
     residual = np.abs(inner - load + taken)[free]
     figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
-    # Scales of the deformation: a rigid motion, however large, excuses nothing but its round-off.
+    # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
     # At a node that a support holds in part, pressure and shear may be anything: only what the body feels sets a scale.
     loose = free.reshape(-1, 2)[contact.nodes]
@@ -206,7 +211,7 @@ def violations(
     faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
-    # A direction in which a support holds the node is the support's.
+    # In a direction that a support holds, the support determines the force.
     judged_n = (np.abs(contact.normal) * loose).max(axis=1) > 1e-8
     judged_t = (np.abs(contact.tangent) * loose).max(axis=1) > 1e-8
     entered = u_n - contact.gap - compliance[0] * pressure
@@ -236,5 +241,5 @@ def violations(
 
 
 def _most(values: Array) -> float:
-    """The largest value; what is not a number is as wrong as can be."""
+    """The largest value; NaN counts as infinite."""
     return float(np.nan_to_num(values, nan=1e300, posinf=1e300).max(initial=0.0))

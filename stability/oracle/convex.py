@@ -20,7 +20,7 @@ from stability.oracle.elements import Array, Ints
 try:
     import cvxopt
     import cvxopt.solvers
-except ImportError:  # the judge goes on without it, and says so
+except ImportError:  # the verdict is then without it, which is reported
     cvxopt = None
 
 # The programme is used if its own duality gap is below this share of the energy.
@@ -31,7 +31,7 @@ _ROUND_OFF = 1e-8
 
 @dataclass(frozen=True)
 class Condensed:
-    """The body as its free contact dofs see it: energy u S u / 2 - f u plus a constant."""
+    """The body condensed onto its free contact dofs: energy u S u / 2 - f u plus a constant."""
 
     dofs: Ints
     stiffness: Array
@@ -42,7 +42,7 @@ def condense(body: Body, contact: Contact, step: int) -> Condensed:
     """Eliminate what is neither prescribed nor of a contact node.
 
     Raises:
-        RuntimeError: a part of the body hangs on nothing.
+        RuntimeError: a part of the body is not held.
     """
     free = free_dofs(body, step)
     at_contact = np.zeros(len(free), dtype=bool)
@@ -78,7 +78,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class Programme:
-    """What the programme says of an answer.
+    """The comparison of an answer with the programme.
 
     Attributes:
         displacement: distance of the answer from the programme's in the energy norm, relative.
@@ -105,7 +105,7 @@ def compare(
     if not reduced.dofs.size:
         return None
     ours, matrix, load = u.ravel()[reduced.dofs], reduced.stiffness, reduced.load
-    if not any(values.any() for values in (ours, load, contact.gap, origin.u_t)):  # nothing moves, and nothing has to
+    if not any(values.any() for values in (ours, load, contact.gap, origin.u_t)):  # nothing is loaded or moves
         return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
     length = float(np.abs(ours).max()) or float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
     found = minimise(body, contact, step, reduced, bound, origin, compliance, length)
@@ -113,7 +113,7 @@ def compare(
         return None
     theirs, stiff = found.displacement, float(np.abs(np.diag(matrix)).max())
     away = ours - theirs
-    # Where the contact does not move at all, what the loads could do to it sets the scale.
+    # Where the contact does not move at all, the displacement by the loads alone is the scale.
     # Where nothing loads the body, forces are round-off of stiffness times displacement.
     force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()), _ROUND_OFF * stiff * length)
     energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
@@ -156,14 +156,14 @@ def minimise(
             shift[known] += direction[known, axis] * fixed[dofs[known]]
         return rows, shift
 
-    # In units of their own: u = length v, forces in stiff * length.
+    # Scaled unknowns: u = length v, forces in stiff * length.
     stiff = float(np.abs(np.diag(reduced.stiffness)).max())
     length = max(length, float(np.abs(reduced.load).max()) / stiff)
     (normal, normal_shift), (tangent, tangent_shift) = trace(contact.normal), trace(contact.tangent)
     gap = (contact.gap - normal_shift) / length
     start = (origin.slip_from(compliance[1]) - compliance[1] * origin.shear - tangent_shift) / length
     soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
-    # Rows that no unknown enters say nothing.
+    # Rows without unknowns are no condition.
     acts_n, acts_t = np.abs(normal).max(axis=1) > 1e-8, (np.abs(tangent).max(axis=1) > 1e-8) & (bound > 0)
     one, two = np.flatnonzero(acts_n & ~contact.bilateral), np.flatnonzero(acts_n & contact.bilateral)
     rub = np.flatnonzero(acts_t)

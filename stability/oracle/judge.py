@@ -1,4 +1,4 @@
-"""The verdict on what a user gets for a scene, from the text of the scene and plain arrays alone."""
+"""The verdict on the results of a scene, from the text of the scene and plain arrays alone."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium"
 # Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with
 # Coulomb friction the bound of the programme is that of the answer, which is a fixed point to ``tolerance`` only.
 _AGREE, _AGREE_COULOMB = 1e-6, 1e-5
-# The model of path-following may be wrong by so much.
+# The error allowed for the model of path-following.
 _MODEL = 2.0
 # The penalty of gamma = auto, in units of E over the size of the body: docs/guide.md.
 _AUTOMATIC_GAMMA = 1e5
@@ -262,7 +262,7 @@ def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -
 
 
 def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
-    """Statics decides about outcomes that say there is no equilibrium."""
+    """Outcomes without equilibrium are checked by statics."""
     step = max(len(answer.steps) - 1, 0)
     if answer.outcome == NOT_HELD:
         kind = DENIED if statics.held(body, contact, step) else NO_BALANCE
@@ -273,7 +273,7 @@ def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
     note = f"contact forces balance the loads with {room:.1e} of them to spare"
     if not contact.follows_pressure:
         return Verdict(DENIED, answer.outcome, note=note)
-    # Balance is not enough where the bound follows the pressure: a solution is.
+    # Where the bound follows the pressure, balance does not prove a solution; a solution that is found does.
     if convex.cvxopt is not None and _solution_exists(body, contact, step, answer, pressure):
         return Verdict(DENIED, answer.outcome, note=f"{note}; and here is a solution")
     return Verdict(DOUBTFUL, answer.outcome, note=note)

@@ -1,4 +1,4 @@
-"""Lets signorini_fx solve a scene and hands on what a user gets, as plain arrays: the only module that imports it."""
+"""Solves a scene with signorini_fx and returns the results as plain arrays: the only module that imports it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from stability.oracle.judge import Answer, Step
 
 
 def solution_of(scene: Path) -> Solution:
-    """Solve a scene file on one rank, whatever it ends with."""
+    """Solve a scene file on one rank, whatever the outcome."""
     return solve(read_scene(scene), MPI.COMM_SELF, check=False)
 
 
 def answer_of(solution: Solution) -> Answer:
-    """What a user gets of it."""
+    """The results as plain arrays."""
     space = solution.displacement.function_space
     names = [effect.boundary for effect in solution.scene.contact]
     tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]

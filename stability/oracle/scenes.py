@@ -119,7 +119,7 @@ def trial(seed: int) -> Trial:
 
 
 def _held_across(scene: dict[str, Any], names: dict[str, str], units: _Units) -> bool:
-    """Whether ``exact`` would mostly be refused: a support holds an end of the contact boundary across its normal."""
+    """Whether ``exact`` is mostly refused: a support holds an end of the contact boundary across its normal."""
     supports = [effect for effect in scene.get("displacement", []) if effect["boundary"] != names["top"]]
     sliding = [e for e in supports if "normal" in e or (len({"x", "y"} & set(e)) == 1 and units.straight)]
     return len(sliding) < len(supports) or any("gap" in effect for effect in scene["contact"][1:] if supports)
@@ -222,7 +222,7 @@ def _own_mesh(dice: _Dice, units: _Units) -> Mesh:
 
 
 def _piece(dice: _Dice, nx: int, cell: str) -> Mesh:
-    """A mapped grid, its inner nodes perhaps moved about."""
+    """A mapped grid, sometimes with inner nodes displaced at random."""
     ny = max(1, min(12, dice.one_of(1, nx // 3, nx // 2, nx)))
     points, cells, boundaries = grid(nx, ny, cell, dice)
     if dice.chance(0.4):

@@ -1,4 +1,4 @@
-"""Outcomes that say there is no equilibrium, asked of a linear programme of statics."""
+"""Checks outcomes without equilibrium by a linear programme of statics."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     bounds = [(None, None)] * nodes + [(None, None) if rub else (0.0, 0.0) for rub in rubs] + [(None, 1.0)]
     cost = np.zeros(2 * nodes + 1)
     cost[-1] = -1.0
-    # Where no force is limited the room is its own limit.
+    # Where no force is limited the margin itself is limited.
     found = linprog(
         cost,
         A_ub=np.array(rows) if rows else None,

@@ -20,7 +20,7 @@ from stability.oracle.judge import CRASHED, REFUSED, Verdict, judge
 from stability.oracle.package import answer_of, mesh_of, solution_of
 from stability.oracle.scenes import Trial, trial
 
-# Libraries print too: only lines that begin so are ours.
+# Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
 
 
@@ -45,7 +45,7 @@ class Row:
 
 
 def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
-    """Solve a scene and judge the answer: the verdict, and what is to be said of the run."""
+    """Solve a scene and judge the answer: the verdict, and remarks on the run."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             solution = solution_of(drawn.write(Path(folder)))

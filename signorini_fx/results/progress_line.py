@@ -1,0 +1,108 @@
+"""One line that says where a solve is, on a terminal or in a notebook; nothing elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.machine import terminal
+
+if TYPE_CHECKING:
+    from signorini_fx.records import Progress
+
+# Seconds between two changes of the line.
+_PAUSE = 0.2
+_ERASE = "\r\x1b[K"
+
+
+class ProgressLine:
+    """A line that says where a solve is: mesh, unknowns, load step, linear solve, Krylov steps and the time left.
+
+    To be given to ``solve`` as ``on_progress``, on all ranks::
+
+        with ProgressLine() as line:
+            solution = solve(scene, on_progress=line)
+
+    Rank 0 of all ranks shows it: below the cell of a notebook, or at the bottom of a terminal (standard error). It is
+    erased at the end, and before anything else is printed ``erase`` must be called. Without either nothing is written.
+    """
+
+    def __init__(self) -> None:
+        self._shown = False
+        self._next = 0.0
+        self._display = _display_of_a_notebook()
+        self._output: Any = None
+        seen = self._display is not None or terminal.is_terminal(sys.stderr)
+        self._silent = not (parallel.is_root(MPI.COMM_WORLD) and seen)
+
+    def __enter__(self) -> ProgressLine:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.erase()
+
+    def __call__(self, progress: Progress) -> None:
+        """Show where the solve is, if the last time is some time ago."""
+        now = time.perf_counter()
+        if not self._silent and now >= self._next:
+            self._next = now + _PAUSE
+            self._shown = True
+            self._show(told(progress, now))
+
+    def erase(self) -> None:
+        """Remove the line."""
+        if self._shown:
+            self._show("")
+            self._shown = False
+            self._next = 0.0
+
+    def _show(self, text: str) -> None:
+        if self._display is None:
+            print(f"{_ERASE}{text}", end="", file=sys.stderr, flush=True)
+        elif self._output is None:
+            self._output = self._display({"text/plain": text}, raw=True, display_id=True)
+        else:
+            self._output.update({"text/plain": text}, raw=True)
+
+
+def _display_of_a_notebook() -> Any:
+    """The function that displays something below the cell that runs; None outside of a notebook."""
+    interactive = sys.modules.get("IPython")
+    shell = None if interactive is None else interactive.get_ipython()
+    return interactive.display.display if interactive is not None and hasattr(shell, "kernel") else None
+
+
+def told(progress: Progress, now: float) -> str:
+    """Where a solve is, in words.
+
+    Args:
+        progress: where it is.
+        now: seconds on the clock of ``progress.end``.
+    """
+    p = progress
+    parts = []
+    if p.meshes != 1:
+        parts.append(f"mesh {p.mesh}" + (f" of {p.meshes}" if p.meshes else ""))
+    if p.dofs:
+        parts.append(f"{p.dofs:,} unknowns")
+    if p.steps > 1:
+        parts.append(f"load step {p.step} of {p.steps}")
+    parts.append(f"linear solve {p.solve}")
+    if p.krylov:
+        parts.append(f"{p.krylov} Krylov steps")
+    if p.end is not None and p.end > now:
+        parts.append(f"about {_duration(p.end - now)} left")
+    return ", ".join(parts)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
