@@ -308,6 +308,10 @@ steps = 2
     said = capsys.readouterr()
     assert "the results are those of load step " in said.err
     assert said.out.count("  warning  ") == 1
+    assert "  what to do       friction cannot balance" in said.out
+    assert "friction cannot balance" not in said.err  # it has been said
+    assert main(["solve", str(file), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]) == 1
+    assert "friction cannot balance" in capsys.readouterr().err
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------
