@@ -41,12 +41,14 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
                 "take solver.algorithm = 'path-following' or 'exact'."
             )
     elif contact and "steps" not in summary:
-        advice.append(
-            "How accurate this is has not been estimated: solve on a finer mesh as well, and compare."
+        mean = (summary.get("stress") or {}).get("error")
+        known = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
+        cure = (
+            "ask for an accuracy, as with --accuracy 0.2"
             if in_space(summary)
-            else "How accurate this is has not been estimated: solve with --levels 3 (a mesh from a generator), or ask "
-            "for an accuracy, as with --accuracy 0.05."
+            else "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
         )
+        advice.append(f"The error of the contact figures has not been estimated{known}: {cure}.")
     if contact:
         runs = _zone_sizes(contact)
         if runs and min(runs) < FEW_NODES:
