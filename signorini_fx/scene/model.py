@@ -12,7 +12,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import ceil
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -400,7 +400,13 @@ class Scene(Table):
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
-        return round(factor_at(self.load_steps.times or tuple(map(float, range(1, self.steps + 1))), place), 12)
+        times = self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+        time = factor_at(times, place)
+        if place == int(place):
+            return time
+        # Places have twelve digits: thirds that add up leave the last two uncertain.
+        span = times[-1] - min(times[0], 0.0)
+        return round(time, 10 - floor(log10(span)) if span > 0 else 10)
 
     def name_at(self, place: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
