@@ -15,6 +15,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import Status
+from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
@@ -191,6 +192,9 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert solution.status is Status.BUDGET
     assert solution.certificate.holds
     assert "of memory, this machine has 0.00093" in solution.history.events[-1]
+    told = render(summarise(solution, solution.table)).splitlines()
+    assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
+    assert not any(line.startswith("  fall-backs") for line in told)
 
 
 def test_no_more_than_asked_for():

@@ -232,7 +232,7 @@ def render(summary: dict[str, Any]) -> str:
         f"  linear algebra   {summary['linear_algebra']}",
     ]
     told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
-    named = {"restart": "restart: ", "elements": "elements: ", "increments": "load step "}
+    named = {"restart": "restart: ", "elements": "elements: ", "accuracy": "accuracy: ", "increments": "load step "}
     kinds = {
         name: [event.removeprefix(f"{name}: ") for event in told if event.startswith(prefix)]
         for name, prefix in named.items()
