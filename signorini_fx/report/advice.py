@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.display import duration, storage
 from signorini_fx.records import FEW_NODES, Status
 from signorini_fx.report.digits import percent
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, in_space
@@ -32,7 +33,8 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         *_, last, following = prices
         errors = {name: last[name] for name in ("energy", "pressure", "force", "zone", "peak") if last[name]}
         told = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
-        cost = f"{following['seconds']:.2g} s and {following['memory']:.0f} MB, {following['dofs']} unknowns"
+        effort = duration(following["seconds"]), storage(1024**2 * following["memory"])
+        cost = f"{' and '.join(effort)}, {following['dofs']} unknowns"
         energy = f", energy error then {percent(following['energy'])}" if following["energy"] else ""
         advice.append(f"Estimated errors of this mesh: {told}. The next one would take about {cost}{energy}.")
         if last["energy"] and last["regularisation"] > 0.2 * last["energy"]:

@@ -32,6 +32,7 @@ from signorini_fx.accuracy.price_list import (
 )
 from signorini_fx.body.material import plane_modulus
 from signorini_fx.contact.state import ContactState
+from signorini_fx.display import duration
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.refinement import cells_at, mark, refine
@@ -207,7 +208,7 @@ def _beyond(
     following = predict(rows[:-1], base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from)
     spent = parallel.global_max(comm, time.perf_counter() - begin)
     if goal.seconds is not None and spent + following.seconds > goal.seconds:
-        return f"about {following.seconds:.2g} s, and {spent:.2g} of {goal.seconds:g} s are spent"
+        return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
     # A process that takes more memory than there is would be killed, and its results with it.
     there = parallel.machine_memory(comm) / 1024**3
     allowed = MEMORY_SHARE * there if goal.memory is None else goal.memory
