@@ -25,6 +25,22 @@ def clean(value: Any, scale: float) -> Any:
     return [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
 
 
+def duration(seconds: float) -> str:
+    """A time that is only known roughly."""
+    if seconds < 10:
+        return "below 0.01 s" if seconds < 0.01 else f"{seconds:.1g} s"
+    if seconds < 600:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def storage(size: float) -> str:
+    """A number of bytes that is only known roughly."""
+    if size < 1e6:
+        return "below 1 MB"
+    return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
+
+
 def results_of(summary: dict[str, Any]) -> str:
     """The load step that the results are of."""
     of, count = summary["results_of"], len(summary["steps"])

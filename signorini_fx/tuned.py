@@ -240,7 +240,8 @@ MULTIGRID_SHARE = 1.2
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
 # the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
-# Share of the machine's memory above which check warns that a scene needs too much.  Choice.
+# Share of the machine's memory above which check warns that a scene needs too much, and no finer mesh is begun.
+# Choice.
 MEMORY_SHARE = 0.8
 
 # --- load steps -------------------------------------------------------------------------------------------------------

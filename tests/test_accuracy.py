@@ -8,12 +8,14 @@ import random_scenes
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
+from signorini_fx.accuracy.price_list import predict
 from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import Status
+from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
@@ -183,6 +185,18 @@ def test_budget_ends_by_name():
     assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
 
 
+def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
+    """Without a budget a mesh that the machine has no memory for is not begun: the system would kill the process."""
+    monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e6)
+    solution = solve(asked("tresca", target=1e-6), check=False)
+    assert solution.status is Status.BUDGET
+    assert solution.certificate.holds
+    assert "of memory, this machine has 0.00093" in solution.history.events[-1]
+    told = render(summarise(solution, solution.table)).splitlines()
+    assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
+    assert not any(line.startswith("  fall-backs") for line in told)
+
+
 def test_no_more_than_asked_for():
     """A rough answer costs two small meshes."""
     assert len(solve(asked("tresca", target=0.5, of="pressure")).levels) == 2
@@ -310,6 +324,21 @@ def test_a_drawing_is_meshed_again(tmp_path):
     assert any("straight facets" in event for event in polygon.history.events)
     with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
         solve(seal(tmp_path / "curved.msh", target=0.05, refinement="adaptive"), MPI.COMM_SELF)
+
+
+def test_the_cells_of_a_file_are_halved_or_not(tmp_path, monkeypatch):
+    """A budget for less than twice as fine a mesh does not begin one that is twice as fine."""
+    (tmp_path / "seal.geo").write_text(SEAL)
+    jumps = []
+
+    def noted(*given, finer, **named):
+        jumps.append(finer)
+        return predict(*given, finer=finer, **named)
+
+    monkeypatch.setattr(to_accuracy, "predict", noted)
+    scene = seal(tmp_path / "seal.geo", target=1e-6, refinement="uniform", memory=1e-3)
+    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.BUDGET
+    assert jumps == [2.0]
 
 
 @pytest.mark.parametrize("of", ["energy", "force"])

@@ -367,6 +367,16 @@ HURTING = [
         "contact.gap",
         "0.001",
     ),
+    (
+        {
+            "traction": [
+                {"boundary": "top", "y": -1.0},
+                {"boundary": "top", "x": "3 if x[1] > 1.5 else 0", "y": "0*x[0]"},
+            ]
+        },
+        "traction[1]",
+        "it is 0 on the whole boundary 'top'",
+    ),
     ({"solver": {"gamma_n": 1e14}}, "solver.gamma_n", "round-off"),
     ({"solver": {"gamma_t": 1e14}, **tresca(1.0)}, "solver.gamma_t", "round-off"),
     ({"solver": {"gamma_n": 1e4}}, "solver.gamma_n", "penetration of about 16%"),
@@ -513,6 +523,28 @@ def test_bad_scenes(capsys, tmp_path, change, path):
     code, out, _ = run(capsys, "check", file, "--json")
     assert code == 2
     assert path in [problem["path"] for problem in json.loads(out)["problems"]]
+
+
+@pytest.mark.parametrize(
+    ("line", "cure"),
+    [
+        (
+            "gap = -1 if x[0] > 40 else 0  # far",
+            ': an expression stands in quotes, as in gap = "-1 if x[0] > 40 else 0"',
+        ),
+        ("gap = 3*5", ': an expression stands in quotes, as in gap = "3*5"'),
+        ("gap = 3.5.1", ""),
+        ("gap 3", ""),
+        ('gap = "x[0]" 3', ""),
+    ],
+)
+def test_an_expression_without_quotes(line, cure):
+    """The syntax error says how it is written, and nothing where that is not what is wrong."""
+    with pytest.raises(SceneError) as caught:
+        parse_scene_text(f"title = 'a'\n{line}\n", Path("scene.toml"))
+    ((_, message),) = caught.value.problems
+    assert "at line 2" in message
+    assert message.endswith(cure or ")")
 
 
 def test_a_file_that_is_not_there(capsys, tmp_path):

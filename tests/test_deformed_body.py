@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image
 
-from signorini_fx.report import deformed_body
+from signorini_fx.report import deformed_body, moving_body
 from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
 from signorini_fx.report.fields import FIELDS
+from signorini_fx.report.moving_body import Moment
+from signorini_fx.report.style import finish
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))
@@ -78,7 +82,53 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
 def test_an_asked_factor_makes_one_panel(monkeypatch):
     """As the figures of the paper need it, in the gray tones that the paper has."""
     gray = replace(FIELDS["density"], colours="gray_r")
-    (axes,), title = drawn(monkeypatch, 0.3 * (X - 1.5) ** 2, sinking(0.001), factor=20.0, field=gray)
+    (axes,), title = drawn(monkeypatch, 0.003 * (X - 1.5) ** 2, sinking(0.001), factor=20.0, field=gray)
     assert "20" in title
+    assert axes.lines
     (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
     assert cells.get_cmap().name == "gray_r"
+
+
+def test_a_frame_has_no_foundation_that_would_be_bent(monkeypatch):
+    """One panel, with the contact zone marked, where an animation magnifies a plane below a round body."""
+    gap = 0.3 * (X - 1.5) ** 2 + 0.001
+    (axes,), title = drawn(monkeypatch, gap, sinking(0.0012), factor=50.0)
+    assert "gap" not in title
+    assert "contact zone thick" in title
+    assert not axes.lines
+    np.testing.assert_allclose(body_of(axes), (POINTS + 50.0 * sinking(0.0012))[CELLS])
+
+
+def test_frames_of_a_round_body(monkeypatch, tmp_path):
+    """Each frame marks what touches in its load step, and the frame does not reach out for a foundation."""
+    kept = []
+    monkeypatch.setattr(moving_body, "deformed_mesh", lambda *what, **how: kept.append(how) or picture(what[0]))
+    foundation = Foundation(BOTTOM, (0.3 * (X - 1.5) ** 2)[:, None] * DOWN, None)
+    moments = [
+        Moment(str(depth), sinking(depth), np.ones(12), depth >= 0.3 * (X - 1.5) ** 2) for depth in (0.0, 0.01, 0.03)
+    ]
+    moving_body.moving_body(
+        tmp_path / "body.gif", POINTS, CELLS, moments, outline=OUTLINE, foundation=foundation, title="A round body"
+    )
+    assert [np.count_nonzero(how["foundation"].touching) for how in kept] == [1, 1, 3]
+    assert {how["factor"] for how in kept} == {10.0}
+    np.testing.assert_allclose(kept[0]["frame"], [[-0.12, -0.42], [3.12, 1.12]])
+
+
+def picture(stem):
+    Image.new("RGB", (8, 8)).save(stem.with_suffix(".png"))
+
+
+def test_a_title_stays_within_its_picture(tmp_path):
+    """A title that is wider than the figure goes on in the next line, and its remark has a line of its own."""
+    figure = Figure(figsize=(4.0, 3.0))
+    finish(
+        figure,
+        tmp_path / "figure",
+        4 * "A brake shoe pressed and dragged " + r"  (displacement $\times\,50$)",
+        suffixes=[],
+    )
+    (text,) = figure.texts
+    assert text.get_text().endswith("\n" + r"(displacement $\times\,50$)")
+    assert text.get_window_extent().x1 <= figure.bbox.width
+    assert text.get_text().replace("\n", " ").startswith("A brake shoe pressed and dragged A brake shoe")

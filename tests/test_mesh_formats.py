@@ -474,6 +474,16 @@ def test_selections_in_the_scene(given):
         scene({"file": "nowhere.vtu", "boundaries": given})
 
 
+def test_numbers_that_a_file_does_not_have(tmp_path):
+    """Nothing to choose from: the message does not ask for a choice."""
+    points, cells, _ = numbered("triangle")
+    file = vtu(
+        tmp_path / "bare.vtu", points, [("triangle", cells)], cell_data={"part": [np.ones(len(cells), dtype=int)]}
+    )
+    with pytest.raises(SceneError, match="no exterior facet has a number: give a condition instead"):
+        read_file(file, boundaries={"foot": 1})
+
+
 def test_several_numbers(tmp_path):
     """A list of numbers selects the facets that have one of them; each must be there."""
     points, cells, lines = numbered("triangle")

@@ -50,12 +50,19 @@ def test_public_names_are_shown():
 
 @pytest.mark.parametrize("name", sfx.__all__)
 def test_every_public_name_is_explained(name):
-    """With a docstring; each field of a table of the scene stands in that of its class or of a base."""
+    """With a docstring; each field of a table of the scene stands in that of its class, which help() shows first."""
     thing = getattr(sfx, name)
-    assert thing.__doc__
-    explained = "".join(base.__doc__ or "" for base in thing.__mro__) if isinstance(thing, type) else ""
+    explained = thing.__doc__
+    assert explained
     for field in getattr(thing, "model_fields", {}):
         assert f"{field}:" in explained or f"{field}, " in explained, field
+
+
+@pytest.mark.parametrize("observers", [sfx.print_progress, ["quiet"]])
+def test_observers_are_a_list_of_functions(observers):
+    """Else the message says what is expected."""
+    with pytest.raises(TypeError, match=r"observers: a list of functions is expected, such as \[print_progress\]"):
+        sfx.solve(scene(), COMM, observers=observers)
 
 
 def test_what_can_be_accepted(tmp_path):

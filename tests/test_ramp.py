@@ -41,6 +41,16 @@ def test_factors_between_load_steps():
     assert [factor_at(factors, place) for place in places] == [0.0, 1.0, 2.0, 2.5, 4.0, 2.0, 0.0]
 
 
+@pytest.mark.parametrize(
+    ("times", "third"), [((0.0, 1.0), "0.3333333333"), ((0.0, 1e-6), "3.333333333e-07"), ((1e5, 103600.0), "101200.0")]
+)
+def test_times_have_no_digits_of_round_off(times, third):
+    """The places of a ramp of three increments are not exact; the times say no more than they know, in any unit."""
+    scene = ramp(0.5, 3, load_steps={"times": list(times)})
+    assert repr(scene.time_at(0.333333333334)) == third
+    assert [scene.time_at(place) for place in (0.0, 1.0)] == list(times)
+
+
 # --- a limit load ----------------------------------------------------------------------------------------------------
 
 
@@ -337,6 +347,10 @@ steps = 2
     said = capsys.readouterr()
     assert "the results are those of load step " in said.err
     assert said.out.count("  warning  ") == 1
+    assert "  what to do       friction cannot balance" in said.out
+    assert "friction cannot balance" not in said.err  # it has been said
+    assert main(["solve", str(file), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]) == 1
+    assert "friction cannot balance" in capsys.readouterr().err
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------

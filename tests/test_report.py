@@ -327,6 +327,8 @@ def test_next_steps(folders):
     assert Page(folders["not held"]).text.count("prescribe a displacement, or add friction") == 1
     assert Page(folders["two boundaries"]).text.count("made in Python") == 1
     assert "--levels 3" in said("two boundaries")
+    assert "the stress is about 47 % in the mean)" in said("two boundaries", stress={"error": 0.4703})
+    assert "--accuracy 0.2." in said("two boundaries", dimension=3)
     assert "--levels 3" not in said("steps")
     assert said("linear") == ""
     assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
@@ -651,3 +653,15 @@ def test_date(folders):
         finished = summary_of(folder)["finished"]
         assert datetime.now(UTC) - datetime.fromisoformat(finished) < timedelta(hours=2)
         assert f"solved on {finished[:10]}" in Page(folder).text
+        assert f"Solved on {finished[:10]} {finished[11:19]} UTC by" in Page(folder).text
+
+
+def test_scene_is_told(folders):
+    """Factors and names of load steps are there, and it is clear what belongs to an inner table."""
+    assert "times the factors 0.5, 1, 0.25" in Page(folders["steps"]).text
+    mesh = {"file": "a.step", "boundaries": {"wall": 6, "seat": [1, 2]}, "size": 4.0}
+    named = {"names": ["press", "drag"], "times": None, "steps": 6}
+    summary = summary_of(folders["steps"])
+    page = evidence.scene({**summary, "scene": {**summary["scene"], "mesh": mesh, "load_steps": named}})
+    assert "file = a.step, boundaries = {wall = 6, seat = (1, 2)}, size = 4" in page
+    assert "names = (press, drag), steps = 6" in page

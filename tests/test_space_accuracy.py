@@ -15,7 +15,7 @@ from test_space_manufactured import YOUNG, made_up, stress
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.data_error import data_error
-from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error
+from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
 from signorini_fx.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.assembly import facet_vertices
@@ -137,6 +137,25 @@ def test_a_facet_of_degree_2_is_four_pieces():
     assert surface.rim.sum() == 8
     corners_only = replace(table, facets=np.array([[0, 1, 2, 3, -1, -1, -1, -1, -1]]))
     assert ContactSurface.of(corners_only).area == pytest.approx(4.0)
+
+
+def test_a_node_with_an_uncertain_largest_pressure():
+    """For Hertz's pressure it decreases like h^2; a node that is wrong by a tenth is seen however fine the mesh is."""
+    found = []
+    for n in (17, 33):
+        x = np.linspace(-1.0, 1.0, n)
+        table = grid(x, x, "triangles")
+        c = table.columns
+        pressure = np.sqrt(np.maximum(1.0 - c["x"] ** 2 - c["y"] ** 2, 0.0))
+        found.append(roughness_at_peak(replace(table, columns={**c, "pressure": pressure})))
+        pressure[n * n // 2] *= 1.1
+        assert roughness_at_peak(replace(table, columns={**c, "pressure": pressure})) == pytest.approx(
+            1.0 - (1.0 - found[-1]) / 1.1, rel=1e-12
+        )
+    h = 1.0 / 8
+    assert found[0] == pytest.approx(h**2 / 2 * 8 / 6, rel=0.02)  # four neighbours at h, two at sqrt(2) h
+    assert found[0] / found[1] == pytest.approx(4.0, rel=0.02)
+    assert roughness_at_peak(grid(x, x, "triangles")) == 0.0
 
 
 def test_facets_instead_of_a_curved_surface():

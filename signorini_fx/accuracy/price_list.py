@@ -22,7 +22,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.forecast import grown, powers
-from signorini_fx.accuracy.pressure_error import peak_of
+from signorini_fx.accuracy.pressure_error import peak_of, roughness_at_peak
 from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -193,6 +193,8 @@ def price_list(
             enough = level.dimension == 2 or index > 1  # in space a single change was seen to mislead
             errors["force"] = _force_error(levels[: index + 1]) if enough else None
             if errors["peak"] is not None:
+                if level.dimension == 3:
+                    errors["peak"] = max(errors["peak"], roughness_at_peak(level.table))
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)

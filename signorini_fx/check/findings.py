@@ -15,6 +15,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import LOCKING_POISSON, Body
@@ -22,7 +23,7 @@ from signorini_fx.check.equilibrium import MOST_LISTED, equilibrium, load_on, ro
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
-from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
 from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
 
@@ -43,7 +44,7 @@ def scene_findings(
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     scene = body.scene
-    found = [*_pieces(body), *_locking(body), *equilibrium(body, law)]
+    found = [*_pieces(body), *_locking(body), *_idle_tractions(body), *equilibrium(body, law)]
     # Without an estimate it only matters whether anything acts at all.
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
@@ -76,6 +77,26 @@ def _locking(body: Body) -> list[Finding]:
         for index, material in enumerate(scene.material)
         if material.hypothesis == "plane strain" and material.poisson >= LOCKING_POISSON
     ]
+
+
+def _idle_tractions(body: Body) -> list[Finding]:
+    """Tractions that are expressions of the position and vanish wherever they may act."""
+    found = []
+    for index, load in enumerate(body.scene.traction):
+        given = [*load.components, load.pressure]
+        values = [value for value in given if not isinstance(value, float) or value != 0.0]
+        if not values or not all(isinstance(value, Expression) for value in values):
+            continue
+        corners = facet_vertices(body.tagged.mesh, body.tagged.facets(load.boundary))
+        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
+        acts = any(bool(np.any(sample(value, points) != 0.0)) for value in values)
+        if not parallel.any_rank(body.comm, acts):
+            message = (
+                f"it is 0 on the whole boundary {load.boundary!r}, at all nodes and middles of facets: check its "
+                "expression and the unit of lengths"
+            )
+            found.append(Finding("warning", f"traction[{index}]", message))
+    return found
 
 
 def result_findings(deformations: Sequence[Deformation], *, touching: bool | None) -> list[Finding]:

@@ -6,6 +6,7 @@ import textwrap
 
 from signorini_fx.check.checks import Check
 from signorini_fx.check.cost import Cost
+from signorini_fx.display import duration, storage
 
 
 def render(check: Check) -> str:
@@ -38,18 +39,6 @@ def _estimate(cost: Cost) -> str:
     return (
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
-        f"{one} {_seconds(cost.factorisation_seconds)} and {_bytes(cost.factorisation_bytes)}; "
-        f"altogether {' to '.join(dict.fromkeys(map(_seconds, cost.seconds)))} and {_bytes(cost.memory_bytes)}"
+        f"{one} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
+        f"altogether {' to '.join(dict.fromkeys(map(duration, cost.seconds)))} and {storage(cost.memory_bytes)}"
     )
-
-
-def _seconds(value: float) -> str:
-    if value < 0.01:
-        return "below 0.01 s"
-    return f"{value:.1g} s" if value < 10 else f"{value:.0f} s" if value < 600 else f"{value / 60:.0f} min"
-
-
-def _bytes(value: float) -> str:
-    if value < 1e6:
-        return "below 1 MB"
-    return f"{value / 1e6:.0f} MB" if value < 1e9 else f"{value / 1e9:.1f} GB"

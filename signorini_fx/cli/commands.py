@@ -96,7 +96,8 @@ def solve(options: argparse.Namespace) -> int:
     if not options.quiet:
         parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
     if not solution.converged:
-        parallel.log_on_root(comm, f"signorini-fx: {outcome(solution)}", error=True)
+        # The summary above has said what to do.
+        parallel.log_on_root(comm, f"signorini-fx: {outcome(solution, advice=options.quiet)}", error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.display import duration, storage
 from signorini_fx.records import FEW_NODES, Status
 from signorini_fx.report.digits import percent
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, in_space
@@ -32,7 +33,8 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         *_, last, following = prices
         errors = {name: last[name] for name in ("energy", "pressure", "force", "zone", "peak") if last[name]}
         told = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
-        cost = f"{following['seconds']:.2g} s and {following['memory']:.0f} MB, {following['dofs']} unknowns"
+        effort = duration(following["seconds"]), storage(1024**2 * following["memory"])
+        cost = f"{' and '.join(effort)}, {following['dofs']} unknowns"
         energy = f", energy error then {percent(following['energy'])}" if following["energy"] else ""
         advice.append(f"Estimated errors of this mesh: {told}. The next one would take about {cost}{energy}.")
         if last["energy"] and last["regularisation"] > 0.2 * last["energy"]:
@@ -41,12 +43,14 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
                 "take solver.algorithm = 'path-following' or 'exact'."
             )
     elif contact and "steps" not in summary:
-        advice.append(
-            "How accurate this is has not been estimated: solve on a finer mesh as well, and compare."
+        mean = (summary.get("stress") or {}).get("error")
+        known = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
+        cure = (
+            "ask for an accuracy, as with --accuracy 0.2"
             if in_space(summary)
-            else "How accurate this is has not been estimated: solve with --levels 3 (a mesh from a generator), or ask "
-            "for an accuracy, as with --accuracy 0.05."
+            else "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
         )
+        advice.append(f"The error of the contact figures has not been estimated{known}: {cure}.")
     if contact:
         runs = _zone_sizes(contact)
         if runs and min(runs) < FEW_NODES:

@@ -75,6 +75,10 @@ class Foundation:
         split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching)), strict=True)
         return [Foundation(*parts) for parts in split if len(parts[0]) > 1]
 
+    def keeps_its_shape(self, factor: float, points: Floats) -> bool:
+        """Whether all connected parts look like themselves below a body with these points, see ``deformed_mesh``."""
+        return all(piece.looks_like_itself(factor, _diagonal(points)) for piece in self.pieces())
+
     def looks_like_itself(self, factor: float, size: float) -> bool:
         """Whether a connected part keeps its shape where its gap is magnified.
 
@@ -111,7 +115,8 @@ def deformed_mesh(
     A displacement that is magnified needs a gap that is magnified alike, or the body would seem to enter the
     foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
     foundation visibly, as under a disk on a plane, there are two panels: body and foundation as they are; and the body
-    with its displacement magnified, without foundation, its contact zone marked.
+    with its displacement magnified, without foundation, its contact zone marked.  Where the factor is given there is
+    only the latter.
 
     The edges of the cells are drawn if the mesh is coarse enough to see them; the body's outline always is.  Where a
     singular corner would leave the rest of the body without colour, the scale ends at the value that 99 % of the area
@@ -127,8 +132,8 @@ def deformed_mesh(
         field: what it is.
         stress: tensors at the middles of the cells, shape (m, 3, 3): their principal stresses are drawn as strokes.
         foundation: None: none is drawn.
-        factor: of the displacement and of the gap, in one panel; None: ``magnification(points, displacement)``, in two
-            where one would not be true.
+        factor: of the displacement, and of the gap where that is a true picture, in one panel; None:
+            ``magnification(points, displacement)``, in two panels where one would not be true.
         top: the value where the colours end; None: see above.
         frame: lowest and highest coordinates that are seen, in one panel; None: as far as body and foundation reach.
         title: what to say above the picture.
@@ -143,22 +148,23 @@ def deformed_mesh(
         raise ValueError("the mesh has no cells")
     chosen = magnification(points, displacement) if factor is None else factor
     pieces = [] if foundation is None else foundation.pieces()
-    size = _diagonal(points)
-    true = factor is not None or all(piece.looks_like_itself(chosen, size) for piece in pieces)
-    scales = (chosen,) if true else (1.0, chosen)
+    true = foundation is None or foundation.keeps_its_shape(chosen, points)
+    scales = (chosen,) if true or factor is not None else (1.0, chosen)
     panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
     if not true:
-        panels[1] = replace(panels[1], with_foundation=False)
+        panels[-1] = replace(panels[-1], with_foundation=False)
     what = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
         remark = what if chosen == 1 or not pieces else what.replace("displacement", "displacement and gap")
     else:
-        remark = f"left: as it is; right: {what}, contact zone thick"
+        remark = (
+            f"{what}, contact zone thick" if len(panels) == 1 else f"left: as it is; right: {what}, contact zone thick"
+        )
 
     tones = Tones(field, values, _areas(panels[0].corners), top)
     frames = [panel.frame() if frame is None else frame for panel in panels]
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
-    widest = 4.8 if true else 2.6
+    widest = 4.8 if len(panels) == 1 else 2.6
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
     with mpl.rc_context(STYLE):

@@ -21,6 +21,8 @@ from signorini_fx.report.markup import (
 )
 from signorini_fx.report.reading import ResultFiles
 
+_MOST_FACTORS = 8  # are listed in the table of the scene
+
 # Every figure of the certificate: its limit, None if it is only reported, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {
     "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
@@ -93,6 +95,9 @@ def scene(summary: dict[str, Any]) -> Markup:
         rest = {key: value for key, value in entry.items() if key != "friction"}
         rows.append((_named(f"{entry['kind']} contact", entry["boundary"]), _data(rest, "boundary", "kind")))
         rows.append((_named(f"friction: {friction['law']}", entry["boundary"]), _data(friction, "law")))
+    steps = {key: value for key, value in (scene.get("load_steps") or {}).items() if value}
+    if steps:
+        rows.append(("load steps", shown(steps)))
     method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
     whole = tag("pre", json.dumps(scene, indent=1))
     return joined(
@@ -113,7 +118,10 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
     """The text for an effect; ``nothing`` is the text for an absent load."""
     said = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
     factors = said.pop("factors", None)
-    return shown(said) + (f", times {len(factors)} factors, one per load step" if factors else "")
+    if not factors:
+        return shown(said)
+    listed = ", ".join(map(shown, factors)) if len(factors) <= _MOST_FACTORS else f"{len(factors)} of them"
+    return f"{shown(said)}, times the factors {listed}"
 
 
 def price_list(rows: list[dict[str, Any]]) -> Markup:
@@ -168,7 +176,11 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
 def made_with(summary: dict[str, Any]) -> Markup:
     """When and with what: date, versions, ranks, compiled forms and times."""
     versions = summary["versions"]
-    when = f"Solved on {summary['finished'].replace('T', ' ')}" if "finished" in summary else "Solved"
+    when = (
+        f"Solved on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
+        if "finished" in summary
+        else "Solved"
+    )
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])

@@ -63,7 +63,10 @@ def shown(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"({', '.join(map(shown, value))})"
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} = {shown(item)}" for key, item in value.items() if item is not None)
+        said = {key: shown(item) for key, item in value.items() if item is not None}
+        # What belongs to an inner table stands in braces, as in the scene file.
+        inner = {key: f"{{{said[key]}}}" for key in said if isinstance(value[key], Mapping)}
+        return ", ".join(f"{key} = {text}" for key, text in {**said, **inner}.items())
     return str(value)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -29,11 +29,13 @@ class Moment:
         name: of the load step.
         displacement: at the points, length, shape (n, d).
         values: von Mises stress of each cell, in space of each facet, shape (m,).
+        touching: the nodes of ``Foundation`` in contact, shape (k,); None: without contact, or in space.
     """
 
     name: str
     displacement: Floats
     values: Floats
+    touching: npt.NDArray[np.bool_] | None = None
 
 
 def shown(count: int) -> list[int]:
@@ -62,7 +64,8 @@ def moving_body(
             ``deformed_solid``.
         moments: the load steps, in order.
         outline: of a body of the plane, see ``deformed_mesh``.
-        foundation: of a body of the plane.
+        foundation: of a body of the plane; where the magnified gap would bend it (see ``deformed_mesh``) the contact
+            zone of each load step is marked instead.
         foundations: of a body in space.
         title: what to say above each frame.
 
@@ -78,7 +81,9 @@ def moving_body(
     top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0
     plane = points.shape[1] == 2
     places = [points + factor * moment.displacement for moment in moments]
-    drawn = [(foundation.nodes, foundation.offset)] if foundation is not None else list(foundations)
+    drawn = list(foundations)
+    if foundation is not None and foundation.keeps_its_shape(factor, points):
+        drawn = [(foundation.nodes, foundation.offset)]
     seen: Callable[[Floats], Floats] = np.asarray
     if not plane:
         from signorini_fx.report import view
@@ -101,7 +106,8 @@ def moving_body(
             what = (stem, points, cells, moment.displacement, moment.values)
             how: dict[str, Any] = {"factor": factor, "top": top, "frame": frame, "title": said, "suffixes": [".png"]}
             if outline is not None:
-                deformed_mesh(*what, outline=outline, foundation=foundation, **how)
+                now = None if foundation is None else replace(foundation, touching=moment.touching)
+                deformed_mesh(*what, outline=outline, foundation=now, **how)
             else:
                 deformed_solid(*what, foundations=foundations, **how)
             with Image.open(stem.with_suffix(".png")) as picture:

@@ -9,6 +9,7 @@ so that it can still be read where a telephone shows them with a width of 9 cm.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -97,10 +98,23 @@ def math_number(value: float) -> str:
     return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits}\cdot 10^{{{int(power)}}}"
 
 
+def _entitle(figure: Figure, title: str) -> None:
+    """The title at the top left; one that is wider than the figure in several lines, the remark in one of its own."""
+    text = figure.suptitle(title, x=0.012, ha="left", fontsize=10)
+    room = 0.976 * figure.bbox.width
+    if text.get_window_extent().width <= room:
+        return
+    said, *remark = title.split("   (", 1)
+    text.set_text(said)
+    letters = int(len(said) * room / text.get_window_extent().width)  # a user's text, without mathematics
+    lines = [line for part in said.split("\n") for line in textwrap.wrap(part, max(letters, 10))]
+    text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
+
+
 def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = BOTH) -> None:
     """Title the figure and write it; without dates, so that the same data give the same files."""
     if title:
-        figure.suptitle(title, x=0.012, ha="left", fontsize=10)
+        _entitle(figure, title)
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}

@@ -152,8 +152,10 @@ def _moments(solution: Solution, gather: Callable[[Solution], GatheredCells | Ou
 
     found = []
     for step in (steps[k] for k in shown(len(steps))):
-        body = gather(solution.at(step))
-        found.append(Moment(str(step), body.displacement, body.values["von_mises"]))
+        then = solution.at(step)
+        body = gather(then)
+        touching = None if then.contact is None else then.table.columns["state"] != "open"
+        found.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
     return found
 
 

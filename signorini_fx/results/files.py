@@ -236,5 +236,7 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 def _cell(value: Any) -> Any:
     """A value as it is written in a CSV file."""
     if isinstance(value, np.generic):
-        return value.item()
+        value = value.item()
+    if isinstance(value, float):
+        return value + 0.0  # no minus zero
     return as_text(value) if isinstance(value, str) else value

@@ -213,10 +213,15 @@ class ConvergenceError(SignoriniError):
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
 
 
-def outcome(solution: Solution) -> str:
-    """How a solve without a solution ended, and what to do; with load steps, which one, and what there is."""
+def outcome(solution: Solution, *, advice: bool = True) -> str:
+    """How a solve without a solution ended; with load steps, which one, and what there is.
+
+    Args:
+        solution: that is none.
+        advice: whether to say what to do.
+    """
     status, last, failed = solution.status, solution.last_step, solution.steps[-1]
-    text = f"{status.value}: {solution.advice}"
+    text = f"{status.value}: {solution.advice}" if advice else status.value
     if not solution.scene.several_steps or failed.status is Status.CONVERGED:
         return text
     kept = f"; the results are those of {last}" if last is not failed else ""

@@ -21,6 +21,7 @@ from signorini_fx.contact.table import ContactTable
 from signorini_fx.display import clean, results_of
 from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
+from signorini_fx.report.digits import estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
@@ -204,7 +205,8 @@ def table_row(record: Record) -> str:
         return f"--- {record} ".ljust(len(_HEADER), "-")
     if isinstance(record, OuterRecord):
         change = "" if record.change is None else f", change of the friction bound {record.change:.2e}"
-        return f"       {record.outer:5d}  {record.status} after {record.linear_solves} linear solves{change}"
+        solves = f"{record.linear_solves} linear solve{'s' * (record.linear_solves != 1)}"
+        return f"       {record.outer:5d}  {record.status} after {solves}{change}"
     header = _HEADER if record.solve == 1 else ""
     numbers = (
         f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} {record.slip_plus:7d}"
@@ -231,7 +233,7 @@ def render(summary: dict[str, Any]) -> str:
         f"  linear algebra   {summary['linear_algebra']}",
     ]
     told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
-    named = {"restart": "restart: ", "elements": "elements: ", "increments": "load step "}
+    named = {"restart": "restart: ", "elements": "elements: ", "accuracy": "accuracy: ", "increments": "load step "}
     kinds = {
         name: [event.removeprefix(f"{name}: ") for event in told if event.startswith(prefix)]
         for name, prefix in named.items()
@@ -249,12 +251,13 @@ def render(summary: dict[str, Any]) -> str:
     lines += _warnings(summary)
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return "\n".join(lines)
+    errors = estimated_errors(summary)
     if "contact_force" in summary:
         lines += [
             f"  contact nodes    {summary['contact_nodes']}, {_touching(summary['touching_nodes'])}",
             f"  contact force    {_force(summary, 'contact_force')}",
             f"  friction force   {_force(summary, 'friction_force')}",
-            f"  largest pressure {summary['max_pressure']:.6g}",
+            f"  largest pressure {_digits(summary['max_pressure'], errors.get('max_pressure'))}",
             *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
             *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
             *_beside_contact(summary),
@@ -267,8 +270,8 @@ def render(summary: dict[str, Any]) -> str:
         ]
     lines += _resultants(summary)
     lines += [
-        f"  strain energy    {summary['strain_energy']:.6g}",
-        *([f"  von Mises stress {_largest(summary['stress'])}"] if "stress" in summary else []),
+        f"  strain energy    {_digits(summary['strain_energy'], errors.get('strain_energy'))}",
+        *([f"  von Mises stress {_largest(summary)}"] if "stress" in summary else []),
         f"  deformation      {_deformation(summary['deformation'])}",
         f"  certificate      {_certificate(summary['certificate'])}",
         *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
@@ -341,13 +344,21 @@ def _labelled(label: str, told: list[str]) -> list[str]:
     return [f"  {label if k == 0 else '':16s} {text}" for k, text in enumerate(told)]
 
 
-def _largest(stress: dict[str, Any]) -> str:
-    """The largest von Mises stress, raw and recovered, and the error of the stress in the mean."""
+def _largest(summary: dict[str, Any]) -> str:
+    """The largest von Mises stress with the digits that its error allows, raw and recovered, and the error."""
+    stress, there = summary["stress"], estimated_errors(summary).get("von_mises")
     raw, recovered = stress["von_mises"], stress["recovered"]
-    told = f"{raw['value']:.6g} at most, at {_point(raw['place'])}"
-    if recovered is not None:
-        told += f"; recovered {recovered['von_mises']['value']:.6g}"
-    return told if stress["error"] is None else f"{told}; error in the mean {100 * stress['error']:.2g} %"
+    told = f"{_digits(raw['value'], there)} at most, at {_point(raw['place'])}"
+    if recovered is not None and there is not None:
+        value = recovered["von_mises"]["value"]
+        digits = _digits(value, there * raw["value"] / value if value else None)
+        told += f"; recovered {digits}, a difference of {percent(there)}"
+    return told if stress["error"] is None else f"{told}; estimated error in the mean {percent(stress['error'])}"
+
+
+def _digits(value: float, error: float | None) -> str:
+    """A figure rounded to its estimated error; one without an estimate with six digits."""
+    return f"{value:.6g}" if error is None else figure(value, error)
 
 
 def _point(place: list[float]) -> str:
@@ -392,10 +403,10 @@ def _certificate(figures: dict[str, Any]) -> str:
     judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
     if figures["holds"]:
         value, name = judged[0]
-        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed by {figures['law']}"
-        return f"holds: no figure above {value:.1e} ({name}), {allowed}"
+        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed"
+        return f"holds for {figures['law']}: no figure above {value:.1e} ({name}), {allowed}"
     wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
-    return f"DOES NOT HOLD by {figures['law']}: {', '.join(wrong)}"
+    return f"DOES NOT HOLD for {figures['law']}: {', '.join(wrong)}"
 
 
 def _left(figures: dict[str, Any]) -> str:

@@ -146,7 +146,7 @@ def _check(node: ast.expr) -> Kind:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             return _check_call(name, arguments)
         case ast.Name(id=name):
-            meant = {"x": ": use x[0] or x[1]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
+            meant = {"x": ": use x[0], x[1] or x[2]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
             raise ValueError(f"{name!r} is not known{meant}")
         case ast.Subscript(value=ast.Name(id=name)):
             raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in space, x[2]")

@@ -12,7 +12,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import ceil
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -104,23 +104,13 @@ class LinearElastic(Table):
 
 
 class _Load(Table):
-    """Loads that load steps multiply by a factor.
-
-    Attributes:
-        factors: one number per load step; None: 1 in every step.
-    """
+    """Loads that load steps multiply by a factor."""
 
     factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
 
 
 class _Vector(_Load):
-    """Loads with components along x[0], x[1] and, in space, x[2].
-
-    Attributes:
-        x: component along x[0]; default: 0.
-        y: component along x[1]; default: 0.
-        z: component along x[2], only in space; default: 0.
-    """
+    """Loads with components along x[0], x[1] and, in space, x[2]."""
 
     x: Value = 0.0
     y: Value = 0.0
@@ -133,7 +123,14 @@ class _Vector(_Load):
 
 
 class BodyForce(_Vector):
-    """Force per volume, f of (1.1a)."""
+    """Force per volume, f of (1.1a).
+
+    Attributes:
+        x: component along x[0], stress / length.
+        y: component along x[1], stress / length.
+        z: component along x[2], stress / length; only in space.
+        factors: one number per load step; None: 1 in every step.
+    """
 
 
 class SurfaceTraction(_Vector):
@@ -145,6 +142,7 @@ class SurfaceTraction(_Vector):
         y: component along x[1], stress.
         z: component along x[2], stress; only in space.
         pressure: pressure on the boundary, which acts along the inward normal, stress.
+        factors: one number per load step; None: 1 in every step.
     """
 
     boundary: str
@@ -160,6 +158,7 @@ class PrescribedDisplacement(_Vector):
         y: component along x[1], length.
         z: component along x[2], length; only in space.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
+        factors: one number per load step; None: 1 in every step.
     """
 
     boundary: str
@@ -217,14 +216,7 @@ Friction = NoFriction | TrescaFriction | CoulombFriction
 
 
 class _Contact(Table):
-    """Contact of a boundary with a rigid foundation.
-
-    Attributes:
-        boundary: name of the boundary where contact may occur.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        friction: the friction law.
-    """
+    """Contact of a boundary with a rigid foundation."""
 
     boundary: str
     gap: SampledValue = 0.0
@@ -243,6 +235,10 @@ class UnilateralContact(_Contact):
     """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
 
     Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
         kind: its name.
     """
 
@@ -253,6 +249,10 @@ class BilateralContact(_Contact):
     """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
         kind: its name.
     """
 
@@ -400,7 +400,13 @@ class Scene(Table):
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
-        return round(factor_at(self.load_steps.times or tuple(map(float, range(1, self.steps + 1))), place), 12)
+        times = self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+        time = factor_at(times, place)
+        if place == int(place):
+            return time
+        # Places have twelve digits: thirds that add up leave the last two uncertain.
+        span = times[-1] - min(times[0], 0.0)
+        return round(time, 10 - floor(log10(span)) if span > 0 else 10)
 
     def name_at(self, place: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""

@@ -80,13 +80,23 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
     try:
         data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
-        raise SceneError([("syntax", str(error))], str(path)) from None
+        raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
     for table, entries in (overrides or {}).items():
         if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
             data[table] = {**said, **entries}
     return parse_scene(data, str(path), path.parent)
+
+
+def _unquoted(text: str, message: str) -> str:
+    """What to do if the line that is wrong has an expression without quotes; "" if it has none."""
+    place = re.search(r"at line (\d+)", message)
+    line = text.splitlines()[int(place[1]) - 1] if place and int(place[1]) <= text.count("\n") + 1 else ""
+    given = re.fullmatch(r"\s*([\w.]+)\s*=\s*([^\"'\[{#][^\"'#]*?)\s*(#.*)?", line)
+    if given is None or not re.search(r"x\[\d\]|\bif\b|[*/(]", given[2]):
+        return ""
+    return f': an expression stands in quotes, as in {given[1]} = "{given[2][:60]}"'
 
 
 def read_scene(path: str | Path) -> Scene:

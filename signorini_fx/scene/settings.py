@@ -124,7 +124,7 @@ class Accuracy(Table):
             adaptively refined triangles of degree 2; bodies with arcs from a generator, drawings (.geo) and mesh
             files with curved cells get elements and cells of degree 2, refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
-        memory: peak memory of all ranks allowed, GB; None: no limit.
+        memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
     """
 
     target: Annotated[float, Field(gt=0, lt=1, strict=True)]

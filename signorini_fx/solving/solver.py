@@ -74,6 +74,8 @@ def solve(
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     options.refuse_mistyped(comm)
+    if callable(observers) or not all(map(callable, observers)):
+        raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
     coarse = coarser_scenes(scene, scene.solver.levels)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)

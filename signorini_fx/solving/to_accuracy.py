@@ -32,6 +32,7 @@ from signorini_fx.accuracy.price_list import (
 )
 from signorini_fx.body.material import plane_modulus
 from signorini_fx.contact.state import ContactState
+from signorini_fx.display import duration
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.refinement import cells_at, mark, refine
@@ -52,6 +53,7 @@ from signorini_fx.tuned import (
     FEWEST_MESHES,
     LARGEST_GAMMA,
     LARGEST_JUMP,
+    MEMORY_SHARE,
     MOST_MESHES,
     REGULARISATION_SHARE,
     SAFETY,
@@ -156,9 +158,13 @@ def solve_to_accuracy(
             compared, rate = goal.of not in LOCAL, rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
             if enough:
-                while jump > SMALLEST_JUMP and _beyond(goal, comm, rows, base_memory, begin, jump, level):
+                beyond = _beyond(goal, comm, rows, base_memory, begin, jump, level)
+                while beyond and meshes.any_jump and jump > SMALLEST_JUMP:
                     jump = max(jump / 2, SMALLEST_JUMP)
-                if len(levels) >= MOST_MESHES or _beyond(goal, comm, rows, base_memory, begin, jump, level):
+                    beyond = _beyond(goal, comm, rows, base_memory, begin, jump, level)
+                if beyond:
+                    notify(f"accuracy: the next mesh would take {beyond}")
+                if beyond or len(levels) >= MOST_MESHES:
                     return replace(solution, status=Status.BUDGET)
             on_level(solution)
             meshes.refine(solved, excess, jump)
@@ -197,12 +203,19 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
 
 def _beyond(
     goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float, last: LevelResult
-) -> bool:
-    """Whether a mesh ``jump`` times finer than the last one would exceed the budget."""
+) -> str:
+    """Why a mesh ``jump`` times finer than the last one would exceed the budget or the machine; "" if it would not."""
     following = predict(rows[:-1], base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from)
     spent = parallel.global_max(comm, time.perf_counter() - begin)
-    late = goal.seconds is not None and spent + following.seconds > goal.seconds
-    return late or (goal.memory is not None and following.memory > 1024 * goal.memory)
+    if goal.seconds is not None and spent + following.seconds > goal.seconds:
+        return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
+    # A process that takes more memory than there is would be killed, and its results with it.
+    there = parallel.machine_memory(comm) / 1024**3
+    allowed = MEMORY_SHARE * there if goal.memory is None else goal.memory
+    if following.memory <= 1024 * allowed:
+        return ""
+    told = f"this machine has {there:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
+    return f"about {following.memory / 1024:.2g} GB of memory, {told}"
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:
@@ -222,6 +235,7 @@ class Meshes:
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         polygonal: whether straight facets stay although the shape may be curved.
         replaced: what replaces the scene's elements; "": they stay.
+        any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are divided.
         seconds: time of the last refinement; 0 where the mesh is made with the solve.
     """
 
@@ -242,6 +256,7 @@ class Meshes:
         self.degree: int = self._given.element.degree
         self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
         self._generated = isinstance(self._given.mesh, MeshGenerator)
+        self.any_jump: bool = self._generated and not self.adaptive
         self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
         self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
         self.seconds: float = 0.0
@@ -294,7 +309,7 @@ class Meshes:
 
     def jump(self, excess: float, rate: float, *, compared: bool, dimension: int) -> float:
         """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
-        if self.adaptive or not self._generated:
+        if not self.any_jump:
             return fineness_of(2.0, dimension) if self.adaptive else 2.0
         if excess == inf:
             return 2.0
@@ -307,7 +322,7 @@ class Meshes:
         if self._file is not None:
             self._halvings += 1
             self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
-        elif self._generated and not self.adaptive:
+        elif self.any_jump:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
             self._divisions = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
             self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})

@@ -260,8 +260,14 @@ def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, n
     """The entities with a number, and the message if there are none."""
     numbers = _numbers(raw, entities, data, name)
     if numbers is None:
-        known = ", ".join(map(repr, raw.data)) or "none"
-        return np.empty(0, dtype=np.int64), f"{name}: set mesh.data to the cell data that is meant; there are: {known}"
+        possible = [repr(label) for label, own in raw.data.items() if entities.values(own)]
+        cure = (
+            f"set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
+            if possible
+            else f"no {entities.word} has a number: give a condition instead, such as 'x[1] < 1e-9', or name them in "
+            "the file (in gmsh: physical groups)"
+        )
+        return np.empty(0, dtype=np.int64), f"{name}: {cure}"
     known = ", ".join(map(str, entities.values(numbers))) or "none"
     found = entities.with_number(numbers, value)
     return found, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known}"
