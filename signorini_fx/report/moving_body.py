@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,10 @@ from PIL import Image
 
 from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
 from signorini_fx.report.style import Floats
+from signorini_fx.report.tiling import Tiling
+
+if TYPE_CHECKING:
+    from signorini_fx.report.solid_foundation import FoundationSurface
 
 MOST_FRAMES = 40  # matplotlib takes half a second for each
 _MILLISECONDS, _LAST = 300, 1500  # of a frame, and of the last one
@@ -28,7 +32,7 @@ class Moment:
     Attributes:
         name: of the load step.
         displacement: at the points, length, shape (n, d).
-        values: von Mises stress of each cell, in space of each facet, shape (m,).
+        values: von Mises stress of each cell, in space of each facet, shape (m,); or at its points, shape (m, p).
     """
 
     name: str
@@ -48,12 +52,15 @@ def moving_body(
     cells: npt.NDArray[np.int64],
     moments: Sequence[Moment],
     *,
+    tiles: Tiling | None = None,
     outline: npt.NDArray[np.int64] | None = None,
     foundation: Foundation | None = None,
-    foundations: Sequence[tuple[Floats, Floats]] = (),
+    foundations: Sequence[FoundationSurface] = (),
     title: str = "",
 ) -> None:
     """Write a GIF of the deformed body, one frame per load step; magnification, colours and frame stay the same.
+
+    Foundations that a magnified gap would bend are left out.
 
     Args:
         path: the file.
@@ -61,6 +68,7 @@ def moving_body(
         cells: the cells of a body of the plane, see ``deformed_mesh``, or the facets of one in space, see
             ``deformed_solid``.
         moments: the load steps, in order.
+        tiles: how each cell or facet is divided; None: it has one value.
         outline: of a body of the plane, see ``deformed_mesh``.
         foundation: of a body of the plane.
         foundations: of a body in space.
@@ -74,21 +82,28 @@ def moving_body(
     furthest = max((moment.displacement for moment in moments), key=lambda y: float(np.abs(y).max(initial=0.0)))
     factor = magnification(points, furthest)
     # Singular corners would leave the rest without colour: the scale ends where a hundredth of the cells is above.
-    stresses = np.concatenate([moment.values for moment in moments])
+    stresses = np.concatenate([moment.values.ravel() for moment in moments])
     top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0
     plane = points.shape[1] == 2
     places = [points + factor * moment.displacement for moment in moments]
-    drawn = [(foundation.nodes, foundation.offset)] if foundation is not None else list(foundations)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    foundations = [one for one in foundations if one.looks_like_itself(factor, size)]
+    drawn = [one.drawn(factor) for one in foundations]
+    if foundation is not None and all(one.looks_like_itself(factor, size) for one in foundation.pieces()):
+        drawn.append(foundation.nodes + factor * foundation.offset)
+    else:
+        foundation = None
+    how: dict[str, Any] = {"tiles": tiles, "factor": factor, "top": top, "suffixes": [".png"]}
     seen: Callable[[Floats], Floats] = np.asarray
     if not plane:
-        from signorini_fx.report import view
-        from signorini_fx.report.solid_body import deformed_solid
+        from signorini_fx.report.solid_body import deformed_solid, telling_view
 
-        seen = view.oblique().flat
+        how["seen"] = telling_view(points, cells, moments[-1].values, tiles)
+        seen = how["seen"].flat
     body = seen(np.concatenate([points, *places]))
     low, high = body.min(axis=0), body.max(axis=0)
     around = 0.3 * float(max(high - low))  # a foundation that runs far away is not shown
-    ground = np.concatenate([body, *(seen(nodes + factor * gap) for nodes, gap in drawn)])
+    ground = np.concatenate([body, *map(seen, drawn)])
     ground = np.clip(ground, low - around, high + around)
     low, high = ground.min(axis=0), ground.max(axis=0)
     margin = _MARGIN * float(max(high - low))
@@ -99,7 +114,7 @@ def moving_body(
             stem = Path(folder) / f"{number:04d}"
             said = f"{title}\n{moment.name}" if title else moment.name
             what = (stem, points, cells, moment.displacement, moment.values)
-            how: dict[str, Any] = {"factor": factor, "top": top, "frame": frame, "title": said, "suffixes": [".png"]}
+            how |= {"frame": frame, "title": said}
             if outline is not None:
                 deformed_mesh(*what, outline=outline, foundation=foundation, **how)
             else:
