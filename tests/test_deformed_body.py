@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
-from signorini_fx.report import deformed_body
+from signorini_fx.report import deformed_body, moving_body
 from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
 from signorini_fx.report.fields import FIELDS
 
@@ -82,3 +82,24 @@ def test_an_asked_factor_makes_one_panel(monkeypatch):
     assert "20" in title
     (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
     assert cells.get_cmap().name == "gray_r"
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_an_animation_leaves_out_a_foundation_that_would_be_bent(monkeypatch, tmp_path, bent):
+    """The magnification is the same in all frames, so that there is no panel with the body as it is."""
+    seen = []
+
+    def draw(*arguments, **options):
+        seen.append((options["foundation"], options["factor"], options["frame"]))
+        deformed_mesh(*arguments, **options)
+
+    monkeypatch.setattr(moving_body, "deformed_mesh", draw)
+    gap = 0.001 + (0.3 if bent else 0.0005) * (X - 1.5) ** 2
+    foundation = Foundation(BOTTOM, gap[:, None] * DOWN)
+    moments = [moving_body.Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
+    moving_body.moving_body(tmp_path / "a.gif", POINTS, CELLS, moments, outline=OUTLINE, foundation=foundation)
+    assert [one[:2] for one in seen] == [(None if bent else foundation, 200.0)] * 2
+    low, high = seen[0][2]
+    assert (low < POINTS.min(axis=0) - 200 * 0.001 * np.array([0, 1])).all()
+    assert (high > POINTS.max(axis=0)).all()
+    assert seen[1][2] is seen[0][2]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 MOST_FRAMES = 40  # matplotlib takes half a second for each
 _MILLISECONDS, _LAST = 300, 1500  # of a frame, and of the last one
 _MARGIN = 0.04
+_PALE = 248  # red, green and blue of what is taken for white
 
 
 @dataclass(frozen=True)
@@ -84,41 +85,26 @@ def moving_body(
     # Singular corners would leave the rest without colour: the scale ends where a hundredth of the cells is above.
     stresses = np.concatenate([moment.values.ravel() for moment in moments])
     top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0
-    plane = points.shape[1] == 2
-    places = [points + factor * moment.displacement for moment in moments]
+    places = [points, *(points + factor * moment.displacement for moment in moments)]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    foundations = [one for one in foundations if one.looks_like_itself(factor, size)]
-    drawn = [one.drawn(factor) for one in foundations]
-    if foundation is not None and all(one.looks_like_itself(factor, size) for one in foundation.pieces()):
-        drawn.append(foundation.nodes + factor * foundation.offset)
-    else:
-        foundation = None
     how: dict[str, Any] = {"tiles": tiles, "factor": factor, "top": top, "suffixes": [".png"]}
-    seen: Callable[[Floats], Floats] = np.asarray
-    if not plane:
-        from signorini_fx.report.solid_body import deformed_solid, telling_view
+    if outline is not None:
+        if foundation is not None and not all(one.looks_like_itself(factor, size) for one in foundation.pieces()):
+            foundation = None
+        how |= {"outline": outline, "foundation": foundation, "frame": _frame(places, foundation, factor)}
+    else:
+        from signorini_fx.report.solid_body import deformed_solid, frame_of, telling_view
 
-        how["seen"] = telling_view(points, cells, moments[-1].values, tiles)
-        seen = how["seen"].flat
-    body = seen(np.concatenate([points, *places]))
-    low, high = body.min(axis=0), body.max(axis=0)
-    around = 0.3 * float(max(high - low))  # a foundation that runs far away is not shown
-    ground = np.concatenate([body, *map(seen, drawn)])
-    ground = np.clip(ground, low - around, high + around)
-    low, high = ground.min(axis=0), ground.max(axis=0)
-    margin = _MARGIN * float(max(high - low))
-    frame = (low - margin, high + margin)
+        foundations = [one for one in foundations if one.looks_like_itself(factor, size)]
+        seen = telling_view(points, cells, moments[-1].values, tiles)
+        how |= {"foundations": foundations, "seen": seen, "frame": frame_of(seen, places, foundations, factor)}
+    draw = deformed_mesh if outline is not None else deformed_solid
     with tempfile.TemporaryDirectory() as folder:
         pictures = []
         for number, moment in enumerate(moments):
             stem = Path(folder) / f"{number:04d}"
             said = f"{title}\n{moment.name}" if title else moment.name
-            what = (stem, points, cells, moment.displacement, moment.values)
-            how |= {"frame": frame, "title": said}
-            if outline is not None:
-                deformed_mesh(*what, outline=outline, foundation=foundation, **how)
-            else:
-                deformed_solid(*what, foundations=foundations, **how)
+            draw(stem, points, cells, moment.displacement, moment.values, title=said, **how)
             with Image.open(stem.with_suffix(".png")) as picture:
                 half = (picture.width // 2, picture.height // 2)
                 pictures.append(picture.convert("RGB").resize(half, Image.Resampling.LANCZOS))
@@ -128,9 +114,26 @@ def moving_body(
         pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True)
 
 
+def _frame(places: Sequence[Floats], foundation: Foundation | None, factor: float) -> tuple[Floats, Floats]:
+    """What is seen in the plane, with a margin; not all of a foundation that runs far away."""
+    body = np.concatenate(places)
+    low, high = body.min(axis=0), body.max(axis=0)
+    around = 0.3 * float(max(high - low))
+    ground = body if foundation is None else foundation.nodes + factor * foundation.offset
+    every = np.concatenate((body, np.clip(ground, low - around, high + around)))
+    low, high = every.min(axis=0), every.max(axis=0)
+    margin = _MARGIN * float(max(high - low))
+    return low - margin, high + margin
+
+
 def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
-    """One palette for all frames, so that a colour stays the same: it covers what occurs, however rare it is."""
+    """One palette for all frames, so that a colour stays the same."""
     together = Image.new("RGB", (pictures[0].width, sum(picture.height for picture in pictures)))
     for number, picture in enumerate(pictures):
         together.paste(picture, (0, number * picture.height))
-    return together.quantize(colors=256, method=Image.Quantize.MAXCOVERAGE)
+    found = together.quantize(colors=256, method=Image.Quantize.MEDIANCUT, kmeans=3)
+    # The ground stays white: the mean with a few pale colours would show around the picture.
+    colours = np.array(found.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    colours[(colours >= _PALE).all(axis=1)] = 255
+    found.putpalette(colours.tobytes())
+    return found

@@ -38,7 +38,7 @@ MOST_FACETS = 40_000  # of a picture: they take seconds
 _SHADE = 0.22  # how much darker a surface parallel to the light is than one perpendicular to it
 _RIM = 0.82  # how much darker the edges between facets are
 _SHARP = math.cos(math.radians(40.0))  # facets that turn by more than this meet in an edge
-_VISIBLE_FACET = 7.0  # size from which on the edges of a facet are drawn, in 1/72 inch
+_VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
 _LARGEST = 4.8  # width and height of the body, inches
 _PIXELS = 300.0  # per inch
 
@@ -151,13 +151,8 @@ def solid_figure(
         [(one, plane_of(one.drawn(body.factor))) for one in some] for body, some in zip(bodies, grounds, strict=True)
     ]
     frames = [
-        _frame(
-            seen.flat(np.concatenate((points, body.points))),
-            [seen.flat(one.drawn(body.factor) if plane is None else plane[0]) for one, plane in some],
-        )
-        if frame is None
-        else frame
-        for body, some in zip(bodies, planes, strict=True)
+        frame_of(seen, [points, body.points], some, body.factor) if frame is None else frame
+        for body, some in zip(bodies, grounds, strict=True)
     ]
     bottom, top_edge = min(low[1] for low, _ in frames), max(high[1] for _, high in frames)
     frames = [(np.array([low[0], bottom]), np.array([high[0], top_edge])) for low, high in frames]
@@ -204,6 +199,23 @@ def telling_view(points: Floats, facets: Rows, values: Floats, tiles: Tiling | N
     shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
     best = int(np.argmax(shown))
     return views[best] if shown[best] > 1.05 * shown[0] else views[0]
+
+
+def frame_of(
+    seen: view.View, bodies: Sequence[Floats], foundations: Sequence[FoundationSurface], factor: float
+) -> tuple[Floats, Floats]:
+    """What is seen, with a margin: bodies, points of shape (n, 3), and foundations, but not what runs far away."""
+    body = seen.flat(np.concatenate(bodies))
+    low, high = body.min(axis=0), body.max(axis=0)
+    around = 0.4 * float(max(high - low))
+    every = [np.stack((low, high))]
+    for one in foundations:
+        drawn = one.drawn(factor)
+        plane = plane_of(drawn)
+        every.append(np.clip(seen.flat(drawn if plane is None else plane[0]), low - around, high + around))
+    low, high = np.concatenate(every).min(axis=0), np.concatenate(every).max(axis=0)
+    margin = 0.05 * float(max(high - low))
+    return low - margin, high + margin
 
 
 @dataclass(frozen=True)
@@ -309,16 +321,6 @@ class _Surface:
 def _seen(points: Floats, seen: view.View) -> Floats:
     """Coordinates in the picture, and nearness to the viewer, shape (..., 3)."""
     return np.concatenate((seen.flat(points), seen.depth(points)[..., None]), axis=-1)
-
-
-def _frame(body: Floats, grounds: Sequence[Floats]) -> tuple[Floats, Floats]:
-    """What is seen, with a margin: the body, and foundations that run far away not much further than that."""
-    low, high = body.min(axis=0), body.max(axis=0)
-    around = 0.4 * float(max(high - low))
-    every = np.concatenate([np.stack((low, high)), *(np.clip(one, low - around, high + around) for one in grounds)])
-    low, high = every.min(axis=0), every.max(axis=0)
-    margin = 0.05 * float(max(high - low))
-    return low - margin, high + margin
 
 
 def _areas(points: Floats, facets: Rows) -> Floats:
