@@ -116,6 +116,26 @@ def test_the_view_shows_the_cut():
         np.testing.assert_array_equal(telling_view(CUBE, SIDES, values).toward, usual.toward)
 
 
+@pytest.mark.parametrize("size", [(3.0, 1.0, 1.0), (1.0, 3.0, 1.0), (1.0, 1.0, 3.0), (1.0, 1.0, 0.1)])
+@pytest.mark.parametrize("azimuth", [-58.0, 122.0])
+def test_the_axes_are_beside_the_body(size, azimuth):
+    """Where they are named nothing is drawn, and the directions are those of the view."""
+    points = CUBE * size
+    seen = view.oblique(azimuth)
+    figure, _ = solid_figure(points, SIDES, np.zeros((8, 3)), np.ones(6), seen=seen)
+    axes = figure.axes[0]
+    names = [text for text in axes.texts if text.get_text() in ("$x_1$", "$x_2$", "$x_3$")]
+    places = np.array([text.get_position() for text in names])
+    (image,) = axes.images
+    left, right, bottom, top = image.get_extent()
+    rows, columns = image.get_array().shape[:2]
+    column, row = np.floor((places - [left, bottom]) / [right - left, top - bottom] * [columns, rows]).astype(int).T
+    assert (image.get_array()[row, column, 3] == 0).all()
+    steps = np.diff(places, axis=0)
+    along = np.diff(seen.flat(np.eye(3)), axis=0)
+    np.testing.assert_allclose(steps / steps[0, 0], along / along[0, 0], rtol=1e-9)
+
+
 def over(gap):
     """The foundation below the cube, by its gap at the corners."""
     down = np.tile([0.0, 0.0, -1.0], (4, 1))

@@ -39,6 +39,8 @@ _SHADE = 0.22  # how much darker a surface parallel to the light is than one per
 _RIM = 0.82  # how much darker the edges between facets are
 _SHARP = math.cos(math.radians(40.0))  # facets that turn by more than this meet in an edge
 _VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
+_MORE = 1.15  # how much more of the field another view must show to be preferred to the usual one
+_NARROW = 0.8  # width over height of the narrowest picture
 _LARGEST = 4.8  # width and height of the body, inches
 _PIXELS = 300.0  # per inch
 
@@ -183,7 +185,7 @@ def solid_figure(
             rest = LineCollection(lines, colors=MUTED, linewidths=0.6, linestyles=dashes, zorder=3, alpha=0.8)
             axes.add_collection(rest, autolim=False)
         if body is bodies[0]:
-            _draw_coordinates(axes, seen, points, low, high)
+            _draw_coordinates(axes, seen, points, low, high, image)
     tones.bar(figure, list(grid))
     return figure, remark
 
@@ -198,7 +200,7 @@ def telling_view(points: Floats, facets: Rows, values: Floats, tiles: Tiling | N
     views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
     shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
     best = int(np.argmax(shown))
-    return views[best] if shown[best] > 1.05 * shown[0] else views[0]
+    return views[best] if shown[best] > _MORE * shown[0] else views[0]
 
 
 def frame_of(
@@ -207,15 +209,18 @@ def frame_of(
     """What is seen, with a margin: bodies, points of shape (n, 3), and foundations, but not what runs far away."""
     body = seen.flat(np.concatenate(bodies))
     low, high = body.min(axis=0), body.max(axis=0)
-    around = 0.4 * float(max(high - low))
+    far = 0.4 * float(max(high - low))
     every = [np.stack((low, high))]
     for one in foundations:
         drawn = one.drawn(factor)
         plane = plane_of(drawn)
-        every.append(np.clip(seen.flat(drawn if plane is None else plane[0]), low - around, high + around))
+        every.append(np.clip(seen.flat(drawn if plane is None else plane[0]), low - far, high + far))
     low, high = np.concatenate(every).min(axis=0), np.concatenate(every).max(axis=0)
     margin = 0.05 * float(max(high - low))
-    return low - margin, high + margin
+    # Beside a tower there is room for the axes.
+    beside = max(margin, 0.5 * float(_NARROW * (high - low)[1] - (high - low)[0]))
+    around = np.array([beside, margin])
+    return low - around, high + around
 
 
 @dataclass(frozen=True)
@@ -343,12 +348,20 @@ def _edges(points: Floats, facets: Rows, seen: view.View) -> Rows:
     return np.column_stack((a[wanted], b[wanted]))
 
 
-def _draw_coordinates(axes: Axes, seen: view.View, points: Floats, low: Floats, high: Floats) -> None:
-    """The three axes in the corner, and the length of the body along each."""
+def _draw_coordinates(axes: Axes, seen: view.View, points: Floats, low: Floats, high: Floats, image: Image) -> None:
+    """The three axes in a corner where they do not cover the body, and the length of the body along each."""
     extent = points.max(axis=0) - points.min(axis=0)
     length = 0.09 * float(np.max(high - low))
-    tips = 1.3 * length * seen.flat(np.eye(3))
-    corner = low + 0.3 * length - np.minimum(tips.min(axis=0), 0.0)
+    tips = np.concatenate((1.5 * length * seen.flat(np.eye(3)), np.zeros((1, 2))))
+    room = (tips.min(axis=0), tips.max(axis=0))
+    covered = []
+    for right, up in ((False, False), (False, True), (True, True), (True, False)):
+        here = [high[k] - room[1][k] if far else low[k] - room[0][k] for k, far in enumerate((right, up))]
+        first, last = (np.rint((here + side - image.low) / image.pixel).astype(int) for side in room)
+        first = np.maximum(first, 0)
+        box = image.triangle[first[1] : last[1] + 1, first[0] : last[0] + 1] >= 0
+        covered.append((int(box.sum()), here))
+    corner = np.array(min(covered, key=lambda one: one[0])[1])
     for axis in range(3):
         tip = corner + length * seen.flat(np.eye(3)[axis])
         style = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
