@@ -18,7 +18,7 @@ from signorini_fx.report import deformed_body
 from signorini_fx.report.deformed_body import deformed_mesh
 from signorini_fx.report.fields import FIELDS, ON_DEMAND, Field, principal, values_of
 from signorini_fx.report.style import BLUE, ORANGE
-from signorini_fx.report.tiling import tiling
+from signorini_fx.report.tiling import refined, tiling
 from signorini_fx.report.tones import Tones, draw_principal, thinned
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.files import write_results
@@ -221,6 +221,20 @@ def test_tiling(corners, count):
     np.testing.assert_allclose(tiles.within(first, second, last), expected)
 
 
+def test_refined():
+    """Triangles in each other, of the same area and orientation, on which a linear field is the same."""
+    corners = np.array([[[0.0, 0, 1], [2, 0, 3], [0, 2, 0]], [[2.0, 0, 5], [2, 2, 5], [0, 2, 5]]])
+    np.testing.assert_array_equal(refined(corners, 2), corners)
+    fine = refined(corners, 30)
+    assert fine.shape == (32, 3, 3)
+    sides = fine[:, 1:, :2] - fine[:, :1, :2]
+    np.testing.assert_allclose(np.linalg.det(sides), 4.0 / 16)
+    x, y, value = fine.reshape(-1, 3).T
+    first = (fine.mean(axis=1)[:, :2].sum(axis=1) < 2).repeat(3)
+    np.testing.assert_allclose(value, np.where(first, 1 + x - 0.5 * y, 5.0))
+    assert refined(corners[:0], 30).shape == (0, 3, 3)
+
+
 NODAL = {
     "triangles": lambda comm: example1(bound=1.5, nx=9, ny=3, cell="triangle"),
     "quadrilaterals": lambda comm: example1(bound=1.5, nx=9, ny=3),
@@ -324,9 +338,10 @@ def test_the_colour_bar_says_what_is_seen(monkeypatch):
     points = gather_cells(solution, ("von_mises", "displacement"), recovered=True)
     (mesh,), label = drawn_in_the_plane(monkeypatch, points)
     assert label == "von Mises stress, recovered"
-    triangles = points.within[:, points.tiles.triangles].reshape(-1, 3)
-    np.testing.assert_array_equal(mesh._triangulation.triangles, triangles)
-    np.testing.assert_array_equal(mesh.get_array()[points.within], points.values["von_mises"])
+    drawn = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
+    away, at = cKDTree(drawn).query((points.points + 50 * points.displacement)[points.within])
+    assert away.max() < 1e-12
+    np.testing.assert_allclose(mesh.get_array()[at], points.values["von_mises"], rtol=1e-5)
     (mesh,), label = drawn_in_the_plane(monkeypatch, points, "displacement")
     assert label.split(r" $\times")[0] == "size of the displacement"
     meshes, label = drawn_in_the_plane(monkeypatch, gather_cells(solution), tiles=False)

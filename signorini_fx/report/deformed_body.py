@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.report.fields import FIELDS, Field
 from signorini_fx.report.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
-from signorini_fx.report.tiling import Tiling
+from signorini_fx.report.tiling import Tiling, refined
 from signorini_fx.report.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
@@ -27,6 +27,7 @@ _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnifi
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
 _EDGE = "#9a9a9a"
 _LARGE_CELL = 5.0  # the same where colours vary within cells, which they would otherwise hardly show
+_TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 
 
@@ -257,7 +258,12 @@ class _Panel:
             "norm": tones.norm,
         }
         if triangles is not None:
-            field = TriMesh(Triangulation(*self.moved.T, triangles), rasterized=True, zorder=1, **coloured)
+            # matplotlib interpolates red, green and blue instead of the field, which only small triangles do not show.
+            corners = refined(np.dstack((self.moved[triangles], coloured["array"][triangles])), _TRIANGLES)
+            rows = np.arange(3 * len(corners)).reshape(-1, 3)
+            coloured["array"] = corners[..., 2].ravel()
+            parts = Triangulation(corners[..., 0].ravel(), corners[..., 1].ravel(), rows)
+            field = TriMesh(parts, rasterized=True, zorder=1, **coloured)
             axes.add_collection(field, autolim=False)
         # Vector cells without edges show seams in print, and a million of them take a viewer minutes.
         if triangles is None or edged:

@@ -78,3 +78,15 @@ def tiling(corners: int, count: int) -> Tiling:
     turn = np.linalg.det(ends[:, 1:] - ends[:, :1])
     triangles[turn < 0] = triangles[turn < 0][:, ::-1]
     return Tiling(points, corners, count, triangles)
+
+
+def refined(corners: Floats, enough: int) -> Floats:
+    """Triangles that are cut into four until there are at least so many, shape (t, 3, ...).
+
+    Between their corners they are linear in all that ``corners`` has, shape (m, 3, ...), and stay so.
+    """
+    while 0 < len(corners) < enough:
+        ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        outer = np.stack((corners, ahead, np.roll(ahead, 1, axis=1)), axis=2)
+        corners = np.concatenate((outer.reshape(-1, *corners.shape[1:]), ahead))
+    return corners
