@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -11,12 +12,13 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
-from spaces import block
+from spaces import block, box
 
 from signorini_fx import cli, parallel
-from signorini_fx.report import deformed_body
+from signorini_fx.report import deformed_body, view
 from signorini_fx.report.deformed_body import deformed_mesh
 from signorini_fx.report.fields import FIELDS, ON_DEMAND, Field, principal, values_of
+from signorini_fx.report.solid_body import solid_figure
 from signorini_fx.report.style import BLUE, ORANGE
 from signorini_fx.report.tiling import refined, tiling
 from signorini_fx.report.tones import Tones, draw_principal, thinned
@@ -312,6 +314,51 @@ def test_a_jump_between_materials_is_not_smeared(tmp_path, monkeypatch):
     (mesh,), _ = drawn_in_the_plane(monkeypatch, gathered)
     corners = mesh.get_array()[mesh._triangulation.triangles]
     np.testing.assert_allclose(corners.min(axis=1), corners.max(axis=1), rtol=1e-5)
+
+
+def test_a_jump_between_materials_in_space():
+    """On the outer surface too, where facets of both materials share points."""
+    tagged = box("hexahedra", (3, 2, 2))
+    mesh = tagged.mesh
+    cells = np.arange(12, dtype=np.int32)
+    above = dmesh.compute_midpoints(mesh, 3, cells)[:, 2] > 0.5
+    tags = dmesh.meshtags(mesh, 3, cells, np.where(above, 2, 1).astype(np.int32))
+    scene = parse_scene(
+        {
+            "mesh": replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2}),
+            "material": [
+                {"region": name, "young": young, "poisson": 0.0} for name, young in (("below", 1000.0), ("above", 10.0))
+            ],
+            "displacement": [
+                {"boundary": "left", "x": 0.0},
+                {"boundary": "right", "x": 0.03},
+                {"boundary": "bottom", "z": 0.0},
+                {"boundary": "front", "y": 0.0},
+            ],
+        }
+    )
+    surface = gather_outer_surface(alone(scene), ("von_mises",), recovered=True)
+    assert np.ptp(np.bincount(surface.facets.ravel())[np.unique(surface.facets)]) > 0  # points are shared
+    middle = surface.points[surface.facets].mean(axis=1)[:, 2]
+    expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)
+    np.testing.assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)
+    front = view.oblique()
+    figure, _ = solid_figure(
+        surface.points,
+        surface.within,
+        surface.displacement,
+        surface.values["von_mises"],
+        tiles=surface.tiles,
+        seen=front,
+    )
+    assert figure.axes[1].get_xlabel() == "von Mises stress, recovered"
+    picture = np.asarray(figure.axes[0].images[0].get_array())
+    colours = picture[picture[..., 3] == 1][:, :3]
+    colours = colours / np.linalg.norm(colours, axis=1, keepdims=True)
+    ends = mpl.colormaps["viridis_r"]([0.01, 1.0])[:, :3]
+    ends = ends / np.linalg.norm(ends, axis=1, keepdims=True)
+    # The light leaves the ratio of red, green and blue as it is: there are two, and none between them.
+    assert np.abs(colours[:, None] - ends).max(axis=2).min(axis=1).max() < 1e-3
 
 
 def drawn_in_the_plane(monkeypatch, gathered, name="von_mises", *, tiles=True):
