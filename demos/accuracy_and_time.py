@@ -17,10 +17,13 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator
 from mpi4py import MPI
 
 from signorini_fx import Accuracy, MeshGenerator, read_scene, solve, write_results
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "192"))
 RESULTS = Path("results/demos/accuracy_and_time")
 SCENE = read_scene(Path(__file__).parent / "scenes" / "example1_coulomb.toml")
@@ -89,6 +92,8 @@ if MPI.COMM_WORLD.rank == 0:
     axes.axhline(TARGET, color="0.7", label="asked for")
     axes.set(xlabel="seconds, all meshes together", ylabel="relative error of the pressure")
     axes.set_xticks(seconds, [f"{value:.2g}" for value in seconds])
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
     axes.legend(frameon=False)
     figure.savefig(RESULTS / "error_against_time.png", dpi=150)

@@ -30,7 +30,9 @@ from scipy.optimize import minimize
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.contact.table import contact_table
+from signorini_fx.report.style import INK, ORANGE, STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat
 RESULTS = Path("results/demos/bracket")
 BOLT, RADIUS, SEAT_RADIUS = 37.0, 5.5, 10.0  # of the generator: x[0] of the bolt, hole and seat around it
@@ -129,20 +131,20 @@ if MPI.COMM_WORLD.rank == 0:
     print(f"{held:.3f} times the load: {below.status.value}; the pressure there bears {at_limit:.3f} times the load")
     print(f"{1.03 * at_limit:.3f} times the load: {above.status.value}")
     print(*above.history.events, sep="\n")
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(8.5, 3.6), layout="constrained", sharey=True)
     largest = max(columns["pressure"].max() for columns in steps)
     for k, title, axis in zip((0, 2), ("tightened", "loaded"), axes, strict=True):
         columns = steps[k]
         x, y, pressure = columns["x"], columns["y"], columns["pressure"]
         foot = Triangulation(x, y)
         centre = [values[foot.triangles].mean(axis=1) for values in (x, y)]
-        foot.set_mask(np.hypot(centre[0] - BOLT, centre[1]) < RADIUS)
-        shown = axis.tripcolor(foot, pressure, shading="gouraud", cmap="Greys", vmin=0.0, vmax=largest)
         touching = columns["state"] != "open"
+        foot.set_mask((np.hypot(centre[0] - BOLT, centre[1]) < RADIUS) | ~touching[foot.triangles].any(axis=1))
+        shown = axis.tripcolor(foot, pressure, shading="gouraud", cmap="viridis_r", vmin=0.0, vmax=largest)
         shear = [columns[name][touching] for name in ("shear_x", "shear_y")]
-        axis.quiver(x[touching], y[touching], *shear, color="C0", width=0.003)
+        axis.quiver(x[touching], y[touching], *shear, color=INK, width=0.003)
         stuck = columns["state"] == "stick"
-        axis.plot(x[stuck], y[stuck], "o", color="C3", markersize=4, label="stick")
+        axis.plot(x[stuck], y[stuck], "o", color=ORANGE, markeredgecolor=INK, markersize=4.5, label="stick")
         axis.add_patch(plt.Circle((BOLT, 0), SEAT_RADIUS, fill=False, linestyle=":"))
         axis.set(xlabel="x, mm", xlim=(15, 60), title=title, aspect="equal")
     axes[0].set(ylabel="y, mm")

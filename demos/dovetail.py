@@ -34,7 +34,9 @@ from signorini_fx import (
     solve,
     write_results,
 )
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))  # facets along each flank
 RESULTS = Path("results/demos/dovetail")
 ANGLE, FRICTION = np.radians(50.0), 0.2

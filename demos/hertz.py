@@ -30,7 +30,9 @@ from signorini_fx import (
     solve,
     write_results,
 )
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "40"))  # facets along the half-width
 RESULTS = Path("results/demos/hertz")
 YOUNG, POISSON, RADIUS, HALF_WIDTH = 200.0, 0.3, 8.0, 0.4

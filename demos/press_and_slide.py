@@ -21,7 +21,9 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))
 RESULTS = Path("results/demos/press_and_slide")
 

@@ -48,7 +48,9 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.contact.table import contact_table
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "5"))  # quadratic facets along the radius of contact
 RESULTS = Path("results/demos/sphere_under_tangential_load")
 YOUNG, RADIUS, FRICTION = 200.0, 8.0, 0.3
@@ -178,7 +180,7 @@ if MPI.COMM_WORLD.rank == 0:
     print("displacement of the top: prescribed, by the formula")
     for row in zip(moved[1:], predicted[1:], strict=True):
         print("    {:.5f}   {:.5f}".format(*row))
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(10, 3.3), layout="constrained")
     at = np.linspace(0.0, 1.0, 400)
     for k, style in zip((2, 4, 5), ("k.", "kx", "k+"), strict=True):
         columns = profiles[k]

@@ -37,10 +37,12 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.contact.table import contact_table
+from signorini_fx.report.style import STYLE
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 from torsion_oracle import torsion
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "10"))  # along the radius
 RESULTS = Path("results/demos/torsion_of_a_pressed_cylinder")
 YOUNG, RADIUS, HEIGHT, FRICTION, PRESSURE = 1000.0, 1.0, 1.0, 0.3, 10.0
@@ -86,7 +88,7 @@ scene = Scene(
 
 # %%
 solution = solve(scene)
-write_results(solution, RESULTS)
+write_results(solution, RESULTS, pictures=["displacement"])
 force = np.array([step.contact.forces[0][2] for step in solution.steps])
 torque = np.array([-step.contact.moments[1][2] for step in solution.steps])
 stick = np.array([np.sqrt(step.contact.areas["stick"] / np.pi) for step in solution.steps])

@@ -35,7 +35,9 @@ from signorini_fx import (
     sweep,
     write_results,
 )
+from signorini_fx.report.style import STYLE
 
+plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))  # along the block
 RESULTS = Path("results/demos/tutorial")
 

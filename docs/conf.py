@@ -56,16 +56,17 @@ nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstri
 
 
 class DemoParser(MystParser):
-    """Shows a demo as a page: its text, its code and its picture from the gallery."""
+    """Shows a demo as a page: its text, its code and its pictures from the gallery."""
 
     supported = ("percent",)
 
     def parse(self, inputstring: str, document: nodes.document) -> None:
         """Parse the Markdown that the script makes."""
         name = Path(document["source"]).stem
-        picture = f"\n![Result](../docs/images/gallery/{name}.png)\n"
-        drawn = (_ROOT / "docs" / "images" / "gallery" / f"{name}.png").exists()
-        super().parse(as_markdown(inputstring) + picture * drawn, document)
+        gallery = _ROOT / "docs" / "images" / "gallery"
+        drawn = [one for one in (f"{name}_body.png", f"{name}.png") if (gallery / one).exists()]
+        pictures = "".join(f"\n![Result](../docs/images/gallery/{one})\n" for one in drawn)
+        super().parse(as_markdown(inputstring) + pictures, document)
 
 
 def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:

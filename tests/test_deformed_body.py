@@ -132,3 +132,23 @@ def test_a_title_stays_within_its_picture(tmp_path):
     assert text.get_text().endswith("\n" + r"(displacement $\times\,50$)")
     assert text.get_window_extent().x1 <= figure.bbox.width
     assert text.get_text().replace("\n", " ").startswith("A brake shoe pressed and dragged A brake shoe")
+
+
+def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
+    """The magnification and the frame are the same in all of them; the foundation is in the frame."""
+    seen = []
+
+    def draw(*arguments, **options):
+        seen.append((options["foundation"].nodes is BOTTOM, options["factor"], options["frame"]))
+        deformed_mesh(*arguments, **options)
+
+    monkeypatch.setattr(moving_body, "deformed_mesh", draw)
+    gap = 0.001 + 0.0005 * (X - 1.5) ** 2
+    foundation = Foundation(BOTTOM, gap[:, None] * DOWN)
+    moments = [moving_body.Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
+    moving_body.moving_body(tmp_path / "a.gif", POINTS, CELLS, moments, outline=OUTLINE, foundation=foundation)
+    assert [one[:2] for one in seen] == [(True, 200.0)] * 2
+    low, high = seen[0][2]
+    assert (low < POINTS.min(axis=0) - 200 * 0.001 * np.array([0, 1])).all()
+    assert (high > POINTS.max(axis=0)).all()
+    assert seen[1][2] is seen[0][2]

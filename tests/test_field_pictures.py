@@ -1,17 +1,26 @@
 """Fields on the deformed body: their values, their colours, strokes along principal stresses, and curved cells."""
 
+from dataclasses import replace
+
+import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
+from dolfinx import mesh as dmesh
+from matplotlib.collections import LineCollection, TriMesh
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from mpi4py import MPI
-from scenes import alone, example1
-from spaces import block
+from scenes import alone, example1, on_mesh, rectangle
+from scipy.spatial import cKDTree
+from spaces import block, box
 
-from signorini_fx import cli
+from signorini_fx import cli, parallel
+from signorini_fx.report import deformed_body, view
+from signorini_fx.report.deformed_body import deformed_mesh
 from signorini_fx.report.fields import FIELDS, ON_DEMAND, Field, principal, values_of
+from signorini_fx.report.solid_body import solid_figure
 from signorini_fx.report.style import BLUE, ORANGE
+from signorini_fx.report.tiling import refined, tiling
 from signorini_fx.report.tones import Tones, draw_principal, thinned
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.files import write_results
@@ -186,3 +195,215 @@ def test_scale_that_is_given():
     figure = Figure()
     assert (tones.low, tones.high) == (0.0, 3.0)
     assert tones.bar(figure, figure.add_subplot()).extend == "max"
+
+
+# --- values at points of the cells -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_tiling(corners, count):
+    """Triangles without gap or overlap, counterclockwise; points along the perimeter in order; a mirror image."""
+    tiles = tiling(corners, count)
+    a, b, c = tiles.points[tiles.triangles].transpose(1, 0, 2)
+    areas = 0.5 * np.linalg.det(np.stack((b - a, c - a), axis=1))
+    assert areas.min() > 1e-3 / count**2
+    assert areas.sum() == pytest.approx({3: 0.5, 4: 1.0}[corners])
+    assert set(tiles.triangles.ravel()) == set(range(len(tiles.points)))
+    around = tiles.points[: tiles.rim]
+    steps = np.linalg.norm(np.roll(around, -1, axis=0) - around, axis=1)
+    assert steps.sum() == pytest.approx({3: 2 + np.sqrt(2), 4: 4.0}[corners])
+    x, y = around.T
+    assert 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() == pytest.approx({3: 0.5, 4: 1.0}[corners])
+    ends = [[0, 0], [1, 0], [0, 1]] if corners == 3 else [[0, 0], [1, 0], [1, 1], [0, 1]]
+    np.testing.assert_allclose(tiles.points[tiles.vertices], ends)
+    np.testing.assert_allclose(tiles.points[tiles.mirrored], tiles.points[:, ::-1])
+    first, second, last = np.array([[1.0, 0, 0], [1.0, 2, 0], [1.0, 0, 3]])
+    expected = np.column_stack((np.ones(len(tiles.points)), 2 * tiles.points[:, 0], 3 * tiles.points[:, 1]))
+    np.testing.assert_allclose(tiles.within(first, second, last), expected)
+
+
+def test_refined():
+    """Triangles in each other, of the same area and orientation, on which a linear field is the same."""
+    corners = np.array([[[0.0, 0, 1], [2, 0, 3], [0, 2, 0]], [[2.0, 0, 5], [2, 2, 5], [0, 2, 5]]])
+    np.testing.assert_array_equal(refined(corners, 2), corners)
+    fine = refined(corners, 30)
+    assert fine.shape == (32, 3, 3)
+    sides = fine[:, 1:, :2] - fine[:, :1, :2]
+    np.testing.assert_allclose(np.linalg.det(sides), 4.0 / 16)
+    x, y, value = fine.reshape(-1, 3).T
+    first = (fine.mean(axis=1)[:, :2].sum(axis=1) < 2).repeat(3)
+    np.testing.assert_allclose(value, np.where(first, 1 + x - 0.5 * y, 5.0))
+    assert refined(corners[:0], 30).shape == (0, 3, 3)
+
+
+NODAL = {
+    "triangles": lambda comm: example1(bound=1.5, nx=9, ny=3, cell="triangle"),
+    "quadrilaterals": lambda comm: example1(bound=1.5, nx=9, ny=3),
+    "curved": lambda comm: half_disk(),
+    "tetrahedra": lambda comm: block(3, "tetrahedra", bound=1.5, comm=comm),
+    "hexahedra": lambda comm: block(3, bound=1.5, comm=comm),
+    "quadratic": lambda comm: block(3, bound=1.5, degree=2, comm=comm),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("scene", NODAL.values(), ids=NODAL)
+def test_vertices_have_the_recovered_values(scene):
+    """At each vertex of each cell stands what ``recovered`` has there; the displacement is that of the elements."""
+    comm = MPI.COMM_WORLD
+    solution = solve(scene(comm), comm)
+    plane = solution.discretisation.tagged.dimension == 2
+    found = (gather_cells if plane else gather_outer_surface)(solution, tuple(FIELDS), recovered=True)
+    own = solution.stress.recovered
+    nodal = {"von_mises": own.von_mises, "density": own.shear_energy_density, "pressure": own.tensor}
+    local = own.von_mises.function_space.tabulate_dof_coordinates()[:, : 2 if plane else 3]
+    places = parallel.gather_rows(comm, local)
+    for name, function in nodal.items():
+        values = function.x.array.reshape(len(local), -1)
+        values = -values[:, [0, 4, 8]].sum(axis=1) / 3 if name == "pressure" else values[:, 0]
+        nodal[name] = parallel.gather_rows(comm, values)
+    if comm.rank != 0:
+        return
+    assert found.recovered
+    corners = found.within[:, found.tiles.vertices]
+    at = cKDTree(places).query(found.points[corners])
+    assert at[0].max() < 1e-9
+    for name, values in nodal.items():
+        drawn = values_of(name, found.values)
+        assert drawn.shape == found.within.shape
+        np.testing.assert_allclose(
+            drawn[:, found.tiles.vertices], values[at[1]], rtol=1e-9, atol=1e-9 * abs(values).max()
+        )
+    size = np.linalg.norm(found.displacement, axis=1)
+    np.testing.assert_allclose(values_of("displacement", found.values), size[found.within], rtol=1e-9, atol=1e-15)
+    outward = values_of("principal", found.values)
+    assert (outward >= np.abs(values_of("pressure", found.values)) - 1e-9 * outward.max()).all()
+
+
+def two_layers():
+    """A strip of two materials, drawn out by the same amount everywhere: the stress is E times the strain in each."""
+    tagged = rectangle(nx=6, ny=4)
+    mesh = tagged.mesh
+    cells = np.arange(24, dtype=np.int32)
+    above = dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > 0.5
+    tags = dmesh.meshtags(mesh, 2, cells, np.where(above, 2, 1).astype(np.int32))
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
+            "material": [
+                {"region": name, "young": young, "poisson": 0.0, "hypothesis": "plane stress"}
+                for name, young in (("below", 1000.0), ("above", 10.0))
+            ],
+            "displacement": [
+                {"boundary": "left", "x": 0.0},
+                {"boundary": "right", "x": 0.03},
+                {"boundary": "bottom", "y": 0.0},
+            ],
+        }
+    )
+    return solve(on_mesh(scene, replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2})), mesh.comm)
+
+
+def test_a_jump_between_materials_is_not_smeared(tmp_path, monkeypatch):
+    """Along the interface each side has its own stress, and the picture has no other values."""
+    gathered = gather_cells(two_layers(), ("von_mises",), recovered=True)
+    middle = gathered.points[gathered.cells].mean(axis=1)[:, 1]
+    expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)  # E times 0.03 / 3
+    np.testing.assert_allclose(gathered.values["von_mises"], expected, rtol=1e-5)
+    (mesh,), _ = drawn_in_the_plane(monkeypatch, gathered)
+    corners = mesh.get_array()[mesh._triangulation.triangles]
+    np.testing.assert_allclose(corners.min(axis=1), corners.max(axis=1), rtol=1e-5)
+
+
+def test_a_jump_between_materials_in_space():
+    """On the outer surface too, where facets of both materials share points."""
+    tagged = box("hexahedra", (3, 2, 2))
+    mesh = tagged.mesh
+    cells = np.arange(12, dtype=np.int32)
+    above = dmesh.compute_midpoints(mesh, 3, cells)[:, 2] > 0.5
+    tags = dmesh.meshtags(mesh, 3, cells, np.where(above, 2, 1).astype(np.int32))
+    scene = parse_scene(
+        {
+            "mesh": replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2}),
+            "material": [
+                {"region": name, "young": young, "poisson": 0.0} for name, young in (("below", 1000.0), ("above", 10.0))
+            ],
+            "displacement": [
+                {"boundary": "left", "x": 0.0},
+                {"boundary": "right", "x": 0.03},
+                {"boundary": "bottom", "z": 0.0},
+                {"boundary": "front", "y": 0.0},
+            ],
+        }
+    )
+    surface = gather_outer_surface(alone(scene), ("von_mises",), recovered=True)
+    assert np.ptp(np.bincount(surface.facets.ravel())[np.unique(surface.facets)]) > 0  # points are shared
+    middle = surface.points[surface.facets].mean(axis=1)[:, 2]
+    expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)
+    np.testing.assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)
+    front = view.oblique()
+    figure, _ = solid_figure(
+        surface.points,
+        surface.within,
+        surface.displacement,
+        surface.values["von_mises"],
+        tiles=surface.tiles,
+        seen=front,
+    )
+    assert figure.axes[1].get_xlabel() == "von Mises stress, recovered"
+    picture = np.asarray(figure.axes[0].images[0].get_array())
+    colours = picture[picture[..., 3] == 1][:, :3]
+    colours = colours / np.linalg.norm(colours, axis=1, keepdims=True)
+    ends = mpl.colormaps["viridis_r"]([0.01, 1.0])[:, :3]
+    ends = ends / np.linalg.norm(ends, axis=1, keepdims=True)
+    # The light leaves the ratio of red, green and blue as it is: there are two, and none between them.
+    assert np.abs(colours[:, None] - ends).max(axis=2).min(axis=1).max() < 1e-3
+
+
+def drawn_in_the_plane(monkeypatch, gathered, name="von_mises", *, tiles=True):
+    """What has colours that vary within cells, and the label of the colour bar."""
+    kept = []
+    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, suffixes: kept.append(figure))
+    deformed_mesh(
+        "nowhere",
+        gathered.points,
+        gathered.within if tiles else gathered.cells,
+        gathered.displacement,
+        values_of(name, gathered.values),
+        outline=gathered.outline,
+        tiles=gathered.tiles if tiles else None,
+        field=FIELDS[name],
+    )
+    axes, bar = kept[0].axes
+    return [one for one in axes.collections if isinstance(one, TriMesh)], bar.get_xlabel()
+
+
+def test_the_colour_bar_says_what_is_seen(monkeypatch):
+    """Recovered, one value per cell, or the displacement itself, which needs no recovery."""
+    solution = alone(example1(nx=6, ny=2))
+    points = gather_cells(solution, ("von_mises", "displacement"), recovered=True)
+    (mesh,), label = drawn_in_the_plane(monkeypatch, points)
+    assert label == "von Mises stress, recovered"
+    drawn = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
+    away, at = cKDTree(drawn).query((points.points + 50 * points.displacement)[points.within])
+    assert away.max() < 1e-12
+    np.testing.assert_allclose(mesh.get_array()[at], points.values["von_mises"], rtol=1e-5)
+    (mesh,), label = drawn_in_the_plane(monkeypatch, points, "displacement")
+    assert label.split(r" $\times")[0] == "size of the displacement"
+    meshes, label = drawn_in_the_plane(monkeypatch, gather_cells(solution), tiles=False)
+    assert meshes == []
+    assert label == "von Mises stress, one value per cell"
+
+
+@pytest.mark.mpi
+def test_nothing_is_recovered_from_what_is_not_finite():
+    """One value per cell then, on all ranks."""
+    comm = MPI.COMM_WORLD
+    solution = solve(example1(nx=6, ny=2), comm)
+    solution.displacement.x.array[: comm.rank] = np.nan  # on one of the ranks at most
+    assert gather_cells(solution, ("von_mises",), recovered=True).recovered == (comm.size == 1)
+    solution.displacement.x.array[0] = np.nan
+    gathered = gather_cells(solution, ("von_mises",), recovered=True)
+    assert not gathered.recovered
+    assert comm.rank != 0 or gathered.values["von_mises"].shape == (12,)

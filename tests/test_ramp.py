@@ -273,6 +273,9 @@ def test_pictures(failed, monkeypatch):
     solution, _, folder = failed
     with Image.open(folder / "deformed.gif") as moving:
         assert moving.n_frames == len(solution.steps) - 1
+        for frame in range(moving.n_frames):
+            moving.seek(frame)
+            assert moving.convert("RGB").getpixel((1, 1)) == (255, 255, 255)  # no box around it on a white page
     assert (folder / "load_steps.png").is_file()
     seen = []
     monkeypatch.setattr(drawing, "finish", lambda figure, *_: seen.append(figure))

@@ -26,8 +26,11 @@ from signorini_fx import cli
 from signorini_fx.errors import ResultError
 from signorini_fx.report import contact_surface, load_steps, page, sections_in_space, solid_body, view
 from signorini_fx.report.boundary_profiles import STATES
+from signorini_fx.report.deformed_body import magnification
 from signorini_fx.report.digits import figure
 from signorini_fx.report.reading import read_csv, read_facets
+from signorini_fx.report.solid_body import solid_figure
+from signorini_fx.report.solid_foundation import FoundationSurface, plane_of
 from signorini_fx.results import outer_surface
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
@@ -332,31 +335,38 @@ def test_colours_of_the_body_are_its_stress():
     surface = outer_surface.gather_outer_surface(alone(scene))
     np.testing.assert_allclose(surface.values["von_mises"], 5.0, rtol=1e-6)  # uniaxial
     rising = np.arange(1.0, len(surface.facets) + 1)
-    foundation = [(np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]]), np.zeros((4, 3)))]
-    figure, factor = solid_body.solid_figure(surface.points, surface.facets, surface.displacement, rising, foundation)
-    body = figure.axes[0].collections[1]
+    plane = np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]])
+    foundation = FoundationSurface(plane, np.tile([0.0, 0.0, -1.0], (4, 1)), np.zeros(4), np.arange(4)[None])
     seen = view.oblique()
+    figure, remark = solid_figure(
+        surface.points, surface.facets, surface.displacement, rising, foundations=[foundation], seen=seen
+    )
     front = areas_of(surface) @ seen.toward > 0
-    drawn_faces = body.get_facecolor()[:, 3] > 0
-    faces = body.get_facecolor()[drawn_faces]
-    assert len(faces) == np.count_nonzero(front)
     bar = figure.axes[1]
-    assert bar.get_xlabel() == "von Mises stress"
-    # Each is the facet at its place; the light takes the same share of red, green and blue.
+    assert bar.get_xlabel() == "von Mises stress, one value per cell"
+    factor = magnification(surface.points, surface.displacement)
+    assert factor > 1
+    assert remark == rf"displacement and gap $\times\,{factor:g}$"
+    # In the middle of each facet; the light takes the same share of red, green and blue.
     moved = surface.points + factor * surface.displacement
-    middles = seen.flat(moved[surface.facets[front]]).mean(axis=1)
-    places = [path.vertices[:4].mean(axis=0) for path, face in zip(body.get_paths(), drawn_faces, strict=True) if face]
-    which = [int(np.argmin(np.linalg.norm(middles - place, axis=1))) for place in places]
-    assert sorted(which) == list(range(len(faces)))
-    tones = rising[front][which] / rising[front].max()
-    ours, theirs = faces[:, :3], mpl.colormaps["viridis_r"](tones)[:, :3]
-    ours, theirs = (rgb / np.linalg.norm(rgb, axis=1, keepdims=True) for rgb in (ours, theirs))
+    ours = colours_at(figure.axes[0], seen.flat(moved[surface.facets[front]]).mean(axis=1))
+    theirs = mpl.colormaps["viridis_r"](rising[front] / rising[front].max())
+    assert (ours[:, 3] == 1).all()
+    assert ours[:, :3].max(axis=1).min() > 0
+    ours, theirs = (rgb[:, :3] / np.linalg.norm(rgb[:, :3], axis=1, keepdims=True) for rgb in (ours, theirs))
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
-    assert faces[:, :3].max(axis=1).min() > 0
-    assert factor == solid_body.magnification(surface.points, surface.displacement) > 1
     (ground,) = figure.axes[0].collections[0].get_paths()  # below, so behind the body
-    corners = seen.flat(foundation[0][0])
-    assert ground.contains_points(corners).all()
+    assert ground.contains_points(seen.flat(plane)).all()
+
+
+def colours_at(axes, places):
+    """What is drawn at places in the picture of a body, shape (n, 4)."""
+    (image,) = axes.images
+    left, right, bottom, top = image.get_extent()
+    rows, columns = image.get_array().shape[:2]
+    share = (places - [left, bottom]) / [right - left, top - bottom]
+    column, row = np.floor(share * [columns, rows]).astype(int).T
+    return np.asarray(image.get_array())[row, column]
 
 
 def test_lines_of_edges():
@@ -376,11 +386,11 @@ def test_flat_foundations_only():
     points = np.column_stack((rng.random((40, 2)), np.zeros(40)))
     turn = np.linalg.qr(rng.random((3, 3)))[0]
     for frame in (np.eye(3), turn):
-        corners, normal = solid_body._plane(points @ frame)
+        corners, normal = plane_of(points @ frame)
         assert abs(normal @ frame[2]) == pytest.approx(1)
         np.testing.assert_allclose((corners - (points @ frame)[0]) @ normal, 0.0, atol=1e-12)
-    assert solid_body._plane(points + [0, 0, 0.1] * (points**2).sum(axis=1)[:, None]) is None
-    assert solid_body._plane(points[:2]) is None
+    assert plane_of(points + [0, 0, 0.1] * (points**2).sum(axis=1)[:, None]) is None
+    assert plane_of(points[:2]) is None
 
 
 @pytest.mark.mpi
@@ -428,7 +438,7 @@ def test_page(folder):
     assert {"Contact surface", "Forces and areas", "Iteration", "Deformed body"} <= set(headings)
     assert not {"Zones", "Contact boundary", "Price list"} & set(headings)
     assert not set(found.tags) & {"script", "link", "iframe"}
-    for wrong in ("unit thickness", "--accuracy", "--levels", "slip minus", "plane strain", "arc length"):
+    for wrong in ("unit thickness", "--levels", "slip minus", "plane strain", "arc length"):
         assert wrong not in found.source
     kinds = [kind for kind, _ in pictures(found)]
     rubs = any(row["friction"] != "none" for row in rows_of(folder / "contact.csv"))
@@ -540,11 +550,9 @@ def test_pictures_of_what_failed(folders):
     contact_surface.contact_figure(table, facets).savefig(io.BytesIO())
     surface = outer_surface.gather_outer_surface(alone(block(6)))
     nothing = np.full_like(surface.displacement, np.nan)
-    figure, factor = solid_body.solid_figure(
-        surface.points, surface.facets, nothing, np.full(len(surface.facets), np.nan), []
-    )
+    figure, remark = solid_figure(surface.points, surface.facets, nothing, np.full(len(surface.facets), np.nan))
     figure.savefig(io.BytesIO())
-    assert factor == 1
+    assert remark == r"displacement $\times\,1$"
     assert isinstance(figure, Figure)
 
 

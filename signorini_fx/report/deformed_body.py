@@ -12,18 +12,23 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 from scipy.spatial import cKDTree
 
 from signorini_fx.report.fields import FIELDS, Field
 from signorini_fx.report.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
+from signorini_fx.report.tiling import Tiling, refined
 from signorini_fx.report.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
 _EDGE = "#9a9a9a"
+_LARGE_CELL = 5.0  # the same where colours vary within cells, which they would otherwise hardly show
+_TRIANGLES = 15_000  # of which a field is made up at least
+_FAINT = (0.0, 0.0, 0.0, 0.22)
 
 
 def magnification(points: Floats, displacement: Floats) -> float:
@@ -101,6 +106,7 @@ def deformed_mesh(
     values: Floats,
     *,
     outline: npt.NDArray[np.int64],
+    tiles: Tiling | None = None,
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
     foundation: Foundation | None = None,
@@ -118,17 +124,21 @@ def deformed_mesh(
     with its displacement magnified, without foundation, its contact zone marked.  Where the factor is given there is
     only the latter.
 
-    The edges of the cells are drawn if the mesh is coarse enough to see them; the body's outline always is.  Where a
-    singular corner would leave the rest of the body without colour, the scale ends at the value that 99 % of the area
-    stays below; an arrow at the colour bar says that there is more.
+    Values at points of the cells are drawn with colours that vary within each cell, and jump between cells only where
+    the values do; the label of the colour bar says whether it is so.  The edges of the cells are drawn if the mesh is
+    coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest of the body
+    without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour bar says that
+    there is more.
 
     Args:
         path_stem: where to write, without suffix.
         points: positions, length, shape (n, 2); a point may appear several times.
-        cells: points of each cell in order along its perimeter, shape (m, k); more than its corners if it is curved.
+        cells: points of each cell, shape (m, p): those in order along its perimeter, more than its corners if it is
+            curved; with ``tiles`` also those within.
         displacement: y at the points, length, shape (n, 2).
-        values: the field, one value per cell, shape (m,).
+        values: the field, one value per cell, shape (m,), or with ``tiles`` at its points, shape (m, p).
         outline: pairs of points along the boundary of the body, shape (e, 2).
+        tiles: how each cell is divided; None: it has one value.
         field: what it is.
         stress: tensors at the middles of the cells, shape (m, 3, 3): their principal stresses are drawn as strokes.
         foundation: None: none is drawn.
@@ -148,9 +158,10 @@ def deformed_mesh(
         raise ValueError("the mesh has no cells")
     chosen = magnification(points, displacement) if factor is None else factor
     pieces = [] if foundation is None else foundation.pieces()
+    perimeters = cells if tiles is None else cells[:, : tiles.rim]
     true = foundation is None or foundation.keeps_its_shape(chosen, points)
     scales = (chosen,) if true or factor is not None else (1.0, chosen)
-    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
+    panels = [_Panel.of(points, perimeters, displacement, outline, scale, pieces) for scale in scales]
     if not true:
         panels[-1] = replace(panels[-1], with_foundation=False)
     what = f"displacement $\\times\\,{math_number(chosen)}$"
@@ -161,7 +172,14 @@ def deformed_mesh(
             f"{what}, contact zone thick" if len(panels) == 1 else f"left: as it is; right: {what}, contact zone thick"
         )
 
-    tones = Tones(field, values, _areas(panels[0].corners), top)
+    triangles = None if tiles is None else cells[:, tiles.triangles].reshape(-1, 3)
+    nodal = values if tiles is None else np.empty(len(points))
+    areas = _areas(panels[0].corners)
+    if tiles is not None and triangles is not None:
+        nodal[cells] = values
+        share = _areas(panels[0].moved[triangles]).repeat(3) / 3
+        areas = np.asarray(np.bincount(triangles.ravel(), share, len(points)), dtype=np.float64)
+    tones = Tones(field.told(at_points=tiles is not None), nodal, areas, top)
     frames = [panel.frame() if frame is None else frame for panel in panels]
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
     widest = 4.8 if len(panels) == 1 else 2.6
@@ -172,7 +190,7 @@ def deformed_mesh(
         grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
         for axes, panel, (low, high), width in zip(grid, panels, frames, widths, strict=True):
             cell_size = math.sqrt(float(np.median(_areas(panel.corners)))) * 72 * width / (high[0] - low[0])
-            panel.draw(axes, values, tones, cell_size, frames[0])
+            panel.draw(axes, nodal, triangles, tones, cell_size, frames[0])
             if stress is not None:
                 size = float(np.max(high - low)) * max(1.0, widest / width)
                 draw_principal(axes, panel.corners.mean(axis=1), stress, np.eye(2, 3), size)
@@ -186,7 +204,7 @@ def deformed_mesh(
 
 @dataclass(frozen=True)
 class _Panel:
-    """The body with its displacement and its gap times ``factor``."""
+    """The body with its displacement and its gap times ``factor``; ``cells`` are perimeters."""
 
     points: Floats
     cells: npt.NDArray[np.int64]
@@ -229,22 +247,42 @@ class _Panel:
         margin = 0.035 * float(max(high - low))
         return low - margin, high + margin
 
-    def draw(self, axes: Axes, values: Floats, tones: Tones, cell_size: float, whole: tuple[Floats, Floats]) -> None:
-        """The cells in colours, the outline, the foundations; or the contact zone where there are none."""
-        edged = cell_size >= _VISIBLE_CELL
+    def draw(
+        self,
+        axes: Axes,
+        values: Floats,
+        triangles: npt.NDArray[np.int64] | None,
+        tones: Tones,
+        cell_size: float,
+        whole: tuple[Floats, Floats],
+    ) -> None:
+        """The body in colours, the outline, the foundations; or the contact zone where there are none."""
+        edged = cell_size >= (_VISIBLE_CELL if triangles is None else _LARGE_CELL)
+        coloured: dict[str, Any] = {
+            "array": values * 10.0**tones.power,
+            "cmap": tones.field.colours,
+            "norm": tones.norm,
+        }
+        if triangles is not None:
+            # matplotlib interpolates red, green and blue instead of the field, which only small triangles do not show.
+            corners = refined(np.dstack((self.moved[triangles], coloured["array"][triangles])), _TRIANGLES)
+            rows = np.arange(3 * len(corners)).reshape(-1, 3)
+            coloured["array"] = corners[..., 2].ravel()
+            parts = Triangulation(corners[..., 0].ravel(), corners[..., 1].ravel(), rows)
+            field = TriMesh(parts, rasterized=True, zorder=1, **coloured)
+            axes.add_collection(field, autolim=False)
         # Vector cells without edges show seams in print, and a million of them take a viewer minutes.
-        body = PolyCollection(
-            list(self.corners),
-            array=values * 10.0**tones.power,
-            cmap=tones.field.colours,
-            norm=tones.norm,
-            edgecolors=_EDGE if edged else "none",
-            linewidths=min(0.4, 0.045 * cell_size) if edged else 0.0,
-            antialiaseds=edged,
-            rasterized=not edged,
-            zorder=1,
-        )
-        axes.add_collection(body, autolim=False)
+        if triangles is None or edged:
+            body = PolyCollection(
+                list(self.corners),
+                **({"facecolors": "none"} if triangles is not None else coloured),
+                edgecolors="none" if not edged else _EDGE if triangles is None else _FAINT,
+                linewidths=min(0.4, 0.045 * cell_size) if edged else 0.0,
+                antialiaseds=edged,
+                rasterized=not edged,
+                zorder=1,
+            )
+            axes.add_collection(body, autolim=False)
         edges = self.moved[self.outline]
         axes.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.8, capstyle="round"), autolim=False)
         if not self.with_foundation:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,19 +14,26 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity with one value per cell or facet.
+    """A quantity with one value per cell or facet, or with values at points of each.
 
     Attributes:
         label: what stands at the colour bar.
         signed: whether it has both signs, so that the scale need not begin at zero.
         remark: what the caption adds to the label.
         colours: name of a colour map of matplotlib, or one; perceptually uniform, dark for large values.
+        of_stress: whether it follows from the stress, of which there are a raw and a recovered one.
     """
 
     label: str
     signed: bool = False
     remark: str = ""
     colours: Any = "viridis_r"
+    of_stress: bool = True
+
+    def told(self, *, at_points: bool) -> Field:
+        """The field with a label that says what is seen: at points the recovered stress, else one value per cell."""
+        what = ", one value per cell" if not at_points else ", recovered" if self.of_stress else ""
+        return replace(self, label=self.label + what)
 
 
 # Name in options and file names -> what it is.
@@ -43,7 +50,7 @@ FIELDS = {
         ),
         colours="Greys",
     ),
-    "displacement": Field("size of the displacement"),
+    "displacement": Field("size of the displacement", of_stress=False),
     "density": Field("elastic shear energy density"),
 }
 # Those drawn on demand; the von Mises stress always is.
@@ -53,29 +60,29 @@ FROM_STRESS = ("pressure", "principal")
 
 
 def values_of(name: str, cells: Mapping[str, Floats]) -> Floats:
-    """A field from what was gathered of the cells, shape (m,).
+    """A field from what was gathered of the cells, shape (m,), or shape (m, p) at points of each.
 
     Args:
         name: in ``FIELDS``.
-        cells: ``stress`` of shape (m, 3, 3), or the field itself by its name.
+        cells: ``stress`` of shape (m, 3, 3) or (m, p, 3, 3), or the field itself by its name.
 
     Raises:
         KeyError: neither is there.
     """
     if name == "pressure":
-        return np.asarray(-np.trace(cells["stress"], axis1=1, axis2=2) / 3)
+        return np.asarray(-np.trace(cells["stress"], axis1=-2, axis2=-1) / 3)
     if name == "principal":
         stresses, _ = principal(cells["stress"])
-        return np.asarray(np.abs(stresses).max(axis=1))
+        return np.asarray(np.abs(stresses).max(axis=-1))
     return cells[name]
 
 
 def principal(stress: Floats) -> tuple[Floats, Floats]:
-    """Principal stresses of tensors of shape (m, 3, 3), shape (m, 3), ascending, and their directions, (m, 3, 3):
-    ``directions[i, :, k]`` is the unit vector of the k-th; nan for a tensor that is not finite.
+    """Principal stresses of tensors of shape (..., 3, 3), shape (..., 3), ascending, and their directions, of shape
+    (..., 3, 3): ``directions[..., :, k]`` is the unit vector of the k-th; nan for a tensor that is not finite.
     """
-    finite = np.asarray(np.isfinite(stress).all(axis=(1, 2)))
-    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], stress, 0.0))
+    finite = np.asarray(np.isfinite(stress).all(axis=(-2, -1)))
+    values, vectors = np.linalg.eigh(np.where(finite[..., None, None], stress, 0.0))
     values[~finite] = np.nan
     return values, vectors
 

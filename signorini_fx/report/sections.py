@@ -78,13 +78,18 @@ def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 
+_COLOURS = (
+    "Colour: von Mises stress; recovered, it is continuous in each material and smooths peaks that are narrower than a "
+    "cell. "
+)
 _PLANE_BODY = (
-    "Colour: von Mises stress at the midpoints of the cells; hatched lines: the foundation. The title says what is "
-    "magnified; where a magnified gap would bend the foundation it is drawn beside, with the body as it is."
+    f"{_COLOURS}Hatched lines: the foundation. The title says what is magnified; where a magnified gap would bend the "
+    "foundation it is drawn beside, with the body as it is."
 )
 _SOLID_BODY = (
-    "Displacement magnified as stated in the title; colour: von Mises stress, shaded; dashed lines: undeformed body; "
-    "gray plane or dashed frame: the foundation where it is flat, magnified with the gap."
+    f"{_COLOURS}It is darker where the surface turns away from the light. Dashed lines: undeformed body; gray "
+    "surface or dashed frame: the foundation. The title says what is magnified; where a magnified gap would bend the "
+    "foundation it is drawn beside, with the body as it is."
 )
 
 

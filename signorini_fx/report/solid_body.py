@@ -1,22 +1,25 @@
-"""The deformed body in space: its outer surface with the von Mises stress in colour."""
+"""The deformed body in space on its foundation: its outer surface, a field in colours."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from signorini_fx.report import view
 from signorini_fx.report.deformed_body import magnification
 from signorini_fx.report.fields import FIELDS, Field
+from signorini_fx.report.rendering import Image, area_vectors, fans, normals_of, render, smooth_normals
+from signorini_fx.report.solid_foundation import GROUND, FoundationSurface, draw_plane, plane_of
 from signorini_fx.report.style import (
     BOTH,
     INK,
@@ -26,16 +29,20 @@ from signorini_fx.report.style import (
     finish,
     math_number,
 )
+from signorini_fx.report.tiling import Tiling
 from signorini_fx.report.tones import Tones, draw_principal
 
 Rows = npt.NDArray[np.int64]
 
-MOST_FACETS = 40_000  # of a picture: matplotlib takes seconds for them
-_GROUND = "#e3e3e3"
-_SHADE = 0.25  # how much darker a facet parallel to the light is than one perpendicular to it
+MOST_FACETS = 40_000  # of a picture: they take seconds
+_SHADE = 0.22  # how much darker a surface parallel to the light is than one perpendicular to it
+_RIM = 0.82  # how much darker the edges between facets are
 _SHARP = math.cos(math.radians(40.0))  # facets that turn by more than this meet in an edge
-_VISIBLE_FACET = 4.0  # size from which on the edges of a facet are drawn, in 1/72 inch
+_VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
+_MORE = 1.15  # how much more of the field another view must show to be preferred to the usual one
+_NARROW = 0.8  # width over height of the narrowest picture
 _LARGEST = 4.8  # width and height of the body, inches
+_PIXELS = 300.0  # per inch
 
 
 def deformed_solid(
@@ -45,36 +52,47 @@ def deformed_solid(
     displacement: Floats,
     values: Floats,
     *,
+    tiles: Tiling | None = None,
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
-    foundations: Sequence[tuple[Floats, Floats]] = (),
+    foundations: Sequence[FoundationSurface] = (),
     factor: float | None = None,
     top: float | None = None,
     frame: tuple[Floats, Floats] | None = None,
+    seen: view.View | None = None,
     title: str = "",
     suffixes: Sequence[str] = BOTH,
 ) -> None:
-    """Draw the outer surface of a deformed body in space, seen from the front, the right and above.
+    """Draw the outer surface of a deformed body in space on its foundation.
 
-    The colour is a field, slightly darker where the surface turns away from the light.  If a singular edge would
-    leave the rest pale, the scale ends at the value that is not exceeded on 99 % of the visible area.  Thin
-    lines on the body are its sharp edges, dashed ones those of the undeformed body.  A flat foundation is drawn as a
-    gray plane if it is behind the body, otherwise as a frame.  The projection is parallel, without perspective.
+    The colour is a field, darker where the surface turns away from the light.  Values at points of the facets are drawn
+    with colours that vary within each facet; the label of the colour bar says whether it is so.  If a singular edge
+    would leave the rest pale, the scale ends at the value that is not exceeded on 99 % of the visible area.  Thin lines
+    on the body are its sharp edges, dashed ones those of the undeformed body; the edges of the facets are drawn if they
+    are large enough to see them.  A flat foundation is drawn as a gray plane if it is behind the body, otherwise as a
+    frame, a curved one as a gray surface.  The projection is parallel, without perspective.
+
+    As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
+    plane under a sphere, there are two panels: body and foundation as they are; and the body with its displacement
+    magnified, without foundation.
 
     Args:
         path_stem: where to write, without suffix.
         points: positions, length, shape (n, 3).
-        facets: their points along the perimeter, counterclockwise as seen from outside, shape (m, k); more than their
-            corners if they are curved.
+        facets: points of each facet, shape (m, p): those along its perimeter, counterclockwise as seen from outside,
+            more than its corners if it is curved; with ``tiles`` also those within.
         displacement: at the points, length, shape (n, 3).
-        values: the field at each facet, shape (m,).
+        values: the field, one value per facet, shape (m,), or with ``tiles`` at its points, shape (m, p).
+        tiles: how each facet is divided; None: it has one value.
         field: what it is.
         stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
-        foundations: of each contact boundary nodes and the vector d n from each to the foundation, lengths, both of
-            shape (k, 3); like the displacement, d n is multiplied by the magnification.
-        factor: of the displacement; None: one that makes it visible.
+        foundations: of each contact boundary.
+        factor: of displacement and gap, in one panel; None: one that makes the displacement visible, in two panels
+            where one would not be true.
         top: the value where the colours end; None: see above.
-        frame: lowest and highest coordinates of the projection that are seen; None: as far as body and planes reach.
+        frame: lowest and highest coordinates of the projection that are seen, in one panel; None: as far as body and
+            foundations reach.
+        seen: the view; None: ``telling_view(...)``.
         title: title of the picture.
         suffixes: of the files to write.
 
@@ -82,10 +100,20 @@ def deformed_solid(
         ValueError: there are no facets.
     """
     with mpl.rc_context(STYLE):
-        figure, factor = solid_figure(
-            points, facets, displacement, values, foundations, field, stress, factor, top, frame
+        figure, remark = solid_figure(
+            points,
+            facets,
+            displacement,
+            values,
+            tiles=tiles,
+            field=field,
+            stress=stress,
+            foundations=foundations,
+            factor=factor,
+            top=top,
+            frame=frame,
+            seen=seen,
         )
-        remark = f"displacement $\\times\\,{math_number(factor)}$"
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
@@ -94,97 +122,220 @@ def solid_figure(
     facets: Rows,
     displacement: Floats,
     values: Floats,
-    foundations: Sequence[tuple[Floats, Floats]],
+    *,
+    tiles: Tiling | None = None,
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
+    foundations: Sequence[FoundationSurface] = (),
     factor: float | None = None,
     top: float | None = None,
     frame: tuple[Floats, Floats] | None = None,
-) -> tuple[Figure, float]:
-    """The figure that ``deformed_solid`` writes, and the magnification."""
+    seen: view.View | None = None,
+) -> tuple[Figure, str]:
+    """The figure that ``deformed_solid`` writes, and what it magnifies."""
     if not facets.size:
         raise ValueError("the body has no facets")
-    factor = magnification(points, displacement) if factor is None else factor
-    moved = points + factor * displacement
-    moved = np.where(np.isfinite(moved), moved, points)  # a failed solve may give any values
-    seen = view.oblique()
-    planes = [plane for nodes, gap in foundations if (plane := _plane(nodes + factor * gap)) is not None]
-    every = seen.flat(np.concatenate([points, moved, *(corners for corners, _ in planes)]))
-    low, high = every.min(axis=0), every.max(axis=0)
+    chosen = magnification(points, displacement) if factor is None else factor
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    true = factor is not None or all(one.looks_like_itself(chosen, size) for one in foundations)
+    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    if true:
+        remark = what if chosen == 1 or not foundations else what.replace("displacement", "displacement and gap")
+    else:
+        remark = f"left: as it is; right: {what}"
+    seen = telling_view(points, facets, values, tiles) if seen is None else seen
+    bodies = [
+        _Surface.of(points, facets, displacement, values, tiles, scale)
+        for scale in ((chosen,) if true else (1.0, chosen))
+    ]
+    grounds = [foundations if true or k == 0 else () for k in range(len(bodies))]
+    planes = [
+        [(one, plane_of(one.drawn(body.factor))) for one in some] for body, some in zip(bodies, grounds, strict=True)
+    ]
+    frames = [
+        frame_of(seen, [points, body.points], some, body.factor) if frame is None else frame
+        for body, some in zip(bodies, grounds, strict=True)
+    ]
+    bottom, top_edge = min(low[1] for low, _ in frames), max(high[1] for _, high in frames)
+    frames = [(np.array([low[0], bottom]), np.array([high[0], top_edge])) for low, high in frames]
+    inch = (_LARGEST if true else 0.75 * _LARGEST) / max(float(np.max(high - low)) for low, high in frames)
+    widths = [float(high[0] - low[0]) * inch for low, high in frames]
+    height = max(float(high[1] - low[1]) * inch for low, high in frames)
+    figure = Figure(figsize=(max(sum(widths), 3.4), height + 0.9), layout="constrained")
+    grid = figure.subplots(1, len(bodies), squeeze=False, width_ratios=widths)[0]
+    tones = bodies[0].tones(seen, field.told(at_points=tiles is not None), top)
+    for axes, body, some, (low, high) in zip(grid, bodies, planes, frames, strict=True):
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set_axis_off()
+        curved = []
+        for one, plane in some:
+            if plane is None:
+                curved.append(one.facing(seen, body.factor))
+                continue
+            corners, normal = plane
+            normal = normal if (corners.mean(axis=0) - body.points.mean(axis=0)) @ normal > 0 else -normal
+            draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
+        image = body.draw(axes, seen, tones, low, high, inch, curved)
+        if stress is not None:
+            body.draw_stress(axes, seen, stress, image, float(np.max(high - low)))
+        if body.factor != 1:
+            at_rest = [_seen(points[line], seen) for line in view.lines_of(_edges(points, body.triangles, seen))]
+            dashes = [(0, (4, 2.5))]
+            lines = image.visible_parts(at_rest, apart=True)
+            rest = LineCollection(lines, colors=MUTED, linewidths=0.6, linestyles=dashes, zorder=3, alpha=0.8)
+            axes.add_collection(rest, autolim=False)
+        if body is bodies[0]:
+            _draw_coordinates(axes, seen, points, low, high, image)
+    tones.bar(figure, list(grid))
+    return figure, remark
+
+
+def telling_view(points: Floats, facets: Rows, values: Floats, tiles: Tiling | None = None) -> view.View:
+    """Of the views from above onto the four corners the one that shows most of a field: the cut of a symmetric body
+    rather than its back; from the front and the right if that makes no difference.
+    """
+    surface = _Surface.of(points, facets, np.zeros_like(points), values, tiles, 0.0)
+    area = area_vectors(surface.points, surface.triangles)
+    size = np.abs(np.nan_to_num(surface.values)).mean(axis=1)
+    views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
+    shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
+    best = int(np.argmax(shown))
+    return views[best] if shown[best] > _MORE * shown[0] else views[0]
+
+
+def frame_of(
+    seen: view.View, bodies: Sequence[Floats], foundations: Sequence[FoundationSurface], factor: float
+) -> tuple[Floats, Floats]:
+    """What is seen, with a margin: bodies, points of shape (n, 3), and foundations, but not what runs far away."""
+    body = seen.flat(np.concatenate(bodies))
+    low, high = body.min(axis=0), body.max(axis=0)
+    far = 0.4 * float(max(high - low))
+    every = [np.stack((low, high))]
+    for one in foundations:
+        drawn = one.drawn(factor)
+        plane = plane_of(drawn)
+        every.append(np.clip(seen.flat(drawn if plane is None else plane[0]), low - far, high + far))
+    low, high = np.concatenate(every).min(axis=0), np.concatenate(every).max(axis=0)
     margin = 0.05 * float(max(high - low))
-    low, high = (low - margin, high + margin) if frame is None else frame
-    size = high - low
-    inch = _LARGEST / float(max(size))
-    figure = Figure(figsize=(max(float(size[0]) * inch, 3.4), float(size[1]) * inch + 0.9), layout="constrained")
-    axes = figure.add_subplot()
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set_axis_off()
-
-    outside = np.asarray(np.mean(moved[facets], axis=(0, 1)))
-    for corners, normal in planes:
-        normal = normal if (corners.mean(axis=0) - outside) @ normal > 0 else -normal  # away from the body
-        _draw_plane(axes, seen.flat(corners), in_front=bool(normal @ seen.toward > 1e-9))
-    normals, areas = _normals(moved, facets)
-    facing = normals @ seen.toward > 0
-    tones = Tones(field, values[facing], areas[facing], top)
-    _draw_body(axes, seen, moved, facets, values, tones, 72 * inch)
-    tones.bar(figure, axes)
-    if stress is not None:
-        front = normals @ seen.toward > 0.2
-        middles = seen.flat(moved[facets[front]].mean(axis=1))
-        draw_principal(axes, middles, stress[front], np.stack((seen.right, seen.up)), float(max(size)))
-    at_rest = [seen.flat(points[line]) for line in view.lines_of(_edges(points, facets, seen))]
-    rest = LineCollection(at_rest, colors=MUTED, linewidths=0.6, linestyles=[(0, (4, 2.5))], zorder=3, alpha=0.8)
-    axes.add_collection(rest, autolim=False)
-    _draw_coordinates(axes, seen, points, low, high)
-    return figure, factor
+    # Beside a tower there is room for the axes.
+    beside = max(margin, 0.5 * float(_NARROW * (high - low)[1] - (high - low)[0]))
+    around = np.array([beside, margin])
+    return low - around, high + around
 
 
-def _draw_body(
-    axes: Axes, seen: view.View, moved: Floats, facets: Rows, values: Floats, tones: Tones, inch: float
-) -> None:
-    """Facets that face the viewer, the farthest first, with sharp edges between them."""
-    normals, areas = _normals(moved, facets)
-    front = np.flatnonzero(normals @ seen.toward > 0)
-    light = seen.toward + 0.5 * seen.up - 0.6 * seen.right
-    shade = 1 - _SHADE * (1 - np.clip(normals[front] @ (light / np.linalg.norm(light)), 0.0, 1.0))
-    colours = mpl.colormaps.get_cmap(tones.field.colours)(tones.norm(np.nan_to_num(values[front]) * 10.0**tones.power))
-    colours[:, :3] *= shade[:, None]
-    edged = math.sqrt(float(np.median(areas))) * inch >= _VISIBLE_FACET
-    lines = _edges(moved, facets, seen)
-    nearness = np.concatenate((seen.depth(moved[facets[front]]).mean(axis=1), seen.depth(moved[lines]).mean(axis=1)))
-    # An edge is drawn right after the facets that meet there.
-    nearness[len(front) :] += 1.5 * math.sqrt(float(np.median(areas)))
-    order = np.argsort(nearness, kind="stable")
-    corners = [*seen.flat(moved[facets[front]]), *seen.flat(moved[lines])]
-    none = np.tile(to_rgba("none"), (len(lines), 1))
-    rims = np.concatenate(
-        (0.75 * colours + [0, 0, 0, 0.25] if edged else colours, np.tile(to_rgba(INK), (len(lines), 1)))
-    )
-    widths = np.concatenate((np.full(len(front), 0.3), np.full(len(lines), 0.8)))
-    body = PolyCollection(
-        [corners[k] for k in order],
-        facecolors=np.concatenate((colours, none))[order],
-        edgecolors=rims[order],
-        linewidths=widths[order],
-        joinstyle="round",
-        zorder=2,
-        rasterized=len(front) > 5000,
-    )
-    axes.add_collection(body, autolim=False)
+@dataclass(frozen=True)
+class _Surface:
+    """The deformed outer surface as triangles, on each of which the field is linear.
+
+    Attributes:
+        points: where they have gone, shape (n, 3).
+        perimeters: points along the perimeter of each facet, shape (m, k).
+        triangles: their points, shape (t, 3).
+        values: the field at the corners of the triangles, shape (t, 3).
+        owner: the facet of each triangle, shape (t,).
+        factor: of the displacement.
+    """
+
+    points: Floats
+    perimeters: Rows
+    triangles: Rows
+    values: Floats
+    owner: Rows
+    factor: float
+
+    @classmethod
+    def of(
+        cls, points: Floats, facets: Rows, displacement: Floats, values: Floats, tiles: Tiling | None, factor: float
+    ) -> _Surface:
+        moved = points + factor * displacement
+        moved = np.where(np.isfinite(moved), moved, points)  # a failed solve may give any values
+        if tiles is not None:
+            triangles = facets[:, tiles.triangles]
+            at = values[:, tiles.triangles]
+            owner = np.arange(len(facets)).repeat(len(tiles.triangles))
+            return cls(moved, facets[:, : tiles.rim], triangles.reshape(-1, 3), at.reshape(-1, 3), owner, factor)
+        triangles, owner = fans(facets), np.arange(len(facets)).repeat(max(1, facets.shape[1] - 2))
+        return cls(moved, facets, triangles, values[owner][:, None].repeat(3, axis=1), owner, factor)
+
+    def tones(self, seen: view.View, field: Field, top: float | None) -> Tones:
+        """The scale of the field, by what faces the viewer."""
+        area = area_vectors(self.points, self.triangles) @ seen.toward
+        facing = area > 0
+        return Tones(field, self.values[facing].ravel(), area[facing].repeat(3) / 3, top)
+
+    def draw(
+        self,
+        axes: Axes,
+        seen: view.View,
+        tones: Tones,
+        low: Floats,
+        high: Floats,
+        inch: float,
+        grounds: Sequence[Floats],
+    ) -> Image:
+        """The surface and its sharp edges, in front of curved foundations, which are triangles of shape (., 3, 3)."""
+        area = area_vectors(self.points, self.triangles)
+        front = np.flatnonzero(area @ seen.toward > 0)
+        ground = np.concatenate([np.empty((0, 3, 3)), *grounds])
+        upward = np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])
+        upward /= np.maximum(np.linalg.norm(upward, axis=1, keepdims=True), 1e-300)
+        pixel = 1.0 / (inch * _PIXELS)
+        shape = tuple(int(n) for n in np.ceil((high - low) / pixel))[::-1]
+        corners = _seen(np.concatenate((self.points[self.triangles[front]], ground)), seen)
+        image = render(corners, low + 0.5 * pixel, pixel, (shape[0], shape[1]))
+
+        normals = smooth_normals(self.points, self.triangles, _SHARP)[front]
+        normals = np.concatenate((normals, upward[:, None].repeat(3, axis=1)))
+        values = np.concatenate((np.nan_to_num(self.values[front]), np.zeros((len(ground), 3))))
+        shown = image.triangle >= 0
+        light = seen.toward + 0.5 * seen.up - 0.2 * seen.right
+        turned = image.interpolated(normals)
+        turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300)
+        shade = 1 - _SHADE * (1 - np.clip(turned @ (light / np.linalg.norm(light)), 0.0, 1.0))
+        colours = mpl.colormaps.get_cmap(tones.field.colours)(
+            tones.norm(image.interpolated(values) * 10.0**tones.power)
+        )
+        colours[image.triangle[shown] >= len(front)] = to_rgba(GROUND)
+        colours[:, :3] *= shade[:, None]
+        picture = np.zeros((*shape, 4))
+        picture[shown] = colours
+        if math.sqrt(float(np.median(_areas(self.points, self.perimeters)))) * 72 * inch >= _VISIBLE_FACET:
+            owner = np.full(shape, -1)
+            owner[shown] = np.concatenate((self.owner[front], np.full(len(ground), -1)))[image.triangle[shown]]
+            rims = np.zeros(shape, dtype=bool)
+            rims[:, :-1] |= owner[:, :-1] != owner[:, 1:]
+            rims[:-1] |= owner[:-1] != owner[1:]
+            picture[rims, :3] *= _RIM
+        extent = (low[0], low[0] + shape[1] * pixel, low[1], low[1] + shape[0] * pixel)
+        axes.imshow(picture, extent=extent, origin="lower", zorder=2, aspect="equal")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        lines = [_seen(self.points[line], seen) for line in view.lines_of(_edges(self.points, self.triangles, seen))]
+        edges = LineCollection(image.visible_parts(lines), colors=INK, linewidths=0.8, capstyle="round", zorder=3)
+        axes.add_collection(edges, autolim=False)
+        return image
+
+    def draw_stress(self, axes: Axes, seen: view.View, stress: Floats, image: Image, size: float) -> None:
+        """Strokes along principal stresses at the middles of facets that are seen, not too much from the side."""
+        middles = self.points[self.perimeters].mean(axis=1)
+        area = normals_of(self.points, self.perimeters)
+        front = area @ seen.toward > 0.2 * np.linalg.norm(area, axis=1)
+        front[front] = image.visible(_seen(middles[front], seen))
+        draw_principal(axes, seen.flat(middles[front]), stress[front], np.stack((seen.right, seen.up)), size)
 
 
-def _normals(points: Floats, facets: Rows) -> tuple[Floats, Floats]:
-    """Outward unit normals, shape (m, 3), and areas, shape (m,)."""
-    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
-    twice = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
-    size = np.linalg.norm(twice, axis=1)
-    return twice / np.maximum(size, 1e-300)[:, None], 0.5 * size
+def _seen(points: Floats, seen: view.View) -> Floats:
+    """Coordinates in the picture, and nearness to the viewer, shape (..., 3)."""
+    return np.concatenate((seen.flat(points), seen.depth(points)[..., None]), axis=-1)
+
+
+def _areas(points: Floats, facets: Rows) -> Floats:
+    return np.linalg.norm(normals_of(points, facets), axis=1)
 
 
 def _edges(points: Floats, facets: Rows, seen: view.View) -> Rows:
     """Edges to draw, shape (e, 2): visible sharp edges, and those where the surface turns away."""
-    normals, _ = _normals(points, facets)
+    normals = normals_of(points, facets)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     a, b = facets.ravel(), np.roll(facets, -1, axis=1).ravel()
     owner = np.arange(len(facets))[:, None].repeat(facets.shape[1], axis=1).ravel()
     key = np.minimum(a, b) * len(points) + np.maximum(a, b)
@@ -197,40 +348,20 @@ def _edges(points: Floats, facets: Rows, seen: view.View) -> Rows:
     return np.column_stack((a[wanted], b[wanted]))
 
 
-def _plane(points: Floats) -> tuple[Floats, Floats] | None:
-    """Corners of a rectangle around points that lie in a plane, shape (4, 3), and its normal, shape (3,)."""
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < 3:
-        return None
-    middle = points.mean(axis=0)
-    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    if size[2] > 1e-3 * size[1] or not size[1] > 0:
-        return None
-    seen = view.along(axes[2])
-    if abs(seen.toward @ axes[2]) < 1 - 1e-6:  # next to a coordinate axis, and not along it
-        seen = view.View(axes[0], axes[1], axes[2])
-    flat = seen.flat(points)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = 0.12 * float(max(high - low))
-    (left, bottom), (right, top) = low - margin, high + margin
-    height = float(middle @ seen.toward)
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners]), seen.toward
-
-
-def _draw_plane(axes: Axes, corners: Floats, *, in_front: bool) -> None:
-    face = "none" if in_front else _GROUND
-    dashes = (0, (6, 3)) if in_front else "solid"
-    plane = PolyCollection([corners], facecolors=face, edgecolors=MUTED, linewidths=0.6, linestyles=[dashes])
-    plane.set_zorder(4 if in_front else 1)
-    axes.add_collection(plane, autolim=False)
-
-
-def _draw_coordinates(axes: Axes, seen: view.View, points: Floats, low: Floats, high: Floats) -> None:
-    """The three axes in the corner, and the length of the body along each."""
+def _draw_coordinates(axes: Axes, seen: view.View, points: Floats, low: Floats, high: Floats, image: Image) -> None:
+    """The three axes in a corner where they do not cover the body, and the length of the body along each."""
     extent = points.max(axis=0) - points.min(axis=0)
     length = 0.09 * float(np.max(high - low))
-    corner = low + np.array([1.0, 1.0]) * 0.9 * length
+    tips = np.concatenate((1.5 * length * seen.flat(np.eye(3)), np.zeros((1, 2))))
+    room = (tips.min(axis=0), tips.max(axis=0))
+    covered = []
+    for right, up in ((False, False), (False, True), (True, True), (True, False)):
+        here = [high[k] - room[1][k] if far else low[k] - room[0][k] for k, far in enumerate((right, up))]
+        first, last = (np.rint((here + side - image.low) / image.pixel).astype(int) for side in room)
+        first = np.maximum(first, 0)
+        box = image.triangle[first[1] : last[1] + 1, first[0] : last[0] + 1] >= 0
+        covered.append((int(box.sum()), here))
+    corner = np.array(min(covered, key=lambda one: one[0])[1])
     for axis in range(3):
         tip = corner + length * seen.flat(np.eye(3)[axis])
         style = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}

@@ -52,8 +52,8 @@ class Tones:
 
     Args:
         field: what it is.
-        values: one per cell, shape (m,).
-        area: of each cell, shape (m,).
+        values: one per cell or point, shape (m,).
+        area: of each cell, or that belongs to each point, shape (m,).
         top: the upper end of the scale of a field without sign; None: the largest value or, if that is far above the
             others, what 99 % of the area stay below.
 

@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.report.tiling import Tiling, tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
@@ -24,50 +25,71 @@ class GatheredCells:
 
     Attributes:
         points: positions, length, shape (n, 2); each cell has its own.
-        cells: points of each cell along its perimeter, shape (m, k): its corners, and more along sides that may be
-            curved.
+        within: points of each cell, shape (m, p): those of ``tiles``.
+        tiles: how a cell is divided: its corners, more points along sides that may be curved, and some within.
         displacement: at the points, length, shape (n, 2).
         outline: pairs of points along the boundary of the body, shape (e, 2).
-        values: fields at the midpoints of the cells, see ``sampling.cell_values``.
+        values: fields at the midpoints of the cells, see ``sampling.cell_values``; or, if ``recovered``, at the points
+            of each cell, see ``sampling.values_within``.
+        recovered: whether the values are at points, the stress recovered.
     """
 
     points: Floats
-    cells: npt.NDArray[np.int64]
+    within: npt.NDArray[np.int64]
+    tiles: Tiling
     displacement: Floats
     outline: npt.NDArray[np.int64]
     values: Mapping[str, Floats]
+    recovered: bool
+
+    @property
+    def cells(self) -> npt.NDArray[np.int64]:
+        """The points along the perimeter of each cell, in order, shape (m, k)."""
+        return self.within[:, : self.tiles.rim]
 
 
-def gather_cells(solution: Solution, fields: Sequence[str] = ()) -> GatheredCells:
+def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> GatheredCells:
     """Cells and their values from all ranks, on the first one; collective.
 
     Args:
         solution: where from.
-        fields: names of the fields to compute beside von Mises stress and shear energy density.
+        fields: names of the fields to compute; without recovery beside von Mises stress and shear energy density.
+        recovered: values at points of the cells instead of one value per cell, if there is a solution.
     """
     mesh, comm = solution.discretisation.tagged.mesh, solution.comm
     cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
     kind = getattr(basix.CellType, mesh.topology.cell_name())
-    order = sampling.PERIMETER[len(basix.geometry(kind))]
-    count = sampling.pieces(solution)
-    around = sampling.perimeter(basix.geometry(kind)[order], count)
-    x = sampling.positions(solution, around, cells).reshape(-1, 2)
-    u = sampling.values_at(solution.displacement, around, cells).reshape(-1, 2)
+    corners = basix.geometry(kind)
+    order = sampling.PERIMETER[len(corners)]
+    tiles = tiling(len(corners), sampling.pieces(solution))
+    inside = tiles.within(*corners[[order[0], order[1], order[-1]]])
+    x = sampling.positions(solution, inside, cells).reshape(-1, 2)
+    u = sampling.values_at(solution.displacement, inside, cells).reshape(-1, 2)
 
     mesh.topology.create_connectivity(1, 2)
     entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
-    starts = _first_points(kind, order, count)[entities[:, 1]]
-    ahead = starts[:, None] + np.arange(count + 1)
-    ahead = ahead % len(around) + len(around) * entities[:, :1].astype(np.int64)
+    starts = _first_points(kind, order, tiles.count)[entities[:, 1]]
+    ahead = (starts[:, None] + np.arange(tiles.count + 1)) % tiles.rim + len(inside) * entities[:, :1].astype(np.int64)
     outline = np.stack((ahead[:, :-1], ahead[:, 1:]), axis=-1).reshape(-1, 2)
 
     outline = outline + parallel.rows_before(comm, len(x))
-    values = {
-        name: parallel.rows_on_root(comm, rows) for name, rows in sampling.cell_values(solution, cells, fields).items()
-    }
+    functions = sampling.recovered_fields(solution, fields) if recovered else None
+    if functions is None:
+        found = sampling.cell_values(solution, cells, fields)
+    else:
+        found = {name: sampling.values_within(name, one, inside, cells) for name, one in functions.items()}
+    values = {name: parallel.rows_on_root(comm, rows) for name, rows in found.items()}
     points = parallel.rows_on_root(comm, x)
-    numbers = np.arange(len(points), dtype=np.int64).reshape(-1, len(around))
-    return GatheredCells(points, numbers, parallel.rows_on_root(comm, u), parallel.rows_on_root(comm, outline), values)
+    numbers = np.arange(len(points), dtype=np.int64).reshape(-1, len(inside))
+    return GatheredCells(
+        points,
+        numbers,
+        tiles,
+        parallel.rows_on_root(comm, u),
+        parallel.rows_on_root(comm, outline),
+        values,
+        functions is not None,
+    )
 
 
 def _first_points(kind: basix.CellType, order: Sequence[int], count: int) -> npt.NDArray[np.int64]:

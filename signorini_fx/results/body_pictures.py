@@ -18,6 +18,8 @@ from signorini_fx.results.solution import Solution
 
 if TYPE_CHECKING:
     from signorini_fx.report.moving_body import Moment
+    from signorini_fx.report.solid_foundation import FoundationSurface
+    from signorini_fx.report.tiling import Tiling
     from signorini_fx.results.body_cells import GatheredCells
     from signorini_fx.results.outer_surface import OuterSurface
 
@@ -45,14 +47,15 @@ class BodyPictures:
         if solution.discretisation.tagged.dimension == 2:
             from signorini_fx.results.body_cells import gather_cells
 
-            return cls(fields, cells=gather_cells(solution, fields), moments=_moments(solution, gather_cells))
+            cells = gather_cells(solution, fields, recovered=True)
+            return cls(fields, cells=cells, moments=_moments(solution, gather_cells))
         from signorini_fx.report.solid_body import MOST_FACETS
         from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
 
         count = outer_facets(solution)
         if count <= MOST_FACETS:
             moments = _moments(solution, gather_outer_surface)
-            return cls(fields, surface=gather_outer_surface(solution, fields), moments=moments)
+            return cls(fields, surface=gather_outer_surface(solution, fields, recovered=True), moments=moments)
         parallel.log_on_root(
             solution.comm,
             f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: "
@@ -81,16 +84,18 @@ class BodyPictures:
             c = table.columns
             offset = np.column_stack((c["n_x"], c["n_y"])) * c["gap"][:, None]
             foundation = Foundation(np.column_stack((c["x"], c["y"])), offset, c["state"] != "open")
+        polygons, tiles = _polygons(cells)
         for name in self.fields:
             deformed_mesh(
                 folder / _stem(name),
                 cells.points,
-                cells.cells,
+                polygons,
                 cells.displacement,
                 values_of(name, cells.values),
                 outline=cells.outline,
+                tiles=tiles,
                 field=FIELDS[name],
-                stress=cells.values["stress"] if name == "principal" else None,
+                stress=_in_the_middle(cells) if name == "principal" else None,
                 foundation=foundation,
                 title=title,
             )
@@ -100,8 +105,9 @@ class BodyPictures:
             moving_body(
                 folder / "deformed.gif",
                 cells.points,
-                cells.cells,
+                polygons,
                 self.moments,
+                tiles=tiles,
                 outline=cells.outline,
                 foundation=foundation,
                 title=title,
@@ -112,38 +118,45 @@ class BodyPictures:
     def _draw_in_space(self, table: ContactTable | None, folder: Path, title: str) -> None:
         from signorini_fx.report.contact_surface import contact_surface
         from signorini_fx.report.reading import read_facets
-        from signorini_fx.report.solid_body import deformed_solid
+        from signorini_fx.report.solid_body import deformed_solid, telling_view
 
-        foundations = foundations_of(table.columns) if table is not None else []
-        for name in self.fields if self.surface is not None else ():
-            assert self.surface is not None
-            deformed_solid(
-                folder / _stem(name),
-                self.surface.points,
-                self.surface.facets,
-                self.surface.displacement,
-                values_of(name, self.surface.values),
-                field=FIELDS[name],
-                stress=self.surface.values["stress"] if name == "principal" else None,
-                foundations=foundations,
-                title=title,
-            )
-        if self.surface is not None and self.moments:
-            from signorini_fx.report.moving_body import moving_body
+        facets = None if table is None else read_facets(folder / "contact.vtu")
+        foundations = [] if table is None or facets is None else foundations_of(table.columns, facets)
+        if self.surface is not None:
+            body = self.surface
+            polygons, tiles = _polygons(body)
+            seen = telling_view(body.points, polygons, values_of("von_mises", body.values), tiles)
+            for name in self.fields:
+                deformed_solid(
+                    folder / _stem(name),
+                    body.points,
+                    polygons,
+                    body.displacement,
+                    values_of(name, body.values),
+                    tiles=tiles,
+                    field=FIELDS[name],
+                    stress=_in_the_middle(body) if name == "principal" else None,
+                    foundations=foundations,
+                    seen=seen,
+                    title=title,
+                )
+            if self.moments:
+                from signorini_fx.report.moving_body import moving_body
 
-            moving_body(
-                folder / "deformed.gif",
-                self.surface.points,
-                self.surface.facets,
-                self.moments,
-                foundations=foundations,
-                title=title,
-            )
-        if table is not None:
-            contact_surface(folder / "contact_surface", table.columns, read_facets(folder / "contact.vtu"), title=title)
+                moving_body(
+                    folder / "deformed.gif",
+                    body.points,
+                    polygons,
+                    self.moments,
+                    tiles=tiles,
+                    foundations=foundations,
+                    title=title,
+                )
+        if table is not None and facets is not None:
+            contact_surface(folder / "contact_surface", table.columns, facets, title=title)
 
 
-def _moments(solution: Solution, gather: Callable[[Solution], GatheredCells | OuterSurface]) -> list[Moment]:
+def _moments(solution: Solution, gather: Callable[..., GatheredCells | OuterSurface]) -> list[Moment]:
     """The body at the load steps that an animation shows, none if there is only one; collective."""
     steps = solution.shown_steps
     if len(steps) < 2:
@@ -153,10 +166,21 @@ def _moments(solution: Solution, gather: Callable[[Solution], GatheredCells | Ou
     found = []
     for step in (steps[k] for k in shown(len(steps))):
         then = solution.at(step)
-        body = gather(then)
+        body = gather(then, ("von_mises",), recovered=True)
         touching = None if then.contact is None else then.table.columns["state"] != "open"
         found.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
     return found
+
+
+def _polygons(body: GatheredCells | OuterSurface) -> tuple[npt.NDArray[np.int64], Tiling | None]:
+    """The points of each cell or facet, and how it is divided, if there are values at points."""
+    return (body.within, body.tiles) if body.recovered else (body.within[:, : body.tiles.rim], None)
+
+
+def _in_the_middle(body: GatheredCells | OuterSurface) -> npt.NDArray[np.float64]:
+    """The stress at the midpoint of each cell or facet, shape (m, 3, 3)."""
+    stress = body.values["stress"]
+    return np.asarray(stress[:, body.tiles.vertices].mean(axis=1)) if body.recovered else stress
 
 
 def draw_load_steps(folder: Path) -> None:
@@ -183,9 +207,16 @@ def _draw_course(solution: Solution, folder: Path) -> None:
         errors_and_costs(folder / "price_list", as_rows(solution.price_list), title=plain(solution.scene.title))
 
 
-def foundations_of(c: Mapping[str, Any]) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
-    """Nodes of each contact boundary in space and the vectors d n from there to the foundation, both (k, 3)."""
+def foundations_of(c: Mapping[str, Any], facets: npt.NDArray[np.int64]) -> list[FoundationSurface]:
+    """The foundation of each contact boundary in space; ``facets`` are rows of the contact table, shape (m, k)."""
+    from signorini_fx.report.solid_foundation import FoundationSurface
+
     nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
-    offset = normals * np.asarray(c["gap"])[:, None]
-    where = [c["boundary"] == name for name in dict.fromkeys(c["boundary"])]
-    return [(nodes[rows], offset[rows]) for rows in where]
+    gap = np.asarray(c["gap"])
+    corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
+    found = []
+    for name in dict.fromkeys(c["boundary"]):
+        here = np.asarray(c["boundary"] == name)
+        row = np.cumsum(here) - 1
+        found.append(FoundationSurface(nodes[here], normals[here], gap[here], row[corners[here[corners].all(axis=1)]]))
+    return found

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import basix
 import numpy as np
@@ -12,6 +13,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.report.tiling import Tiling, tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
@@ -25,16 +27,26 @@ class OuterSurface:
 
     Attributes:
         points: positions, length, shape (n, 3).
-        facets: points of each facet along its perimeter, counterclockwise as seen from outside, shape (m, k): its
-            corners, and more along sides that may be curved.
+        within: points of each facet, shape (m, p): those of ``tiles``, counterclockwise as seen from outside.
+        tiles: how a facet is divided: its corners, more points along sides that may be curved, and some within.
         displacement: at the points, length, shape (n, 3).
-        values: fields at the midpoint of the cell behind each facet, see ``sampling.cell_values``.
+        values: fields at the midpoint of the cell behind each facet, see ``sampling.cell_values``; or, if
+            ``recovered``, at the points of each facet, see ``sampling.values_within``: facets of two materials may have
+            different values at the points that they share.
+        recovered: whether the values are at points, the stress recovered.
     """
 
     points: Floats
-    facets: npt.NDArray[np.int64]
+    within: npt.NDArray[np.int64]
+    tiles: Tiling
     displacement: Floats
     values: Mapping[str, Floats]
+    recovered: bool
+
+    @property
+    def facets(self) -> npt.NDArray[np.int64]:
+        """The points along the perimeter of each facet, in order, shape (m, k)."""
+        return self.within[:, : self.tiles.rim]
 
 
 def outer_facets(solution: Solution) -> int:
@@ -45,39 +57,56 @@ def outer_facets(solution: Solution) -> int:
     return int(parallel.global_sum(solution.comm, np.array(own)))
 
 
-def gather_outer_surface(solution: Solution, fields: Sequence[str] = ()) -> OuterSurface:
+def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> OuterSurface:
     """The outer surface of all ranks, on the first one, and an empty one on the others; collective.
 
     Args:
         solution: where from.
-        fields: names of the fields to compute beside von Mises stress and shear energy density.
+        fields: names of the fields to compute; without recovery beside von Mises stress and shear energy density.
+        recovered: values at points of the facets instead of one value per facet, if there is a solution.
     """
     comm, mesh = solution.comm, solution.discretisation.tagged.mesh
     mesh.topology.create_connectivity(2, 3)
     entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
+    cells = entities[:, 0]
     kind = getattr(basix.CellType, mesh.topology.cell_name())
-    count = sampling.pieces(solution)
     corners, sides = basix.geometry(kind), basix.topology(kind)[2]
-    per_facet = count * len(sides[0])
-    x, u = np.zeros((2, len(entities), per_facet, 3))
-    for side, vertices in enumerate(sides):
-        here = entities[:, 1] == side
-        around = sampling.perimeter(corners[[vertices[k] for k in sampling.PERIMETER[len(vertices)]]], count)
-        x[here] = sampling.positions(solution, around, entities[here, 0])
-        u[here] = sampling.values_at(solution.displacement, around, entities[here, 0])
-    middle = sampling.positions(solution, corners.mean(axis=0)[None], entities[:, 0])[:, 0]
-    normal = np.cross(x[:, count] - x[:, 0], x[:, 2 * count] - x[:, 0])
-    inwards = np.einsum("ij,ij->i", normal, x.mean(axis=1) - middle) < 0
-    x[inwards], u[inwards] = x[inwards][:, ::-1], u[inwards][:, ::-1]
+    tiles = tiling(len(sides[0]), sampling.pieces(solution, outer_facets(solution)))
+    order = sampling.PERIMETER[tiles.corners]
+    places = [tiles.within(*corners[[vertices[order[k]] for k in (0, 1, -1)]]) for vertices in sides]
+    functions = sampling.recovered_fields(solution, fields) if recovered else None
+
+    def within(values: Callable[[Floats, npt.NDArray[np.int32]], Floats]) -> Floats:
+        """Values at the points of each facet, which is a side of its cell."""
+        found: Floats | None = None
+        for side, points in enumerate(places):
+            here = entities[:, 1] == side
+            rows = values(points, cells[here])
+            found = np.zeros((len(cells), *rows.shape[1:])) if found is None else found
+            found[here] = rows
+        assert found is not None
+        return found
+
+    x, u = within(partial(sampling.positions, solution)), within(partial(sampling.values_at, solution.displacement))
+    middle = sampling.positions(solution, corners.mean(axis=0)[None], cells)[:, 0]
+    a, b, c = (x[:, k] for k in tiles.vertices[:3])
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), x.mean(axis=1) - middle) < 0
+    if functions is None:
+        values = sampling.cell_values(solution, cells, fields)
+    else:
+        values = {name: within(partial(sampling.values_within, name, one)) for name, one in functions.items()}
+    for rows in (x, u, *(values.values() if functions is not None else ())):
+        rows[inwards] = rows[inwards][:, tiles.mirrored]
 
     both = parallel.rows_on_root(comm, np.concatenate((x, u), axis=2).reshape(-1, 6))
     size = float(np.ptp(both[:, :3], axis=0).max()) if len(both) else 1.0
-    places = np.round(both[:, :3] / (_SAME * size)).astype(np.int64)
-    _, first, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    values = sampling.cell_values(solution, entities[:, 0], fields)
+    grid = np.round(both[:, :3] / (_SAME * size)).astype(np.int64)
+    _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return OuterSurface(
         both[first, :3],
-        number.reshape(-1, per_facet).astype(np.int64),
+        number.reshape(-1, len(tiles.points)).astype(np.int64),
+        tiles,
         both[first, 3:],
         {name: parallel.rows_on_root(comm, rows) for name, rows in values.items()},
+        functions is not None,
     )

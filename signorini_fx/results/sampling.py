@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
 from signorini_fx.body.material import shear_energy_density
 from signorini_fx.report.fields import FROM_STRESS
 from signorini_fx.results.interpolation import interpolated
@@ -20,22 +21,21 @@ from signorini_fx.results.solution import Solution
 Floats = npt.NDArray[np.float64]
 # Corners of a triangle and of a quadrilateral as basix numbers them, in order along the perimeter.
 PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
-# Straight pieces that stand for a side that may be curved.
+# Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
 _PIECES = 4
+_MOST = 100_000
 
 
-def pieces(solution: Solution) -> int:
-    """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight."""
+def pieces(solution: Solution, polygons: int = 1) -> int:
+    """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight.
+
+    Args:
+        solution: of what.
+        polygons: how many are drawn; of very many none is so large that its sides look curved.
+    """
     d = solution.discretisation
     curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.scene.element.degree > 1
-    return _PIECES if curved else 1
-
-
-def perimeter(corners: Floats, count: int) -> Floats:
-    """Points around a polygon with corners in order, shape (k, d): each corner, then the others along its side."""
-    share = np.arange(count)[:, None] / count
-    ahead = np.roll(corners, -1, axis=0) - corners
-    return np.asarray((corners[:, None] + share * ahead[:, None]).reshape(-1, corners.shape[1]))
+    return max(1, min(_PIECES, math.isqrt(_MOST // max(polygons, 1)))) if curved else 1
 
 
 def positions(solution: Solution, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:
@@ -56,6 +56,46 @@ def values_at(function: fem.Function, points: Floats, cells: npt.NDArray[np.int3
 
 def _basis(element: Any, points: Floats) -> Floats:
     return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(len(points), -1)
+
+
+def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem.Function] | None:
+    """The fields that can be drawn point by point, as finite element functions; collective.
+
+    Stresses are the recovered ones, which are continuous in each material and may jump from one to another.
+
+    Args:
+        solution: where from.
+        fields: names in ``report.fields.FIELDS``; only what they need is computed.
+
+    Returns:
+        By name, with ``stress`` for those that need the tensor; None for a solution that is not finite, from which
+        nothing can be recovered.
+    """
+    if parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
+        return None
+    found = {}
+    if "von_mises" in fields:
+        found["von_mises"] = solution.stress.recovered.von_mises
+    if "density" in fields:
+        found["density"] = solution.stress.recovered.shear_energy_density
+    if any(name in FROM_STRESS for name in fields):
+        found["stress"] = solution.stress.recovered.tensor
+    if "displacement" in fields:
+        found["displacement"] = solution.displacement
+    return found
+
+
+def values_within(name: str, function: fem.Function, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:
+    """One of those fields at reference points in cells of this rank, in the order of the cells.
+
+    Returns:
+        The ``stress`` with shape (cells, points, 3, 3), of a ``displacement`` its size, any other as it is, with shape
+        (cells, points).
+    """
+    values = values_at(function, points, cells)
+    if name == "stress":
+        return values.reshape(*values.shape[:2], 3, 3)
+    return np.asarray(np.linalg.norm(values, axis=2) if name == "displacement" else values[..., 0])
 
 
 def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequence[str] = ()) -> dict[str, Floats]:
