@@ -170,7 +170,9 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if tipping is not None:
         safety = "is centred" if tipping.get("safety") is None else f"has the safety {figure(tipping['safety'])}"
         at = figure(tipping.get("acts_at"))
-        parts.append(tag("p", f"Against overturning the body {safety}: the pressure acts at {at}."))
+        away = tipping.get("eccentricity")
+        aside = f", {figure(away)} from the middle of the base" if away and tipping.get("safety") else ""
+        parts.append(tag("p", f"Against overturning the body {safety}: the pressure acts at {at}{aside}."))
     return joined(parts)
 
 
