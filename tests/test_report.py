@@ -306,7 +306,9 @@ def test_next_steps(folders):
     assert Page(folders["two boundaries"]).text.count("made in Python") == 1
     assert "--levels 3" in said("two boundaries")
     assert "the stress is about 47 % in the mean)" in said("two boundaries", stress={"error": 0.4703})
-    assert "--accuracy 0.2." in said("two boundaries", dimension=3)
+    drawn = {**summary_of(folders["two boundaries"])["scene"], "mesh": {"file": "a.step"}}
+    assert "--accuracy 0.2." in said("two boundaries", dimension=3, scene=drawn)
+    assert "a finer mesh as well" in said("two boundaries", dimension=3)
     assert "--levels 3" not in said("steps")
     assert said("linear") == ""
     assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
