@@ -18,6 +18,7 @@ from scenes import alone, example1
 
 from signorini_fx import cli, parallel
 from signorini_fx.check.checks import check_scene
+from signorini_fx.check.equilibrium import _names as rigid_motion_names
 from signorini_fx.check.findings import friction_indication
 from signorini_fx.contact.statics import left_over
 from signorini_fx.errors import SceneError
@@ -344,6 +345,22 @@ def test_notes_on_what_holds():
     assert "the translation along (0, 1): the contact alone must, and the loads press" in notes
     assert "friction must" in said(block(**FREE, **coulomb(0.3)), "note")["displacement"]
     assert said(block(), "note") == {}
+
+
+def test_a_rotation_about_a_point_far_away():
+    """It moves the body like a translation, and is called one."""
+    far = rigid_motion_names(np.array([[0.6], [0.8], [0.01]]), np.zeros(2), 2.0)
+    assert far == "the translation along (0.6, 0.8) with a slight rotation"
+    near = rigid_motion_names(np.array([[0.6], [0.8], [0.1]]), np.zeros(2), 2.0)
+    assert near == "the rotation about (-16, 12)"
+
+
+def test_factors_that_differ_in_number():
+    """Each list with its length."""
+    loads = {"traction": [{"boundary": "top", "y": -1.0}, {"boundary": "top", "x": 1.0, "factors": [0.0, 1.0]}]}
+    with pytest.raises(SceneError) as caught:
+        block(**loads, displacement={"boundary": "left", "x": 0.0, "factors": [0.0, 1.0, 2.0]})
+    assert "the lists of factors differ in length: displacement[0] has 3, traction[1] has 2" in str(caught.value)
 
 
 LOCKING = {"young": 5000.0, "poisson": 0.49}

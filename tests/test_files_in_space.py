@@ -328,7 +328,9 @@ def test_a_face_that_is_elsewhere_has_no_name(drawings):
     right = [[40, y, z] for y in (0, 20) for z in (0, 10)]
     corners = {3: right, 4: left, 5: [*left[:3], [0, 20, 9]], 6: left[:3]}
     assert names_of_faces(drawings / "named.step", corners) == {3: "right end", 4: "left"}
-    assert set(read_file(drawings / "plain.step").boundaries) == {f"boundary_{n}" for n in range(1, 8)}
+    plain = read_file(drawings / "plain.step")
+    assert set(plain.boundaries) == {f"boundary_{n}" for n in range(1, 8)}
+    assert list(plain.regions) == ["region_1"]  # and not the name that OpenCASCADE gives to a part without one
 
 
 @pytest.mark.parametrize("name", ["plain.step", "plain.brep"])

@@ -31,7 +31,7 @@ from signorini_fx.report import advice, evidence, interactive, load_steps, marku
 from signorini_fx.report import page as report
 from signorini_fx.report.digits import estimated_errors, figure
 from signorini_fx.report.fields import FIELDS
-from signorini_fx.report.reading import read_csv
+from signorini_fx.report.reading import read_csv, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.model import UnilateralContact
@@ -328,7 +328,9 @@ def test_next_steps(folders):
     assert Page(folders["two boundaries"]).text.count("made in Python") == 1
     assert "--levels 3" in said("two boundaries")
     assert "the stress is about 47 % in the mean)" in said("two boundaries", stress={"error": 0.4703})
-    assert "--accuracy 0.2." in said("two boundaries", dimension=3)
+    drawn = {**summary_of(folders["two boundaries"])["scene"], "mesh": {"file": "a.step"}}
+    assert "--accuracy 0.2." in said("two boundaries", dimension=3, scene=drawn)
+    assert "a finer mesh as well" in said("two boundaries", dimension=3)
     assert "--levels 3" not in said("steps")
     assert said("linear") == ""
     assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
@@ -344,6 +346,14 @@ def test_next_steps(folders):
     short = said("levels", status=Status.BUDGET.value, advice=Status.BUDGET.advice)
     assert "signorini-fx check" in short
     assert "Estimated errors" in short
+
+
+def test_seconds_of_all_meshes(folders):
+    """Of a nested iteration those of every mesh, not of the last one alone; otherwise the phases."""
+    several, single = summary_of(folders["levels"]), summary_of(folders["steps"])
+    assert seconds_of(several) == sum(row["seconds"] for row in several["price_list"] if not row["predicted"])
+    assert len(several["price_list"]) > 2
+    assert seconds_of(single) == sum(single["timings"].values())
 
 
 def test_verdict(folders):

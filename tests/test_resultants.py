@@ -254,7 +254,7 @@ def test_summary():
     assert rows["bottom"]["acts_at"][1] == 0.0
     lines = [" ".join(line.split()) for line in render(found).splitlines()]
     assert "sliding bottom: safety 2.4, 1.5 of at most 3.6" in lines
-    assert "overturning safety 2.667, the pressure acts at (1.375, 0)" in lines
+    assert "overturning safety 2.667, the pressure acts at (1.375, 0), 0.375 from the middle of the base" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
     assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines
 

@@ -166,12 +166,19 @@ def _motions(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
 _SLIGHT = 1e-6
 
 
+# A rotation about a point that is so many lengths of the piece away moves it like a translation.
+_FAR_AXIS = 30.0
+
+
 def _names(motions: _Rows, centre: _Rows, length: float) -> str:
     """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column."""
     dim = centre.size
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > 1e-6))
     shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
+    if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > _FAR_AXIS * np.linalg.norm(motions[dim:]):
+        along = motions[:dim, 0] / np.linalg.norm(motions[:dim])
+        return f"the translation along ({_point(along)}) with a slight rotation"
     names = []
     if shifts.shape[1] == dim:
         names.append("translations")

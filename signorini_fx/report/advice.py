@@ -45,11 +45,12 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     elif contact and "steps" not in summary:
         mean = (summary.get("stress") or {}).get("error")
         known = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
-        cure = (
-            "ask for an accuracy, as with --accuracy 0.2"
-            if in_space(summary)
-            else "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
-        )
+        if not in_space(summary):
+            cure = "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
+        elif {"generator", "file"} & set(summary["scene"]["mesh"] or ()):
+            cure = "ask for an accuracy, as with --accuracy 0.2"
+        else:  # not every mesh from Python can be refined
+            cure = "solve on a finer mesh as well, and compare"
         advice.append(f"The error of the contact figures has not been estimated{known}: {cure}.")
     if contact:
         runs = _zone_sizes(contact)

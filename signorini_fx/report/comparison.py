@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.display import clean
-from signorini_fx.report.reading import ResultFiles, Table, read_summary
+from signorini_fx.report.reading import ResultFiles, Table, read_summary, seconds_of
 
 Floats = npt.NDArray[np.float64]
 _WIDTH = 36  # of a column with a value
@@ -62,7 +62,7 @@ def compare(one: Path, other: Path) -> str:
     for name in ("contact", "stick", "slip"):
         zones = [_at(summary, ("zones", name)) for summary in summaries]
         lines += _zones(f"{name} zone", zones)
-    seconds = [sum(summary.get("timings", {}).values()) for summary in summaries]
+    seconds = [seconds_of(summary) for summary in summaries]
     ratio = f"{seconds[1] / seconds[0]:.2f} times" if seconds[0] > 0 else ""
     lines.append(_row("seconds", f"{seconds[0]:.3g}", f"{seconds[1]:.3g}", ratio))
     if all("contact_nodes" in summary for summary in summaries):
@@ -138,15 +138,16 @@ def _boundaries(one: Table, other: Table) -> list[str]:
         take = _interpolation(one, here, other, there)
         weight = one["weight"][here]
         told = []
+        size = float(np.ptp(x, axis=0).max() or 1.0)
         for quantity in ("pressure", "shear"):
             a, b = one[quantity][here], take(other[quantity][there])
             gap = np.abs(a - b)
             norm = math.sqrt(float(weight @ a**2)) or math.sqrt(float(weight @ b**2))
             share = math.sqrt(float(weight @ gap**2)) / norm if norm > 0 else 0.0
             worst = int(gap.argmax())
-            at = f", at most {gap[worst]:.3g} at {_shown(x[worst].tolist())}" if gap[worst] > 0 else ""
+            at = f", at most {gap[worst]:.3g} at {_shown(clean(x[worst].tolist(), size))}" if gap[worst] > 0 else ""
             told.append(f"{quantity} {share:.1e} of its norm{at}")
-        if len(x) == len(y) and np.allclose(x, y, rtol=0, atol=1e-9 * float(np.ptp(x, axis=0).max() or 1.0)):
+        if len(x) == len(y) and np.allclose(x, y, rtol=0, atol=1e-9 * size):
             count = int((one["state"][here] != other["state"][there]).sum())
             told.append(f"{count} of {len(x)} nodes in another state")
         lines.append(f"boundary {name}: {'; '.join(told)}")

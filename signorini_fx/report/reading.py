@@ -106,6 +106,12 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return summary
 
 
+def seconds_of(summary: Mapping[str, Any]) -> float:
+    """The time of the solve, on all its meshes."""
+    solved = [row["seconds"] for row in summary.get("price_list", []) if not row["predicted"]]
+    return float(sum(solved) if solved else sum(summary.get("timings", {}).values()))
+
+
 def in_space(summary: Mapping[str, Any]) -> bool:
     """Whether the body is in space, not in the plane."""
     return bool(summary.get("dimension") == 3)

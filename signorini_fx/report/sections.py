@@ -13,7 +13,7 @@ from signorini_fx.report.digits import estimated_errors, figure, percent
 from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.interactive import plots
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
-from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space
+from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
 
 _CARDS = {
     "contact_force": "contact force on the body",
@@ -57,7 +57,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
         most = summary["stress"]["von_mises"]
         error = errors.get("von_mises")
         cards.insert(-3, _card("largest von Mises stress", figure(most["value"], error), error))
-    cards.append(_card("seconds", f"{sum(summary['timings'].values()):.3g}", None))
+    cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
     measure = "what" if in_space(summary) else "per unit thickness, and what"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     note = f"Forces are {measure} the foundation exerts on the body; units are those of the scene. {digits}"
@@ -176,7 +176,9 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if tipping is not None:
         safety = "is centred" if tipping.get("safety") is None else f"has the safety {figure(tipping['safety'])}"
         at = figure(tipping.get("acts_at"))
-        parts.append(tag("p", f"Against overturning the body {safety}: the pressure acts at {at}."))
+        away = tipping.get("eccentricity")
+        aside = f", {figure(away)} from the middle of the base" if away and tipping.get("safety") else ""
+        parts.append(tag("p", f"Against overturning the body {safety}: the pressure acts at {at}{aside}."))
     return joined(parts)
 
 

@@ -331,7 +331,8 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
     stands = []
     if tipping is not None:
         factor = "centred" if tipping["safety"] is None else f"safety {tipping['safety']:.4g}"
-        stands.append(f"{factor}, the pressure acts at {_point(tipping['acts_at'])}")
+        away = f", {tipping['eccentricity']:.4g} from the middle of the base" if tipping["safety"] is not None else ""
+        stands.append(f"{factor}, the pressure acts at {_point(tipping['acts_at'])}{away}")
     return [
         *_labelled("in contact", areas),
         *_labelled("sliding", sliding),

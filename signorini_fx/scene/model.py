@@ -351,7 +351,14 @@ class Scene(Table):
             raise ValueError("accuracy needs a scene with contact")
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
-            raise ValueError(f"load steps differ: factors has {' and '.join(map(str, sorted(lengths)))} numbers")
+            places = [
+                (f"{name}[{k}]", load)
+                for name in ("displacement", "traction")
+                for k, load in enumerate(getattr(self, name))
+            ]
+            given = [*places, ("body_force", self.body_force)]
+            said = [f"{place} has {len(load.factors)}" for place, load in given if load is not None and load.factors]
+            raise ValueError(f"the lists of factors differ in length: {', '.join(said)}")
         for name in ("names", "times"):
             given = getattr(self.load_steps, name)
             if given is not None and len(given) != self.steps:

@@ -125,6 +125,8 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
     for dim in (top, top - 1):
         for _, tag in gmsh.model.getEntities(dim):
             name = gmsh.model.getEntityName(dim, tag).rpartition("/")[2]
+            if name.startswith("Open CASCADE STEP translator"):  # what the library writes for a part without a name
+                name = ""
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
     corners = {}
     for _, tag in gmsh.model.getEntities(2):
