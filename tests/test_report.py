@@ -675,3 +675,12 @@ def test_scene_is_told(folders):
     page = evidence.scene({**summary, "scene": {**summary["scene"], "mesh": mesh, "load_steps": named}})
     assert "file = a.step, boundaries = {wall = 6, seat = (1, 2)}, size = 4" in page
     assert "names = (press, drag), steps = 6" in page
+
+
+def test_broad_pictures_are_not_made_smaller_than_they_can_be_read():
+    """Two panels side by side are scrolled on a telephone; what is higher than wide is fitted to it."""
+    for width, height, broad in (900, 500, True), (600, 500, False):
+        data = io.BytesIO()
+        Image.new("RGB", (width, height)).save(data, "png")
+        page = markup.picture(data.getvalue(), "png", "a body", "a body")
+        assert (' class="still broad"' in page) == broad
