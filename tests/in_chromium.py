@@ -1,8 +1,9 @@
 """Open reports in Debian's Chromium, as on a telephone, on a desk and on paper, and say what is wrong.
 
 ``make test-report`` runs it, outside the image; it installs Chromium and poppler-utils where it may.  It checks that no
-script fails, that nothing scrolls sideways but folded tables, and tables on a telephone, that a value appears under the
-pointer, and that the print is no wider than the paper and has two to four pages, none of which ends with a heading.
+script fails, that nothing scrolls sideways but folded tables, and on a telephone tables and broad pictures, that a value
+appears under the pointer, and that the print is no wider than the paper and has two to four pages, none of which ends
+with a heading.
 
     python3 tests/in_chromium.py PAGE.html ...     leaves pictures of what it saw beside each page
 """
@@ -30,7 +31,7 @@ WATCH = "<script>var failures = []; window.onerror = function (text) { failures.
 LOOK = """<script>
 window.addEventListener("load", function () {
   var wide = Array.from(document.querySelectorAll("body *")).filter(function (one) {
-    return one.getBoundingClientRect().right > innerWidth + 1 && !one.closest(".scroll, details, pre");
+    return one.getBoundingClientRect().right > innerWidth + 1 && !one.closest(".scroll, figure.broad, details, pre");
   });
   var tables = Array.from(document.querySelectorAll(".scroll")).filter(function (one) {
     return one.scrollWidth > one.clientWidth + 1 && !one.closest("details");
