@@ -16,7 +16,7 @@ import numpy as np
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
-_BROAD = 1.4  # width over height from which on a picture is not made smaller than it can be read
+_BROAD = 1.6  # width over height from which on a picture is not made smaller than it can be read
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
 _VOID = frozenset({"br", "img", "meta", "wbr"})
 
