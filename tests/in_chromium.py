@@ -1,9 +1,9 @@
 """Open reports in Debian's Chromium, as on a telephone, on a desk and on paper, and say what is wrong.
 
-``make test-report`` runs it, outside the image; it installs Chromium and poppler-utils where it may.  It checks that no
+``make test-report`` runs it, outside the image; it installs Chromium and poppler-utils where it may. It checks that no
 script fails, that nothing scrolls sideways but folded tables, and on a telephone tables and broad pictures, that a
-value appears under the pointer, and that the print is no wider than the paper and has two to four pages, none of which ends
-with a heading.
+value appears under the pointer, and that the print is no wider than the paper and has two to four pages, none of which
+ends with a heading.
 
     python3 tests/in_chromium.py PAGE.html ...     leaves pictures of what it saw beside each page
 """
