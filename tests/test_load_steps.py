@@ -83,6 +83,22 @@ def test_above_the_limit(method, where, push):
     assert solution.status is Status.SLIDES
 
 
+@pytest.mark.parametrize("friction", [None, {"law": "tresca", "bound": 1.0}, {"law": "coulomb", "coefficient": 0.3}])
+def test_path_following_begins_with_the_first_load(friction):
+    """A load step without a load has no path: the next one finds gamma as if it were the first."""
+
+    def pressed(factors):
+        contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
+        moved = {"boundary": "top", "x": 0.001, "y": -0.003, "factors": factors}
+        loads = {"contact": contact, "displacement": [moved]}
+        return alone(block(30, loads, algorithm="path-following", gamma_n=3.0, gamma_t=300.0))
+
+    one, two = pressed([1.0]), pressed([0.0, 1.0])
+    assert one.parameters["regularisation_error"] < 0.05
+    assert two.parameters == pytest.approx(one.parameters, rel=1e-6)
+    np.testing.assert_allclose(two.contact.pressure, one.contact.pressure, rtol=0, atol=1e-5 * PRESSURE)
+
+
 def test_at_the_limit():
     """The last thousandth that friction has left."""
     solution = alone(by_force(0.999, where="top", nx=60))

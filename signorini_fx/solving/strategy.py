@@ -164,8 +164,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
             status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
         case "path-following":
-            # A later load step begins with the gamma that the previous one has found.
-            first = START_GAMMA * task.natural_gamma if start.step == 0 else data.gamma_n
+            # A later load step begins with the gamma that the previous one has found; without a load there was no path.
+            first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
             ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
             status, last, error = path_following(
                 newton,
@@ -200,7 +200,9 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     s, newton = task.settings, task.iterate.newton
     first_sets, multipliers = start.sets, start.multipliers
     # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
-    finds_gamma = start.step == 0 and s.algorithm in ("path-following", "continuation")
+    finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
+        s.algorithm == "path-following" and start.regularisation_error is None
+    )
     before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
     if multipliers is None or finds_gamma:
         data = _coulomb_start(task, start.data)
