@@ -93,7 +93,7 @@ def picture(folder: Path, rows: Sequence[Row]) -> Path:
 
 def _distances(axes: Any, groups: Sequence[str], rows: Sequence[Row]) -> None:
     """One line per group, one mark per case: its error over its limit."""
-    axes.set_title("Error relative to its limit (cross: no solution, and reported as such; bar: certificate only)")
+    axes.set_title("Error relative to its limit\n(cross: no solution, and reported as such; bar: certificate only)")
     for place, group in enumerate(groups):
         own = [row for row in rows if row.group == group]
         for k, row in enumerate(own):
