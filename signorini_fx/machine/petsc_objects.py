@@ -17,7 +17,7 @@ from petsc4py import PETSc
 _SAME = (MPI.IDENT, MPI.CONGRUENT)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Kept:
     """A mesh, and an object of PETSc on its communicator."""
 

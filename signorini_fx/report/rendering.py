@@ -153,12 +153,6 @@ def normals_of(points: Floats, facets: Rows) -> Floats:
     return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
 
 
-def area_vectors(points: Floats, triangles: Rows) -> Floats:
-    """Normals of triangles of shape (t, 3), as long as their areas, shape (t, 3)."""
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    return np.asarray(0.5 * np.cross(b - a, c - a))
-
-
 def smooth_normals(points: Floats, triangles: Rows, sharp: float) -> Floats:
     """Unit normals at the corners of triangles, shape (t, 3, 3), that turn smoothly except at sharp edges.
 
@@ -170,7 +164,7 @@ def smooth_normals(points: Floats, triangles: Rows, sharp: float) -> Floats:
         triangles: their points, shape (t, 3).
         sharp: the cosine of the angle from which on an edge is sharp.
     """
-    area = area_vectors(points, triangles)
+    area = normals_of(points, triangles)
     normal = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
     ends = np.sort(np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
     key = ends[:, 0] * len(points) + ends[:, 1]

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from signorini_fx.report import view
 from signorini_fx.report.deformed_body import magnification
 from signorini_fx.report.fields import FIELDS, Field
-from signorini_fx.report.rendering import Image, area_vectors, fans, normals_of, render, smooth_normals
+from signorini_fx.report.rendering import Image, fans, normals_of, render, smooth_normals
 from signorini_fx.report.solid_foundation import GROUND, FoundationSurface, draw_plane, plane_of
 from signorini_fx.report.style import (
     BOTH,
@@ -195,7 +195,7 @@ def telling_view(points: Floats, facets: Rows, values: Floats, tiles: Tiling | N
     rather than its back; from the front and the right if that makes no difference.
     """
     surface = _Surface.of(points, facets, np.zeros_like(points), values, tiles, 0.0)
-    area = area_vectors(surface.points, surface.triangles)
+    area = normals_of(surface.points, surface.triangles)
     size = np.abs(np.nan_to_num(surface.values)).mean(axis=1)
     views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
     shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
@@ -259,7 +259,7 @@ class _Surface:
 
     def tones(self, seen: view.View, field: Field, top: float | None) -> Tones:
         """The scale of the field, by what faces the viewer."""
-        area = area_vectors(self.points, self.triangles) @ seen.toward
+        area = normals_of(self.points, self.triangles) @ seen.toward
         facing = area > 0
         return Tones(field, self.values[facing].ravel(), area[facing].repeat(3) / 3, top)
 
@@ -274,7 +274,7 @@ class _Surface:
         grounds: Sequence[Floats],
     ) -> Image:
         """The surface and its sharp edges, in front of curved foundations, which are triangles of shape (., 3, 3)."""
-        area = area_vectors(self.points, self.triangles)
+        area = normals_of(self.points, self.triangles)
         front = np.flatnonzero(area @ seen.toward > 0)
         ground = np.concatenate([np.empty((0, 3, 3)), *grounds])
         upward = np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.display import duration
 from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
@@ -98,11 +99,5 @@ def told(progress: Progress, now: float) -> str:
     if p.krylov:
         parts.append(f"{p.krylov} Krylov steps")
     if p.end is not None and p.end > now:
-        parts.append(f"about {_duration(p.end - now)} left")
+        parts.append(f"about {duration(p.end - now)} left")
     return ", ".join(parts)
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
