@@ -127,12 +127,15 @@ def test_squeezed(gap, algorithm):
     leaves = 0.0 if algorithm in ("exact", "alm") else 2 * exact / solution.parameters["gamma_n"] / 0.02
     np.testing.assert_allclose(solution.contact.pressure, exact, rtol=1e-7 + 2 * leaves)
     assert solution.contact.in_contact.all()
+    assert not any("no load presses" in found.message for found in solution.findings)
 
 
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.0, 0.0), (0.03, -0.02)])
 def test_nothing_presses(gap):
     """Where the block has room, or touches without interference, nothing presses it on."""
-    assert outcome(fitted(gap, LEFT)).status is Status.OPEN
+    solution = outcome(fitted(gap, LEFT))
+    assert solution.status is Status.OPEN
+    assert any("no load presses" in found.message for found in solution.findings)
 
 
 def test_squeezed_but_free_sideways():

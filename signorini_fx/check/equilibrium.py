@@ -13,7 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.body.discretisation import Body
 from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact import data as contact_data
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import (
     ZERO,
     Reactions,
@@ -22,6 +22,7 @@ from signorini_fx.contact.statics import (
     left_over,
     null_space,
     reactions,
+    squeezed,
 )
 from signorini_fx.records import Finding
 
@@ -30,7 +31,7 @@ _Rows = npt.NDArray[np.float64]
 MOST_LISTED = 4
 
 
-def equilibrium(body: Body, law: FrictionLaw | None) -> list[Finding]:
+def equilibrium(body: Body, law: FrictionLaw | None, data: RegularisedData | None) -> list[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
     Each assembly of pieces is checked separately.
@@ -50,7 +51,23 @@ def equilibrium(body: Body, law: FrictionLaw | None) -> list[Finding]:
     for number, columns, _ in motions.assemblies():
         own = None if every is None else every.of(number, columns)
         on = [(work[columns], sizes[number]) for work, sizes in loads]
-        found.append(_equilibrium_of(motions, number, columns, own, on, has_friction=law is not None, counted=counted))
+        interference = False
+        pushed = any(np.linalg.norm(load) > ZERO * size for load, size in on)
+        if not pushed and boundary is not None and data is not None and own is not None and own.given.size:
+            assert every is not None
+            interference = squeezed(data, boundary, every, number, columns)
+        found.append(
+            _equilibrium_of(
+                motions,
+                number,
+                columns,
+                own,
+                on,
+                has_friction=law is not None,
+                interference=interference,
+                counted=counted,
+            )
+        )
     return found
 
 
@@ -62,6 +79,7 @@ def _equilibrium_of(
     loads: list[tuple[_Rows, float]],
     *,
     has_friction: bool,
+    interference: bool,
     counted: str,
 ) -> Finding:
     """Whether one assembly is in equilibrium.
@@ -73,6 +91,7 @@ def _equilibrium_of(
         contact: reactions of its contact nodes; None for a scene without contact.
         loads: for each load step its forces on these motions, shape (k,), and the sum of its nodal forces.
         has_friction: whether a friction law acts anywhere.
+        interference: whether its foundation holds it without a load.
         counted: what the loads are numbered by: load steps, or the factors of a ramp.
     """
     free = motions.free[:, columns]
@@ -115,10 +134,11 @@ def _equilibrium_of(
     if several:
         text = f"{it}: {text}"
     stuck = np.linalg.matrix_rank(given.reshape(-1, free.shape[1])) == free.shape[1]
-    if not pushed and not stuck and not contact.bilateral.any():
+    if not pushed and not stuck and not interference and not contact.bilateral.any():
         message = f"{text}, but no load presses {it} on its foundation: its position is not determined"
         return Finding("warning", "traction, body_force", message)
-    text = f"{text}, and the loads press the body on"
+    pressed = "it is squeezed without a load" if interference else "the loads press the body on"
+    text = f"{text}, and {pressed}"
     # In space friction is bracketed by polygons: an equilibrium that the inner one does not allow for is not proved.
     bracketed = contact.tangential.shape[1] > 1 and not contact.bilateral.any()
     if bracketed and not all(certainly_balances(contact, load, load) for load, _ in loads):

@@ -44,7 +44,7 @@ def scene_findings(
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     scene = body.scene
-    found = [*_pieces(body), *_locking(body), *_idle_tractions(body), *equilibrium(body, law)]
+    found = [*_pieces(body), *_locking(body), *_idle_tractions(body), *equilibrium(body, law, data)]
     # Without an estimate it only matters whether anything acts at all.
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:

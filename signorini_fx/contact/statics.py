@@ -70,9 +70,24 @@ def unbalanced(
             leaving[number] = not _balances(here, motions.free[:, columns].T @ resultant, load)
         else:
             # If nothing presses the body on, all positions off the foundation are equivalent.
-            gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[every.assembly == number, 0]
-            leaving[number] = not _interferes(here, gap)
+            leaving[number] = not squeezed(data, boundary, every, number, columns)
     return leaving
+
+
+def squeezed(
+    data: RegularisedData, boundary: ContactBoundary, every: Reactions, number: int, columns: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether one assembly is held by its foundation without a load, as in an interference fit; collective.
+
+    Args:
+        data: the problem.
+        boundary: the contact nodes.
+        every: their reactions, on all ranks.
+        number: of the assembly.
+        columns: its free motions.
+    """
+    gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[every.assembly == number, 0]
+    return _interferes(every.of(number, columns), gap)
 
 
 @dataclass(frozen=True)
@@ -175,8 +190,7 @@ def _balances(
 
 
 def _interferes(here: Reactions, gap: Nodal) -> bool:
-    """Whether the contact nodes of one assembly overlap with the foundation wherever it is: it is squeezed without a
-    load, as in an interference fit.
+    """Whether the contact nodes of one assembly overlap with the foundation wherever it is.
 
     Args:
         here: its contact nodes.
