@@ -14,10 +14,10 @@ RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-m
         python3-dolfinx python3-dolfinx-real python3-petsc4py-real libopenblas0-pthread \
         openmpi-bin python3-mpi4py \
         gmsh python3-gmsh python3-meshio python3-h5py \
-        python3-numpy python3-scipy python3-numexpr \
-        python3-pydantic python3-simpleeval python3-tomli-w python3-typer python3-rich \
+        python3-numpy python3-scipy \
+        python3-pydantic python3-simpleeval python3-tomli-w python3-rich \
         python3-matplotlib fonts-dejavu-core fonts-dejavu-extra libjs-dygraphs \
-        python3-pytest python3-pytest-timeout python3-pytest-cov python3-hypothesis python3-cvxopt mypy \
+        python3-pytest python3-pytest-timeout python3-pytest-xdist python3-pytest-cov python3-hypothesis python3-cvxopt mypy \
         python3-jsonschema python3-nbclient python3-nbformat python3-ipykernel python3-getfem \
         python3-pip python3-setuptools python3-wheel \
         python3-cffi python3-dev gcc g++ libc6-dev make \
