@@ -322,8 +322,8 @@ def _normal(axes: Axes, table: ContactTable, factor: float) -> None:
     c = table.columns
     times = _times(factor)
     axes.plot(c["x"], c["pressure"], **SOLID, label=r"$\lambda$")
-    axes.plot(c["x"], factor * c["gap"], **DOTTED, label=f"foundation $d${times}")
-    axes.plot(c["x"], factor * c["u_n"], **DASHED, label=rf"$\tau_N\,\mathbf{{y}}${times}")
+    axes.plot(c["x"], factor * c["gap"], **DOTTED, label=f"foundation ${times}d$")
+    axes.plot(c["x"], factor * c["u_n"], **DASHED, label=rf"${times}\tau_N\,\mathbf{{y}}$")
     _finish(axes)
 
 
@@ -334,7 +334,7 @@ def _tangential(axes: Axes, table: ContactTable, factor: float, coefficient: flo
     axes.plot(c["x"], c["shear"], **SOLID, label=r"$\mu$")
     axes.plot(c["x"], c["bound"], **DOTTED, label=f"bounds {bound}")
     axes.plot(c["x"], -c["bound"], **DOTTED)
-    axes.plot(c["x"], factor * c["u_t"], **DASHED, label=rf"$\tau_T\,\mathbf{{y}}${_times(factor)}")
+    axes.plot(c["x"], factor * c["u_t"], **DASHED, label=rf"${_times(factor)}\tau_T\,\mathbf{{y}}$")
     _finish(axes)
 
 
@@ -356,9 +356,10 @@ def _magnify(axes: Axes, tables: Sequence[ContactTable]) -> None:
 
 
 def _times(factor: float) -> str:
+    """A factor in front of a symbol: what is drawn is their product."""
     exponent = int(np.floor(np.log10(factor)))
     digit = round(factor / 10**exponent)
-    return rf" $\times\,10^{exponent}$" if digit == 1 else rf" $\times\,{digit}\cdot 10^{exponent}$"
+    return rf"10^{exponent}\," if digit == 1 else rf"{digit}\cdot 10^{exponent}\,"
 
 
 def _legends_above(*panels: Axes) -> None:

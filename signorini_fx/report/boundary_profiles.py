@@ -32,7 +32,7 @@ from signorini_fx.report.style import (
     finish,
     largest_of,
     plain,
-    times_power,
+    unit_of,
 )
 
 SIDES = ("contact", "friction")
@@ -262,7 +262,7 @@ def _draw_panel(axes: Axes, boundary: Boundary, panel: Panel, name: str) -> None
     finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
     low, high = panel.limits
     axes.set_ylim(low * 10.0**power, high * 10.0**power)
-    axes.set_ylabel(f"{panel.unit}{times_power(power)}")
+    axes.set_ylabel(f"{panel.unit}{unit_of(power)}")
 
 
 def state_patches(states: set[str]) -> list[Patch]:

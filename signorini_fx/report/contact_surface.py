@@ -32,7 +32,7 @@ from signorini_fx.report.style import (
     math_number,
     plain,
     readable,
-    times_power,
+    unit_of,
 )
 from signorini_fx.report.tones import upper_tone
 
@@ -300,7 +300,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label(rf"contact pressure $\lambda${times_power(power)}")
+        bar.set_label(rf"contact pressure $\lambda${unit_of(power)}")
     axes.add_collection(_rim(side), autolim=False)
     text = heading if len(triangles) else f"{heading}: nothing in contact"
     if side.has_friction:

@@ -29,7 +29,7 @@ from signorini_fx.report.style import (
     finish,
     largest_of,
     plain,
-    times_power,
+    unit_of,
 )
 
 _ORDINALS = {"x": "first", "y": "second", "z": "third"}
@@ -73,14 +73,14 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
                 kind, _, axis = name.rpartition("_")
                 label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
                 upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
-        upper.set(xlabel="time", ylabel=f"{measure}{times_power(power)}")
+        upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power)}")
         upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.08 if _mark_names(upper, steps) else 1.0))
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
-            xlabel=f"mean tangential displacement{which}{times_power(out)}",
-            ylabel=f"{said.replace('_', ' ')}{times_power(power)}",
+            xlabel=f"mean tangential displacement{which}{unit_of(out)}",
+            ylabel=f"{said.replace('_', ' ')}{unit_of(power)}",
         )
         lower.locator_params(axis="x", nbins=6)
         for axes in (upper, lower):
@@ -169,4 +169,4 @@ def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None
         boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
     boundary.draw(axes, pressure, **MULTIPLIER, label=r"contact pressure $\lambda$")
     finish_panel(axes, boundary, name, [pressure, shear], math.inf)
-    axes.set_ylabel(f"stress{times_power(power)}")
+    axes.set_ylabel(f"stress{unit_of(power)}")

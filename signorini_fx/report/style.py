@@ -84,9 +84,12 @@ def readable(ideal: float) -> float:
     return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
 
 
-def times_power(power: int) -> str:
-    """The suffix of a label whose figures were multiplied by 10^power."""
-    return rf" $\times\,10^{{{power}}}$" if power else ""
+def unit_of(power: int) -> str:
+    """The suffix of a label whose figures were multiplied by 10^power: each of them counts 10^-power.
+
+    A factor behind the name, as in "force x 10^4", could be taken for either direction.
+    """
+    return rf" (unit $10^{{{-power}}}$)" if power else ""
 
 
 def math_number(value: float) -> str:

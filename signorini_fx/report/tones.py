@@ -14,7 +14,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from signorini_fx.report.fields import Field, principal
-from signorini_fx.report.style import BLUE, ORANGE, Floats, decimal_power, times_power
+from signorini_fx.report.style import BLUE, ORANGE, Floats, decimal_power, unit_of
 
 _STROKES = 26  # side by side along the longer side of the picture
 _USUAL = 0.99  # of the area has colours of its own
@@ -92,7 +92,7 @@ class Tones:
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label(f"{self.field.label}{times_power(self.power)}")
+        bar.set_label(f"{self.field.label}{unit_of(self.power)}")
         return bar
 
 
