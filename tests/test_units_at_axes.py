@@ -46,7 +46,8 @@ def test_forces_of_load_steps(drawn):
     time = np.array([1.0, 2.0])
     table = {name: np.zeros(2) for name in ("contact_force_x", "friction_force_y")}
     table |= {"time": time, "name": np.array(["", ""]), "status": np.array(["converged"] * 2)}
-    table |= {"contact_force_y": 5e6 * time, "friction_force_x": 1e6 * time, "mean_tangential_displacement": 2e-5 * time}
+    table |= {"contact_force_y": 5e6 * time, "friction_force_x": 1e6 * time}
+    table["mean_tangential_displacement"] = 2e-5 * time
     load_steps.load_steps("unused", table)
     upper, lower = drawn[0].axes
     np.testing.assert_allclose(upper.lines[0].get_ydata() * unit_in(upper.get_ylabel()), 5e6 * time, rtol=1e-12)
