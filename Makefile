@@ -13,12 +13,12 @@ help:       ## list the targets
 demo:       ## solve Example 1 of the paper with Tresca and with Coulomb friction on two ranks (results/)
 	for d in $(DEMOS); do ./env mpirun -n 2 python3 -m signorini_fx solve demos/scenes/$$d.toml --out results/$$d || exit; done
 
-test:       ## run all tests on one rank, and those marked mpi also on two and three
-	./env python3 -m pytest -q tests
+test:       ## run all tests on one rank, side by side, and those marked mpi also on two and three
+	./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal tests
 	for n in 2 3; do ./env mpirun -n $$n python3 -m pytest -q --color=no -m "mpi and not long" tests || exit; done
 
 test-long:  ## run the tests marked long
-	./env python3 -m pytest -q -m long tests
+	./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal -m long tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \

@@ -10,6 +10,7 @@ import time
 import pytest
 from _pytest.config import create_terminal_writer
 from _pytest.faulthandler import fault_handler_stderr_fd_key
+from dolfinx import jit
 from hypothesis import settings
 from mpi4py import MPI
 
@@ -17,6 +18,9 @@ from mpi4py import MPI
 COMM = MPI.COMM_WORLD.Dup()
 PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
 LIMIT = 300.0  # seconds that a test may take on several ranks
+
+# Where tests run side by side, one process may wait for the other one's compiler.
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (int(PATIENCE), "seconds")
 
 # Every rank must draw the same examples, on every run.
 settings.register_profile("exact", derandomize=True, database=None, deadline=None)

@@ -318,9 +318,7 @@ def test_an_honest_answer_is_right(name, tmp_path_factory):
     assert convex.cvxopt is None or found.compared == len(given.steps)
 
 
-@pytest.mark.parametrize(
-    ("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names], ids=str
-)
+@pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names])
 def test_an_injected_fault_is_noticed(fault, name, tmp_path_factory):
     """A wrong displacement, pressure, shear, state, bound, gap or gamma."""
     found = verdict(name, fault(name, answer(name, tmp_path_factory)))
