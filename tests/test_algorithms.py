@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
+from spaces import block
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.body.discretisation import discretise
@@ -65,6 +66,25 @@ def test_exact_method_sees_where_a_support_drags_a_node(push):
         given = ActiveSets.of(np.ones(size, dtype=bool), np.full((size, 1), float(slip)))
         assert newton.solve(newton.problem.data, given) is Status.CONVERGED
         np.testing.assert_allclose(newton.multipliers()[1], 2.0 * np.sign(push), rtol=1e-9)
+
+
+def test_the_limit_in_space_sees_a_shear_beside_its_slip():
+    """How far mu is from the projection, where directions that the sets have do not fit the slip."""
+    task = solved_task(block(6, bound=1.5, gamma="auto", algorithm="exact"))
+    newton = task.iterate.exact_newton
+    problem = newton.problem
+    assert problem.law_residual(newton.x) < 1e-8
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    direction = problem.sets.direction @ turn.T
+    problem.sets = ActiveSets.of(problem.sets.contact, direction)
+    slip = problem.sets.slip
+    assert slip.any()
+    diagonal = task.system.matrix.getDiagonal().getArray().max()
+    trial = 1.5 * direction + diagonal / task.boundary.weight[:, None] * problem.traces(newton.x)[1]
+    away = np.linalg.norm(direction[slip] - trial[slip] / np.linalg.norm(trial[slip], axis=1)[:, None], axis=1)
+    assert away.min() > 0.2
+    np.testing.assert_allclose(problem.away(newton.x)[slip], 1.5 * away, rtol=1e-9)
+    assert problem.law_residual(newton.x) == pytest.approx(away.max(), rel=1e-9)
 
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])

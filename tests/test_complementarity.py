@@ -294,6 +294,15 @@ def test_tangent_is_the_derivative_in_space(disc):
 
 
 @given(discs())
+def test_turning_is_the_slope_of_the_projection(disc):
+    """Across its direction mu of (3.4) changes by gamma_2 F g / |mu_hat + gamma_2 tau_T y| times the slip."""
+    _, u_t, mu_hat, bound = disc
+    current = natural_sets(np.ones(bound.size), u_t, in_space(u_t, mu_hat, bound))
+    trial = length(mu_hat + GAMMA_T * u_t)
+    np.testing.assert_allclose((current.turning * trial)[current.slip], GAMMA_T * bound[current.slip], rtol=1e-12)
+
+
+@given(discs())
 def test_the_primal_sets_give_the_projection(disc):
     """At the iterate itself mu of the sets of the derivative is the projection (3.4): the law holds."""
     _, u_t, mu_hat, bound = disc

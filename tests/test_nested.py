@@ -48,6 +48,14 @@ def slip(boundary):
     return np.where(boundary.part == 0, bottom, -(along(boundary) < 0.45).astype(int))
 
 
+def slid(boundary):
+    return 1e-3 * (1.0 + along(boundary))
+
+
+def bound(boundary):
+    return 2.0 + 3.0 * along(boundary)
+
+
 @pytest.fixture(scope="module")
 def coarse():
     """A contact state on the coarse mesh with known entries."""
@@ -59,6 +67,8 @@ def coarse():
         shear=-3.0 * pressure(boundary)[:, None] + 1.0,
         in_contact=contact(boundary),
         direction=slip(boundary).astype(float)[:, None],
+        slip_length=-slid(boundary)[:, None],
+        bound=bound(boundary),
     )
 
 
@@ -74,6 +84,12 @@ def test_linear_multipliers_are_carried_over_exactly(coarse, fine):
     _, (found, shear) = carry_over(coarse, fine)
     np.testing.assert_allclose(found, pressure(fine), rtol=1e-12)
     np.testing.assert_allclose(shear[:, 0], -3.0 * pressure(fine) + 1.0, rtol=1e-12)
+
+
+def test_shear_against_slip_across_its_direction(coarse, fine):
+    """Bound over slip, of which both are carried over exactly here."""
+    sets, _ = carry_over(coarse, fine)
+    np.testing.assert_allclose(sets.turning, bound(fine) / slid(fine), rtol=1e-12)
 
 
 def test_sets_are_those_of_the_neighbours(coarse, fine):

@@ -1,9 +1,12 @@
 """What the algorithms are given to start with, and in which order: answers alone would not tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
+from spaces import block
 
 from signorini_fx.algorithms import fall_backs
 from signorini_fx.algorithms.path_following import path_model
@@ -139,6 +142,26 @@ def test_model_of_the_path(gamma):
     assert model.distance == pytest.approx(np.sqrt(image.dot(away)), rel=0.1)
     missing = limit.newton.multipliers()[0] - ours.newton.multipliers()[0]
     assert model.pressure_distance == pytest.approx(task.boundary.norm(missing), rel=0.2)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.0, -0.5, 0.0)])
+def test_slope_of_the_path_in_space(shift):
+    """As gamma grows by 1e-4, also where the shear of an earlier load step is not along the slip."""
+
+    def solved(gamma):
+        scene = block(6, bound=1.5, gamma=gamma)
+        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        task = contact_task(discretisation, discretisation.boundary, History())
+        data = replace(task.start.data, mu_hat=np.einsum("nij,i->nj", task.boundary.tangents, shift))
+        newton = task.iterate.newton
+        assert newton.solve(data, task.start.sets) is Status.CONVERGED
+        return newton, path_model(newton, data)
+
+    (newton, model), (other, _) = solved(1e4), solved(1.0001e4)
+    assert newton.problem.sets.slip.sum() >= 8
+    moved = other.x - newton.x
+    slope = np.sqrt(moved.dot(newton.problem.system.matrix * moved)) / (1e-4 * model.gamma)
+    assert model.distance / (model.gamma + model.pole) == pytest.approx(slope, rel=2e-4)
 
 
 def test_a_loose_body_without_load_is_not_at_rest():

@@ -56,9 +56,9 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     problem = newton.problem
     boundary, system = problem.boundary, problem.system
     sets = problem.sets
-    # B^T D B per gamma_1: D is proportional to it, except for the change of slip directions, which gamma does not
-    # affect.
-    blocks = tangent(replace(sets, turning=np.zeros_like(sets.turning)), data) / data.gamma_n
+    # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with gamma_1, also where shifts
+    # keep a slip from being along its shear; without shifts it does not see the part that turns the shear.
+    blocks = tangent(sets, data) / data.gamma_n
     origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
