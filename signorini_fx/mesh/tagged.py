@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import pkgutil
@@ -24,9 +25,10 @@ from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.distribution import from_root
 from signorini_fx.mesh.files import formats
-from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations
+from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations, rows_of
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.gmsh_files import CAD
+from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.shape import Ints
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
@@ -347,47 +349,30 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
     """
 
-    def build() -> tuple[int, formats.Tags, formats.Tags]:
-        gmsh = formats.start_gmsh()
+    def build(gmsh: Any) -> tuple[int, formats.Tags, formats.Tags]:
         try:
             draw(gmsh)
         except SignoriniError:
             raise
         except Exception as error:  # gmsh has no exceptions of its own
             raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
-        groups = gmsh.model.getPhysicalGroups()
-        top = max((dim for dim, _ in groups), default=0)
+        top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
         if top < 2:
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-        kinds = {kind for dim, tag in groups if dim == top for kind in _cell_kinds(gmsh, top, tag)}
+        regions, boundaries = disjoint_groups(gmsh, top, "region"), disjoint_groups(gmsh, top - 1, "boundary")
+        kinds = kinds_of_cells(gmsh, top)
         if not kinds:
             raise MeshError(f"{name}: the body has no cells")
         if len(kinds) > 1:
             raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        boundaries: formats.Tags = {}
-        regions: formats.Tags = {}
-        for dim, tag in groups:
-            names, kind = (regions, "region") if dim == top else (boundaries, "boundary")
-            if dim >= top - 1:
-                names[gmsh.model.getPhysicalName(dim, tag) or f"{kind}_{tag}"] = (tag,)
         if not boundaries:
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
         return top, boundaries, regions
 
-    try:
-        dim, boundaries, regions = parallel.on_root(comm, build)
-        model = None
-        if parallel.is_root(comm):
-            import gmsh
-
-            model = gmsh.model
+    with gmsh_session() if parallel.is_root(comm) else contextlib.nullcontext() as gmsh:
+        dim, boundaries, regions = parallel.on_root(comm, lambda: build(gmsh))
+        model = None if gmsh is None else gmsh.model
         mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
-    finally:
-        if parallel.is_root(comm):
-            import gmsh
-
-            if gmsh.isInitialized():
-                gmsh.finalize()
     mesh.geometry.x[:] *= unit
     return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
 
@@ -395,11 +380,6 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:
     """One tag stands for itself."""
     return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
-
-
-def _cell_kinds(gmsh: Any, dim: int, group: int) -> set[int]:
-    entities = gmsh.model.getEntitiesForPhysicalGroup(dim, group)
-    return {int(kind) for entity in entities for kind in gmsh.model.mesh.getElementTypes(dim, entity)}
 
 
 def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
@@ -411,7 +391,9 @@ def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
 def tag_boundaries(
     mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[npt.NDArray[np.float64]], Any]]
 ) -> TaggedMesh:
-    """Name the exterior facets whose vertices all satisfy a marker.
+    """Name the exterior facets whose vertices all satisfy a marker; collective.
+
+    A facet that satisfies several markers belongs to all of these boundaries.
 
     Args:
         mesh: the mesh.
@@ -430,10 +412,23 @@ def tag_boundaries(
                 f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
             )
     dim = mesh.topology.dim - 1
-    found = [dmesh.locate_entities_boundary(mesh, dim, rule) for rule in rules.values()]
-    facets = np.concatenate(found).astype(np.int32)
-    tags = np.concatenate([np.full(len(f), tag) for tag, f in enumerate(found, start=1)]).astype(np.int32)
-    order = np.argsort(facets, kind="stable")
-    facets, first = np.unique(facets[order], return_index=True)
-    facet_tags = dmesh.meshtags(mesh, dim, facets, tags[order][first])
-    return TaggedMesh(mesh, facet_tags, {name: tag for tag, name in enumerate(markers, start=1)})
+    found = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
+    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *found]))
+    # A row for each facet: which markers hold there.  Each combination of several has a tag of its own.
+    holds = np.zeros((len(facets), len(rules)), dtype=bool)
+    for marker, marked in enumerate(found):
+        holds[np.searchsorted(facets, marked), marker] = True
+    shared = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds[holds.sum(axis=1) > 1], axis=0)), axis=0)
+    each = np.concatenate([np.eye(len(rules), dtype=bool), shared])
+    tags = rows_of(_places(holds), _places(each)) + 1
+    facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
+    return TaggedMesh(
+        mesh,
+        facet_tags,
+        _plain({name: tuple(map(int, np.flatnonzero(each[:, marker]) + 1)) for marker, name in enumerate(rules)}),
+    )
+
+
+def _places(holds: npt.NDArray[np.bool_]) -> Ints:
+    """The numbers of the columns that are true in each row, with -1 for the others, shape (n, columns + 1)."""
+    return np.pad(np.where(holds, np.arange(holds.shape[1]), -1), ((0, 0), (0, 1)), constant_values=-1)

@@ -8,8 +8,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,6 +27,7 @@ from signorini_fx.mesh.files.arrays import (
     rows_of,
 )
 from signorini_fx.mesh.files.cells import CELLS, Cell
+from signorini_fx.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.mesh.halving import halved, straightened
 
@@ -108,27 +108,8 @@ def write_file(mesh: MeshArrays, file: Path) -> None:
 # --- gmsh ------------------------------------------------------------------------------------------------------------
 
 
-def start_gmsh() -> Any:
-    """Gmsh with an empty model, silent and reproducible."""
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.RandomSeed", 1)
-    return gmsh
-
-
-@contextmanager
-def _gmsh_session() -> Iterator[Any]:
-    gmsh = start_gmsh()
-    try:
-        yield gmsh
-    finally:
-        gmsh.finalize()
-
-
 def _draw(gmsh: Any, mesh: MeshArrays) -> None:
-    """Make a mesh the current gmsh model: one entity for each combination of names, which are physical groups."""
+    """Draw a mesh in the current gmsh model: one entity for each combination of names, which are physical groups."""
     sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
     parts, regions = combinations(mesh.regions, len(mesh.cells))
     parts = parts + 1  # cells without a name belong to the body too
@@ -157,7 +138,7 @@ def _in_space(points: Floats) -> Floats:
 
 
 def _write_gmsh(mesh: MeshArrays, file: Path) -> None:
-    with _gmsh_session() as gmsh:
+    with gmsh_session() as gmsh:
         _draw(gmsh, mesh)
         try:
             # Cells without any physical group would be left out.

@@ -1,0 +1,115 @@
+"""gmsh within this process: with the same options everywhere, and beside a session that the caller has open."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+# gmsh writes the options that differ from their defaults one to a line.
+_OPTION = re.compile(r"^([A-Z]\w*\.[\w.]+) = ([\"{]?)", re.MULTILINE)
+
+
+@contextlib.contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
+
+    A session that is open already is afterwards as it was: its models, the current one of them, and its options.
+    (Of several models with the same name, gmsh can make only the last one the current one.)
+    """
+    import gmsh
+
+    if gmsh.isInitialized():
+        with _of_the_caller(gmsh):
+            yield gmsh
+        return
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        _silence(gmsh)
+        yield gmsh
+    finally:
+        if gmsh.isInitialized():  # what is drawn is written by others
+            gmsh.finalize()
+
+
+def _silence(gmsh: Any) -> None:
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("Mesh.RandomSeed", 1)
+
+
+@contextlib.contextmanager
+def _of_the_caller(gmsh: Any) -> Iterator[None]:
+    current, count = gmsh.model.getCurrent(), len(gmsh.model.list())
+    changed = _changed_options(gmsh)
+    # gmsh.py keeps alive only the size function that was set last, whichever model has it.
+    kept = getattr(gmsh, "api_callback_", None)
+    gmsh.option.restoreDefaults()
+    gmsh.option.setNumber("General.AbortOnError", 2)  # otherwise no error of gmsh becomes an exception
+    _silence(gmsh)
+    gmsh.model.add("signorini_fx")
+    try:
+        yield
+    finally:
+        for name in gmsh.model.list()[count:]:
+            gmsh.model.setCurrent(name)
+            gmsh.model.remove()
+        gmsh.model.setCurrent(current)
+        gmsh.api_callback_ = kept
+        gmsh.option.restoreDefaults()
+        for set_option, name, values in changed:
+            set_option(name, *values)
+
+
+def _changed_options(gmsh: Any) -> list[tuple[Any, str, tuple[Any, ...]]]:
+    """The options that differ from their defaults: how to set each, its name and its value."""
+    option = gmsh.option
+    # The two that writing the others involves.
+    found = [(option.setNumber, name, (option.getNumber(name),)) for name in ("General.Terminal", "Print.Format")]
+    option.setNumber("General.Terminal", 0)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "session.opt"
+        gmsh.write(str(file))
+        text = file.read_text(encoding="utf-8", errors="replace")
+    for name, kind in dict(_OPTION.findall(text)).items():
+        with contextlib.suppress(Exception):  # some cannot be read or set, such as gmsh's version
+            if kind == "{":
+                found.append((option.setColor, name, tuple(option.getColor(name))))
+            elif kind:
+                found.append((option.setString, name, (option.getString(name),)))
+            elif name not in ("General.Terminal", "Print.Format"):
+                found.append((option.setNumber, name, (option.getNumber(name),)))
+    return found
+
+
+def disjoint_groups(gmsh: Any, dim: int, word: str) -> dict[str, tuple[int, ...]]:
+    """The names of the physical groups of a dimension; where groups overlap, each combination becomes a group.
+
+    dolfinx keeps one tag for each facet.
+
+    Returns:
+        Name -> its groups, the one with its own number where no other overlaps it.
+    """
+    groups = [tag for _, tag in gmsh.model.getPhysicalGroups(dim)]
+    names = {tag: gmsh.model.getPhysicalName(dim, tag) or f"{word}_{tag}" for tag in groups}
+    owners: dict[int, tuple[int, ...]] = {}
+    for tag in groups:
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
+            owners[int(entity)] = (*owners.get(int(entity), ()), tag)
+    if all(len(own) == 1 for own in owners.values()):
+        return {names[tag]: (tag,) for tag in groups}
+    gmsh.model.removePhysicalGroups([(dim, tag) for tag in groups])
+    new = {own: own[0] if len(own) == 1 else 0 for own in sorted(set(owners.values()))}
+    for own, tag in new.items():
+        if not tag:
+            new[own] = max(*groups, *new.values()) + 1
+        gmsh.model.addPhysicalGroup(dim, [entity for entity, of in owners.items() if of == own], new[own])
+    return {names[tag]: tuple(new[own] for own in new if tag in own) for tag in groups}
+
+
+def kinds_of_cells(gmsh: Any, dim: int) -> set[int]:
+    """The kinds of the elements in the physical groups of a dimension, by gmsh's numbers."""
+    entities = [gmsh.model.getEntitiesForPhysicalGroup(*group) for group in gmsh.model.getPhysicalGroups(dim)]
+    return {int(kind) for own in entities for tag in own for kind in gmsh.model.mesh.getElementTypes(dim, tag)}

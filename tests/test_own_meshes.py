@@ -1,0 +1,138 @@
+"""Boundaries of a mesh of one's own, and a session of gmsh that is open already."""
+
+import gmsh
+import numpy as np
+import pytest
+from dolfinx import mesh
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import generate_mesh, gmsh_mesh, tag_boundaries
+from signorini_fx.scene.reading import parse_scene
+
+COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
+
+
+@pytest.mark.mpi
+def test_markers_that_share_facets():
+    """A facet belongs to every boundary whose marker holds on it, whichever markers come first, on all ranks."""
+    square = mesh.create_unit_square(COMM, 4, 4)
+    markers = {"low": "x[1] < 1e-9", "corner": lambda x: (x[1] < 1e-9) & (x[0] < 0.51), "nothing": "x[0] - 5"}
+    markers |= {"all": lambda x: x[0] > -1, "right": "x[0] > 1 - 1e-9"}
+    expected = {"low": 4, "corner": 2, "nothing": 0, "all": 16, "right": 4}
+    for names in (list(markers), list(markers)[::-1]):
+        tagged = tag_boundaries(square, {name: markers[name] for name in names})
+        assert COMM.bcast(tagged.boundaries) == tagged.boundaries
+        assert {name: COMM.allreduce(len(tagged.facets(name))) for name in names} == {n: expected[n] for n in names}
+    assert tag_boundaries(square, {}).boundaries == {}
+
+
+def test_forces_on_boundaries_that_overlap():
+    """Pressure 3 on all of the top and 1 more on its right half: the foundation bears both, 3 * 2 + 1 * 1."""
+    own = mesh.create_rectangle(SELF, [[0.0, 0.0], [2.0, 1.0]], [8, 4], mesh.CellType.quadrilateral)
+    sides = {"side": "x[0] < 1e-9", "low": "x[1] < 1e-9", "right of the top": lambda x: (x[1] > 0.99) & (x[0] > 0.99)}
+    data = {
+        "mesh": tag_boundaries(own, sides | {"top": "x[1] > 0.99"}),
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "side", "x": 0.0},
+        "traction": [{"boundary": "top", "y": -3.0}, {"boundary": "right of the top", "y": -1.0}],
+        "contact": {"boundary": "low"},
+    }
+    table = alone(parse_scene(data)).table.columns
+    assert (table["pressure"] * table["weight"]).sum() == pytest.approx(7.0, rel=1e-9)
+
+
+def test_physical_groups_that_overlap():
+    """They keep all their facets, also where three of them meet, and their names."""
+
+    def draw(gmsh):
+        geo = gmsh.model.geo
+        points = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        lines = [geo.addLine(points[k], points[k - 3]) for k in range(4)]
+        body = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        geo.synchronize()
+        for line in lines:
+            gmsh.model.mesh.setTransfiniteCurve(line, 5)
+        gmsh.model.addPhysicalGroup(2, [body], name="body")
+        for tag, (name, own) in enumerate({"low": [0], "both": [0, 1], "all": [0, 1, 2, 3]}.items(), start=3):
+            gmsh.model.addPhysicalGroup(1, [lines[k] for k in own], tag, name=name)
+        gmsh.model.mesh.generate(2)
+
+    tagged = gmsh_mesh(SELF, draw, "square")
+    assert {name: len(tagged.facets(name)) for name in tagged.boundaries} == {"low": 4, "both": 8, "all": 16}
+    assert len(tagged.cells("body")) == tagged.mesh.topology.index_map(2).size_local
+
+
+# --- gmsh ------------------------------------------------------------------------------------------------------------
+
+# Options of each kind, one of them a text that gmsh itself cannot write and read again.
+NUMBERS = {"Mesh.MeshSizeMax": 1 / 3, "Mesh.ElementOrder": 2, "Mesh.Algorithm": 5, "General.AbortOnError": 3}
+NUMBERS |= {"Print.Format": 27, "General.Terminal": 0}
+
+
+def generated(folder):
+    """What the generators and the writer of gmsh files make."""
+    plane = generate_mesh("punch", {"order": 2}, SELF).mesh.geometry.x
+    solid = generate_mesh("half_sphere", {"part": "quarter", "size": 4.0, "contact_size": 2.0}, SELF).mesh.geometry.x
+    generate_mesh("block", {"nx": 4, "ny": 2}, SELF)
+    (folder / "body.inp").write_text(
+        "*Node\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n*Element, type=CPE3\n1, 1, 2, 3\n*Nset, nset=low\n1, 2\n"
+    )
+    target = folder / "body.msh"
+    target.unlink(missing_ok=True)
+    write_file(read_file(folder / "body.inp"), target)
+    return plane, solid, target.read_text()
+
+
+def test_session_of_the_caller(tmp_path):
+    """Models, the current one, options and the size function of an open session stay; our meshes do not see them."""
+    alone_in_gmsh = generated(tmp_path)
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.model.add("mine")
+        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.setSizeCallback(lambda *_: 0.2)
+        gmsh.model.add("other")
+        gmsh.model.setCurrent("mine")
+        for name, value in NUMBERS.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.option.setString("Solver.Name0", 'a "quoted" name')
+        gmsh.option.setColor("Mesh.Color.Lines", 1, 2, 3, 4)
+        beside_it = generated(tmp_path)
+        assert gmsh.isInitialized()
+        assert (gmsh.model.list(), gmsh.model.getCurrent()) == (["", "mine", "other"], "mine")
+        assert {name: gmsh.option.getNumber(name) for name in NUMBERS} == NUMBERS
+        assert gmsh.option.getString("Solver.Name0") == 'a "quoted" name'
+        assert gmsh.option.getColor("Mesh.Color.Lines") == (1, 2, 3, 4)
+        assert [dim for dim, _ in gmsh.model.getEntities()] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
+        gmsh.model.mesh.generate(2)  # by the size function
+        assert 50 < len(gmsh.model.mesh.getElementsByType(9)[0]) < 90
+    finally:
+        gmsh.finalize()
+    for one, other in zip(alone_in_gmsh[:2], beside_it[:2], strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert alone_in_gmsh[2] == beside_it[2]
+
+
+def test_session_after_an_error():
+    """An error in a drawing leaves the session as it was too."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        with pytest.raises(Exception, match="no physical group of dimension 2 or 3"):
+            gmsh_mesh(SELF, lambda gmsh: gmsh.model.geo.addPoint(0, 0, 0), "nothing")
+        assert gmsh.model.list() == [""]
+    finally:
+        gmsh.finalize()
+
+
+def test_options_of_the_user_in_files(tmp_path, monkeypatch):
+    """What gmsh's files in the home folder say does not change a mesh."""
+    before = generate_mesh("punch", {}, SELF).mesh.geometry.x
+    for name in (".gmshrc", ".gmsh-options"):
+        (tmp_path / name).write_text("Mesh.MeshSizeFactor = 0.3;\nMesh.Algorithm = 1;\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("GMSH_HOME", str(tmp_path))
+    np.testing.assert_array_equal(generate_mesh("punch", {}, SELF).mesh.geometry.x, before)
