@@ -1,6 +1,7 @@
 """Every demo runs as it is, on a coarse mesh, on any number of ranks, and finds what it says."""
 
 import runpy
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import Status
+from signorini_fx.results import files
 
 DEMOS = Path(__file__).parent.parent / "demos"
 COMM = MPI.COMM_WORLD
@@ -22,8 +24,11 @@ def run(tmp_path, monkeypatch):
     folder = COMM.bcast(tmp_path)
     monkeypatch.chdir(folder)
 
-    def demo(name, cells):
+    def demo(name, cells, *, drawn=True):
+        """Of many load steps only the figure of the demo itself is drawn."""
         monkeypatch.setenv("CELLS", str(cells))
+        if not drawn:
+            monkeypatch.setattr(files, "write_results", partial(files.write_results, pictures=False))
         found = runpy.run_path(str(DEMOS / f"{name}.py"), run_name="__main__")
         COMM.barrier()
         return found
@@ -73,7 +78,7 @@ def test_hertz(run):
 
 def test_press_and_slide(run):
     """The loop closes, and its area is the work of friction."""
-    found = run("press_and_slide", 24)
+    found = run("press_and_slide", 24, drawn=False)
     assert found["closing"] < 1e-6
     assert found["area"] == pytest.approx(found["lost"], rel=0.02)
     assert found["force"].max() == pytest.approx(16.3, rel=0.02)
@@ -127,7 +132,7 @@ def test_friction_sweep(run):
 
 def test_sphere_under_tangential_load(run):
     """Hertz's radius and peak for the force; Cattaneo's stick radius and Mindlin's displacement, where nu = 0.49."""
-    found = run("sphere_under_tangential_load", 3)
+    found = run("sphere_under_tangential_load", 3, drawn=False)
     columns = found["table"][0.49]
     np.testing.assert_allclose(columns["a computed"], columns["a"], rtol=5e-3)
     np.testing.assert_allclose(columns["p0 computed"], columns["p0"], rtol=0.04)
@@ -143,7 +148,7 @@ def test_sphere_under_tangential_load(run):
 
 def test_torsion_of_a_pressed_cylinder(run):
     """The torque of the scalar problem, the stick radius to half a cell, the limit."""
-    found = run("torsion_of_a_pressed_cylinder", 5)
+    found = run("torsion_of_a_pressed_cylinder", 5, drawn=False)
     assert found["off"].max() < 2e-3
     sticking = [step.stick for step in found["expected"]]
     np.testing.assert_allclose(found["stick"], sticking, rtol=0, atol=0.5 / 5)

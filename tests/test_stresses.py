@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -70,6 +71,22 @@ def errors_of(stresses, hypothesis="plane strain"):
         size = np.abs(density if name == "density" else sigma).max(initial=0.0)
         found[name] = COMM.allreduce(away, op=MPI.MAX) / COMM.allreduce(size, op=MPI.MAX)
     return found
+
+
+def test_one_projection_for_all_load_steps(monkeypatch):
+    """It is set up once, and the stress of each step is that of its own displacement."""
+    scene = cylinder(1, 0.4)
+    loads = [load.model_copy(update={"factors": (1.0, -3.0, 0.5)}) for load in scene.traction]
+    solution = solve(scene.model_copy(update={"traction": tuple(loads)}), MPI.COMM_SELF)
+    made = []
+    create = StressRecovery.__init__
+    monkeypatch.setattr(StressRecovery, "__init__", lambda self, d: made.append(d) or create(self, d))
+    found = [solution.at(step).stress.recovered.tensor.x.array for step in solution.steps]
+    assert len(made) == 1
+    size = np.abs(found[0]).max()
+    assert size > PRESSURE
+    for factor, stress in zip((-3.0, 0.5), found[1:], strict=True):
+        np.testing.assert_allclose(stress, factor * found[0], rtol=0, atol=1e-5 * size)  # it is projected to 1e-6
 
 
 @pytest.mark.mpi

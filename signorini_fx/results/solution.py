@@ -9,6 +9,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.accuracy.price_list import LevelResult, Price
+from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.state import ContactState, Functionals
@@ -82,6 +83,7 @@ class Solution:
         findings: warnings and notes about the scene and the result.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
+        shared: what the results of all load steps use, once it is made.
     """
 
     scene: Scene
@@ -100,6 +102,7 @@ class Solution:
     findings: tuple[Finding, ...] = ()
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
+    shared: dict[str, StressRecovery] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
@@ -167,7 +170,8 @@ class Solution:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
         """
-        return Stresses(self.discretisation, self.displacement, self.scene.material[0].hypothesis, self._place)
+        hypothesis = self.scene.material[0].hypothesis
+        return Stresses(self.discretisation, self.displacement, hypothesis, self._place, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:

@@ -6,7 +6,7 @@ difference says what both are worth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -170,9 +170,11 @@ class Stresses(StressFields):
 
     Attributes:
         place: of the load step in the lists of factors, see ``scene.load_steps``.
+        shared: where what projects is kept for other load steps.
     """
 
     place: float
+    shared: dict[str, StressRecovery] = field(default_factory=dict)
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -221,10 +223,12 @@ class Stresses(StressFields):
             "error": self.error if finite else None,
         }
 
-    @cached_property
+    @property
     def _recovery(self) -> StressRecovery:
         """What it compiles is not among the forms of the solve."""
-        return StressRecovery(replace(self.discretisation, inventory=Inventory()))
+        if "recovery" not in self.shared:
+            self.shared["recovery"] = StressRecovery(replace(self.discretisation, inventory=Inventory()))
+        return self.shared["recovery"]
 
 
 @dataclass(frozen=True, repr=False)
