@@ -1165,6 +1165,27 @@ MUTANTS = (
         tests=("space_results::test_moment_of_a_push",),
     ),
     Mutant(
+        "body/contact_boundary",
+        "~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)",
+        "~self.free",
+        "averages: points that a support holds in part set the scale",
+        tests=("space_effects::test_points_that_average_over_a_support",),
+    ),
+    Mutant(
+        "body/supports",
+        "float(high[0] - low[0]) > 1e-9 * tagged.size",
+        "float(high[0] - low[0]) > 1e-5 * tagged.size",
+        "boundaries that are nearly flat have a normal",
+        tests=("turned_supports::test_flat_to_round_off",),
+    ),
+    Mutant(
+        "body/supports",
+        "high - low <= 1e-9 * tagged.size",
+        "high - low <= 1e-5 * tagged.size",
+        "boundaries that are nearly along an axis are along it",
+        tests=("turned_supports::test_flat_to_round_off",),
+    ),
+    Mutant(
         "problem/tangent",
         "self._operator.diagonalScale(R=free)",
         "pass",

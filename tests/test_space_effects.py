@@ -13,10 +13,12 @@ from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
 from signorini_fx.body import contact_boundary
+from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.records import Status
+from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.records import Status, Timings
+from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
 
@@ -163,6 +165,19 @@ def test_degree_2():
     assert quadratic.certificate.holds
     assert np.isclose(quadratic.steps[0].strain_energy, fine.steps[0].strain_energy, rtol=0.02)
     np.testing.assert_allclose(quadratic.contact.forces[1][1], fine.contact.forces[1][1], rtol=0.05)
+
+
+def test_points_that_average_over_a_support():
+    """What a support holds of them they have in part: it presses them into the foundation, and they set no scale."""
+    scene = block(6, "tetrahedra", bound=1.5, degree=2)
+    scene = scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", z=0.0),)})
+    boundary = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).boundary
+    beside = boundary.x[:, 0] < 0.6  # of cells of 0.5
+    assert beside.sum() == 6
+    np.testing.assert_array_equal(boundary.held, beside[:, None] & np.array([False, False, True]))
+    assert boundary.free.all()
+    pressure = np.where(beside, 100.0, 2.0)
+    assert boundary.scale(pressure) == pytest.approx(2.0 * np.sqrt(boundary.weight[~beside].sum()), rel=1e-12)
 
 
 def test_rigid_block_on_rough_ground():
