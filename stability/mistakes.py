@@ -893,8 +893,8 @@ MUTANTS = (
     ),
     Mutant(
         "krylov",
-        "max(least, share * size) if self.inexact else least",
-        "INEXACT_TOLERANCE * size",
+        "max(least, INEXACT_TOLERANCE * residual.norm()) if self.inexact else least",
+        "INEXACT_TOLERANCE * residual.norm()",
         "Krylov: loose to the end",
         tests=("inexact",),
     ),
@@ -928,6 +928,20 @@ MUTANTS = (
         "pass",
         "coarse levels without soft contact",
         tests=("krylov::test_soft_contact_is_on_all_levels",),
+    ),
+    Mutant(
+        "multigrid",
+        "change.axpy(-1.0, half.transpose(PETSc.Mat()), structure=_DIFFERENT)",
+        "pass",
+        "coarse matrix without one of its mixed products",
+        tests=("krylov::test_coarse_matrix_of_truncated_functions",),
+    ),
+    Mutant(
+        "multigrid",
+        "free @ (added + added.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]",
+        "free @ (added + added.transpose(0, 2, 1)) @ free * self._scale[:, None, None]",
+        "soft contact twice on coarse levels",
+        tests=("krylov::test_coarse_matrix_of_truncated_functions",),
     ),
     Mutant(
         "multigrid",

@@ -16,7 +16,9 @@ from signorini_fx.linalg import choice, krylov, multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.model import PrescribedDisplacement
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
+from signorini_fx.solving.strategy import run
 from signorini_fx.solving.sweep import sweep
 
 WORLD = MPI.COMM_WORLD
@@ -159,6 +161,40 @@ def test_soft_contact_is_on_all_levels(steps):
     """With a small gamma contact holds nothing by itself, and alone holds the body: coarse levels must know of it."""
     alone(block(12, bound=1.5, gamma=1e3, linear_algebra="krylov"))
     assert max(count for *_, count in steps) <= 25
+
+
+@pytest.mark.parametrize("gamma", [1e2, 2e4, 1e8])
+def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
+    """P'^T (A + C) P' of what contact adds softly, P' without what it holds, but for 1e-10 of the diagonal."""
+    made = []
+
+    def create(*arguments, **how):
+        made.append(multigrid.ContactPreconditioner(*arguments, **how))
+        return made[0]
+
+    monkeypatch.setattr(krylov, "ContactPreconditioner", create)
+    scene = block(6, "tetrahedra", bound=1.5, gamma=gamma, linear_algebra="krylov")
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, d.boundary, History())
+    assert run(task, task.start).status is Status.CONVERGED
+    (found,) = made
+    held, soft = found._truncated_at
+    assert (np.trace(held, axis1=1, axis2=2) > 0.5).any() == (gamma > 1e3)
+    added = dense(found._contact) - dense(found._elastic)
+    softly = dense(found._nodes.matrix(soft))
+    if gamma < 1e3:
+        np.testing.assert_allclose(softly, added, rtol=0, atol=1e-9 * np.abs(added).max())
+    else:
+        assert np.abs(softly).max() < np.abs(added).max()
+    functions, unknowns = dense(found._truncated), found._unknowns
+    matrix = dense(task.system.matrix)
+    matrix[np.ix_(unknowns, unknowns)] += softly
+    wanted = functions.T @ matrix @ functions + np.diag(1e-10 * np.diag(dense(found._hierarchy.coarse[0])))
+    np.testing.assert_allclose(dense(found._coarse[0]), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
+def dense(matrix):
+    return matrix.convert("dense").getDenseArray().copy()
 
 
 def test_one_hierarchy_for_sweeps_and_load_steps(set_ups):
