@@ -115,12 +115,11 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
     effects = {effect.boundary: effect for effect in d.scene.contact}
     at = (np.arange(_POINTS) + 0.5) / _POINTS
     friction, gaps = [], []
-    for chain in table.chains:
-        rows = slice(chain.start, chain.stop)
-        x = np.array([c["x"][rows], c["y"][rows], np.zeros(len(chain))])
+    for rows in table.paths:
+        x = np.array([c["x"][rows], c["y"][rows], np.zeros(len(rows))])
         inside = x[:, :-1, None] + np.diff(x)[:, :, None] * at
-        pressure, length = c["pressure"][rows], np.diff(c["s"][rows])
-        effect = effects[str(c["boundary"][chain.start])]
+        pressure, length = c["pressure"][rows], np.diff(table.arc(rows))
+        effect = effects[str(c["boundary"][rows[0]])]
 
         def between(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats, Floats]:
             """Values at the nodes, the deviation of those in between from a line, and the second differences nearby."""

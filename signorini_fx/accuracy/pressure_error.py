@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.contact.table import ContactTable, is_closed
 from signorini_fx.tuned import (
     CORNER_ANGLE,
     CORNER_ERROR_SHARE,
@@ -41,15 +41,17 @@ def interval_squares(table: ContactTable, *, corners: bool = True, blur: float =
         blur: length over which the regularisation smears the pressure at a corner; 0 without.
 
     Returns:
-        One array for each chain of the table, shape (nodes - 1,).
+        One array for each path of the table, shape (rows - 1,).
     """
-    return [_squares(table, chain, blur, corners=corners) for chain in table.chains]
+    found = []
+    for path in table.paths:
+        rows, s, own = table.unrolled(path)
+        found.append(_squares(table, rows, s, blur, corners=corners)[own])
+    return found
 
 
-def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -> Floats:
-    rows = slice(chain.start, chain.stop)
-    c = table.columns
-    s, pressure = c["s"][rows], c["pressure"][rows]
+def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners: bool) -> Floats:
+    pressure = table.columns["pressure"][rows]
     h = np.diff(s)
     squares = np.zeros(h.size)
     if h.size < 2:
@@ -60,7 +62,7 @@ def _squares(table: ContactTable, chain: range, blur: float, *, corners: bool) -
     jumps = _jumps(s, pressure)
     squares[:-1] += h[:-1] * jumps**2 / 12
     squares[1:] += h[1:] * jumps**2 / 12
-    for corner, interval in _corners(table, chain):
+    for corner, interval in _corners(table, rows):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
         beside = inside if interval == corner else inside - 1  # the next interval
         if corners:
@@ -131,10 +133,9 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
     return float(max(0.0, total))
 
 
-def _corners(table: ContactTable, chain: range) -> list[tuple[int, int]]:
-    """Nodes of a chain in contact at a corner of the body, each with an interval beside it, counted from its start."""
-    rows = slice(chain.start, chain.stop)
-    pressure, last = table.columns["pressure"][rows], len(chain) - 1
+def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:
+    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it."""
+    pressure, last = table.columns["pressure"][rows], len(rows) - 1
     found = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
@@ -147,13 +148,13 @@ def corners_of_error(table: ContactTable) -> Floats:
     """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
     squares = interval_squares(table)
     much = CORNER_ERROR_SHARE * sum(float(own.sum()) for own in squares)
-    rows = [
-        chain.start + node
-        for chain, own in zip(table.chains, squares, strict=True)
-        for node, interval in (_corners(table, chain) if own.size > 1 else [])
-        if own[interval] > much
-    ]
-    return np.column_stack((table.columns["x"][rows], table.columns["y"][rows]))
+    found: list[int] = []
+    for path, of_path in zip(table.paths, squares, strict=True):
+        rows, _, own = table.unrolled(path)
+        for node, interval in _corners(table, rows) if of_path.size > 1 else []:
+            if own.start <= interval < own.stop and of_path[interval - own.start] > much:
+                found.append(int(rows[node]))
+    return np.column_stack((table.columns["x"][found], table.columns["y"][found]))
 
 
 def _turning(x: Floats, y: Floats) -> Floats:
@@ -182,8 +183,8 @@ def _turns_of_curve(table: ContactTable) -> list[float]:
     """Angles between the facets that are pressed, corners left out."""
     c = table.columns
     turns: list[float] = []
-    for chain in table.chains:
-        rows = slice(chain.start, chain.stop)
+    for path in table.paths:
+        rows = np.append(path, path[1]) if is_closed(path) else path
         angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
         near = pressed[1:-1] | pressed[:-2] | pressed[2:]
         turns += angle[near & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)].tolist()
@@ -203,10 +204,11 @@ def peak_of(table: ContactTable) -> tuple[float, float]:
     row = int(np.argmax(pressure)) if pressure.size else 0
     if table.facets is not None and row < pressure.size and pressure[row] > 0:
         return float(pressure[row]), float(np.sqrt(table.columns["weight"][row]))
-    for chain in table.chains:
-        if row in chain and pressure[row] > 0 and len(chain) > 1:
-            s = table.columns["s"]
-            return float(pressure[row]), float(np.diff(s[max(row - 1, chain.start) : min(row + 2, chain.stop)]).min())
+    for path in table.paths:
+        if row in path and pressure[row] > 0 and len(path) > 1:
+            rows, s, _ = table.unrolled(path)
+            beside = (rows[:-1] == row) | (rows[1:] == row)
+            return float(pressure[row]), float(np.diff(s)[beside].min())
     return 0.0, 0.0
 
 
@@ -243,21 +245,24 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
     Args:
         boundary: the contact nodes of this rank.
         table: the contact boundary.
-        intervals: one array for each chain of the table, shape (nodes - 1,).
+        intervals: one array for each path of the table, shape (rows - 1,).
     """
     assert table.nodes is not None
-    rows = np.concatenate([np.arange(chain.start, chain.stop - 1) for chain in table.chains])
+    rows, following = (np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None)))
     base = int(table.nodes.max(initial=0)) + 1
 
     def keys(part: Ints, one: Ints, other: Ints) -> Ints:
         """One number for each pair of nodes on a boundary, in either order."""
         return (part * base + np.minimum(one, other)) * base + np.maximum(one, other)
 
-    known = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[rows + 1, 1])
+    known = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
     order = np.argsort(known)
-    values = np.concatenate(intervals)[order]
+    known, values = known[order], np.concatenate(intervals)[order]
     part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
     total = np.zeros(len(part))
     for k in range(nodes.shape[1] - 1):
-        total += values[np.searchsorted(known[order], keys(part, nodes[:, k], nodes[:, k + 1]))]
+        wanted = keys(part, nodes[:, k], nodes[:, k + 1])
+        place = np.searchsorted(known, wanted)
+        assert np.array_equal(known[place], wanted)
+        total += values[place]
     return total

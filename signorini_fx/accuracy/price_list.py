@@ -23,7 +23,7 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.forecast import grown, powers
 from signorini_fx.accuracy.pressure_error import peak_of, roughness_at_peak
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.contact.table import ContactTable, is_closed
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
@@ -294,9 +294,8 @@ def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDA
     if fine.facets is not None:
         return _interpolated_in_space(coarse, fine, name)
     values = np.zeros(fine.columns["s"].size)
-    for here, there in zip(fine.chains, coarse.chains, strict=False):
-        rows, old = slice(here.start, here.stop), slice(there.start, there.stop)
-        values[rows] = np.interp(fine.columns["s"][rows], coarse.columns["s"][old], coarse.columns[name][old])
+    for rows, old in zip(fine.paths, coarse.paths, strict=False):
+        values[rows] = np.interp(fine.arc(rows), coarse.arc(old), coarse.columns[name][old])
     return values
 
 
@@ -317,23 +316,24 @@ def zone_ends(table: ContactTable) -> list[float]:
     Between the last node in contact and the next one the pressure falls like the square root of the distance to the
     end, so its square is extrapolated linearly.
     """
-    s, pressure = table.columns["s"], table.columns["pressure"]
+    pressure = table.columns["pressure"]
     ends: list[float] = []
-    for chain in table.chains:
-        touching = dict.fromkeys(row for row in chain if pressure[row] > 0)
-        starts = [row for row in touching if row - 1 not in touching]
-        stops = [row for row in touching if row + 1 not in touching]
-        for first, last in zip(starts, stops, strict=True):
-            ends += [_end(s, pressure, chain, first, -1, last), _end(s, pressure, chain, last, 1, first)]
+    for path, first, last in table.runs(pressure > 0):
+        if is_closed(path) and (pressure[path] > 0).all():
+            continue
+        rows, s, own = table.unrolled(path)
+        p = pressure[rows]
+        start, stop = (own.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
+        if stop < start:  # a run across the beginning of a closed path
+            stop += own.stop - own.start
+        ends += [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
     return ends
 
 
-def _end(
-    s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], chain: range, row: int, step: int, other: int
-) -> float:
+def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step: int, other: int) -> float:
     """Where p^2 vanishes beyond ``row`` in the direction ``step``."""
     outside, inside = row + step, row - step
-    if outside not in chain or inside not in chain or row == other or p[inside] <= p[row]:
+    if not (0 <= outside < p.size and 0 <= inside < p.size) or row == other or p[inside] <= p[row]:
         return float(s[row])
     reach = p[row] ** 2 / (p[inside] ** 2 - p[row] ** 2) * abs(s[row] - s[inside])
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))

@@ -267,8 +267,8 @@ def _sides(mesh: Any) -> int:
 
 def chains(
     numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
-) -> tuple[list[range], npt.NDArray[np.int64]]:
-    """Connected pieces of the boundary and the order of the nodes along them.
+) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
+    """Connected pieces of the boundary, the order of the nodes along them, and whether each piece is closed.
 
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
     not depend on the numbering of nodes and the number of ranks.
@@ -288,6 +288,7 @@ def chains(
 
     pieces: list[range] = []
     order: list[int] = []
+    closed: list[bool] = []
     seen: set[int] = set()
     ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
     rest = sorted(neighbours, key=key)
@@ -306,4 +307,5 @@ def chains(
     for chain in sorted(found, key=lambda rows: key(rows[0])):
         pieces.append(range(len(order), len(order) + len(chain)))
         order += chain
-    return pieces, np.array(order, dtype=np.int64)
+        closed.append(len(chain) > 2 and chain[0] in neighbours[chain[-1]])
+    return pieces, np.array(order, dtype=np.int64), closed

@@ -27,7 +27,8 @@ class ContactTable:
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
             (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space
             they are lengths of vectors, whose components follow as ``u_t_x`` and so on.
-        chains: the connected pieces of the boundary, as ranges of rows; in space none.
+        chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
+            distance to the next node along a piece; at the last node it is positive where the piece is closed.
         nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
             table that belongs to no mesh.
         facets: in space the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
@@ -47,21 +48,56 @@ class ContactTable:
         rows = list(zip(*(column[:_SHOWN_ROWS].tolist() for column in self.columns.values()), strict=True))
         return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
 
+    @property
+    def paths(self) -> list[npt.NDArray[np.int64]]:
+        """The rows along each connected piece; at the end of a closed one its first row again."""
+        to_next = self.columns.get("to_next")
+        closed = [to_next is not None and to_next[chain.stop - 1] > 0 for chain in self.chains]
+        return [np.array([*c, *c[:1]] if loop else c) for c, loop in zip(self.chains, closed, strict=True)]
+
+    def arc(self, path: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """Arc length at the rows of one of ``paths``, from its first row."""
+        s = np.array(self.columns["s"][path])
+        if is_closed(path):
+            s[-1] = s[-2] + self.columns["to_next"][path[-2]]
+        return s
+
+    def unrolled(self, path: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], slice]:
+        """Rows and arc length along one of ``paths``, and which of the intervals between them are its own.
+
+        A closed path goes round three times, so that the round in the middle has no ends.
+        """
+        s, count = self.arc(path), len(path) - 1
+        if not is_closed(path):
+            return path, s, slice(0, count)
+        rows = np.concatenate((path[:-1], path[:-1], path))
+        return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
+
+    def runs(self, mask: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.int64], int, int]]:
+        """Runs of neighbouring rows where ``mask`` holds: the path that each is on, its first and its last row.
+
+        A run across the first row of a closed piece is one; one all around goes from the first row to the last.
+        """
+        found = []
+        for path in self.paths:
+            rows = path[:-1] if is_closed(path) else path
+            inside = mask[rows].astype(np.int64)
+            starts, stops = (np.flatnonzero(np.diff(inside, prepend=0, append=0) == k) for k in (1, -1))
+            first, last = rows[starts], rows[stops - 1]
+            if is_closed(path) and len(first) > 1 and inside[0] and inside[-1]:
+                first, last = first[1:], np.append(last[1:-1], last[0])
+            found += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]
+        return found
+
     def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
-        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
+        """The ``runs`` of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
         x, y = self.columns["x"], self.columns["y"]
-        runs = []
-        for chain in self.chains:
-            start = None
-            for row in [*chain, None]:
-                inside = row is not None and bool(mask[row])
-                if inside and start is None:
-                    start = row
-                if not inside and start is not None:
-                    last = row - 1 if row is not None else chain[-1]
-                    runs.append([[float(x[start]), float(y[start])], [float(x[last]), float(y[last])]])
-                    start = None
-        return runs
+        return [[[float(x[row]), float(y[row])] for row in ends] for _, *ends in self.runs(mask)]
+
+
+def is_closed(path: npt.NDArray[np.int64]) -> bool:
+    """Whether a path of rows ends where it began."""
+    return path.size > 1 and bool(path[0] == path[-1])
 
 
 def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
@@ -97,10 +133,10 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     x = rows[:, len(scalars) : len(scalars) + dim]
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        pieces, order = chains(numbers, segments, x)
+        pieces, order, closed = chains(numbers, segments, x)
         facets = None
     else:
-        pieces, order = [], _by_position(numbers[:, 0], x)
+        pieces, order, closed = [], _by_position(numbers[:, 0], x), []
         facets = _rows_of(numbers[order], segments)
     rows, part = rows[order], numbers[order, 0]
     ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
@@ -120,7 +156,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "friction": np.where(of["bound"] > 0, state, "none"),
         **_components("slip", parts["slip"]),
         "boundary": np.array(names)[part.astype(int)],
-        **({"s": _along(parts["x"], pieces)} if dim == 2 else {}),
+        **(_along(parts["x"], pieces, closed) if dim == 2 else {}),
         **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
         "weight": of["weight"],
     }
@@ -143,13 +179,16 @@ def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.ND
     return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}
 
 
-def _along(x: npt.NDArray[np.float64], pieces: list[range]) -> npt.NDArray[np.float64]:
-    """Arc length along each connected piece, from its beginning."""
-    along = np.zeros(len(x))
-    for chain in pieces:
-        steps = np.hypot(*np.diff(x[chain.start : chain.stop], axis=0).T)
-        along[chain.start + 1 : chain.stop] = np.cumsum(steps)
-    return along
+def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) -> dict[str, npt.NDArray[np.float64]]:
+    """Arc length along each connected piece, from its beginning, and the distance from each node to the next one."""
+    along, to_next = np.zeros(len(x)), np.zeros(len(x))
+    for chain, loop in zip(pieces, closed, strict=True):
+        rows = slice(chain.start, chain.stop)
+        to_next[rows] = np.hypot(*(np.roll(x[rows], -1, axis=0) - x[rows]).T)
+        along[chain.start + 1 : chain.stop] = np.cumsum(to_next[chain.start : chain.stop - 1])
+        if not loop:
+            to_next[chain.stop - 1] = 0.0
+    return {"s": along, "to_next": to_next}
 
 
 def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:

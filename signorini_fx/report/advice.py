@@ -73,4 +73,11 @@ def _zone_sizes(contact: dict[str, Any]) -> list[int]:
         return [int(count) for count in np.unique(contact["boundary"][closed], return_counts=True)[1]]
     # The arc length starts again with each connected piece, and so with each boundary.
     piece = np.cumsum(np.diff(contact["s"], prepend=-1.0) <= 0)
-    return [len(list(run)) for (_, touching), run in groupby(zip(piece, closed, strict=True)) if touching]
+    to_next = contact.get("to_next", np.zeros(piece.size))
+    sizes = []
+    for number in np.unique(piece):
+        touching = closed[piece == number]
+        if to_next[piece == number][-1] > 0 and not touching.all():
+            touching = np.roll(touching, -int(np.argmin(touching)))  # a closed piece begins where it is open
+        sizes += [len(list(run)) for state, run in groupby(touching) if state]
+    return sizes

@@ -280,10 +280,9 @@ def boundaries_of(table: Table) -> list[Boundary]:
     found = []
     for name in dict.fromkeys(names):
         here = np.array([other == name for other in names])
-        columns = {key: np.asarray(column)[here] for key, column in table.items()}
+        columns = _closed({key: np.asarray(column)[here] for key, column in table.items()})
         x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
-        # The arc length starts again at 0 with each connected piece.
-        starts = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(s) <= 0))]
+        starts = _starts(s)
         if np.ptp(y) <= 1e-9 * np.ptp(x):
             found.append(Boundary(plain(name), columns, x, "$x_1$", starts))
         else:
@@ -292,6 +291,26 @@ def boundaries_of(table: Table) -> list[Boundary]:
                 before[start:] += s[start - 1]
             found.append(Boundary(plain(name), columns, s + before, "arc length $s$", starts))
     return found
+
+
+def _starts(s: Floats) -> list[int]:
+    """Where connected pieces start: the arc length starts again at 0 with each of them."""
+    return [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(s) <= 0))]
+
+
+def _closed(columns: Table) -> Table:
+    """The columns of a boundary with the first row of each closed piece once more at its end."""
+    if "to_next" not in columns:
+        return columns
+    s, to_next = (np.asarray(columns[key], dtype=np.float64) for key in ("s", "to_next"))
+    starts = _starts(s)
+    ends = [*starts[1:], len(s)]
+    rows = [[*range(a, b), *([a] if to_next[b - 1] > 0 else [])] for a, b in zip(starts, ends, strict=True)]
+    along = [
+        np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(own)] for a, b, own in zip(starts, ends, rows, strict=True)
+    ]
+    every = np.concatenate([np.array(own, dtype=np.int64) for own in rows])
+    return {key: np.asarray(column)[every] for key, column in columns.items()} | {"s": np.concatenate(along)}
 
 
 def _limits(curves: Sequence[Floats], reach: float, least: float = 0.0) -> tuple[float, float]:

@@ -88,7 +88,7 @@ def start_from_few_nodes(task: Task) -> Start:
 def _finest(task: Task) -> _Level:
     boundary, begin = task.boundary, task.start
     numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
-    ranges, order = chains(numbers, boundary.segments, boundary.x)
+    ranges, order, _ = chains(numbers, boundary.segments, boundary.x)
     found = [order[rows.start : rows.stop] for rows in ranges]
     return _Level(task.system, boundary, begin.data, begin.law, begin.sets, found, np.arange(boundary.size))
 

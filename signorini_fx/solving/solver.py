@@ -17,6 +17,7 @@ from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import contact_table
 from signorini_fx.errors import MeshError, SceneError
@@ -194,7 +195,7 @@ def solve_level(
         assert step.contact is not None
         table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
         data = outcome.problem.data
-        compliance = 0.0 if data.lambda_hat.any() else 1 / data.gamma_n
+        compliance = 0.0 if _is_shifted(data, comm) else 1 / data.gamma_n
         found.append(
             estimate_errors(
                 d, d.displacement(outcome.displacement()).getArray(), step.strain_energy, table, step.place, compliance
@@ -225,6 +226,11 @@ def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Soluti
     return solution if solution.converged else failed
 
 
+def _is_shifted(data: RegularisedData, comm: MPI.Comm) -> bool:
+    """Whether the multipliers of an augmentation shift the pressure at any contact node; collective."""
+    return parallel.any_rank(comm, bool(data.lambda_hat.any()))
+
+
 def _level_result(
     level: int,
     solution: Solution,
@@ -249,7 +255,7 @@ def _level_result(
     size = np.sqrt(2 * solution.last_step.strain_energy)
     regularisation = pressure_regularisation = 0.0
     data = outcome.problem.data
-    if np.isfinite(data.gamma_n) and not data.lambda_hat.any() and size > 0:
+    if np.isfinite(data.gamma_n) and not _is_shifted(data, solution.comm) and size > 0:
         iterate = task.iterate
         model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
         pressure = contact.boundary.norm(contact.pressure)

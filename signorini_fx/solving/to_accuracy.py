@@ -191,7 +191,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
             "no refinement makes smaller: give the .geo, or a mesh of second order"
         )
-    spacings = [np.diff(table.columns["s"][chain.start : chain.stop]) for chain in table.chains if len(chain) > 1]
+    spacings = [np.diff(table.arc(path)) for path in table.paths if len(path) > 1]
     spacing = min((float(own.min()) for own in spacings), default=inf)
     if spacing < _ROUND_OFF * size:
         return (
