@@ -51,12 +51,9 @@ class Augmentation:
     _stiffness: float = field(init=False)
 
     def __post_init__(self) -> None:
-        problem = self.newton.problem
-        unknowns, _ = problem.system.contact.entries()
-        diagonal = problem.system.matrix.getDiagonal().getArray(readonly=True)[unknowns]
-        weight = problem.boundary.weight
-        largest = parallel.local_max(diagonal.max(axis=1, initial=0.0) / weight)
-        self._stiffness = parallel.global_max(problem.system.comm, largest)
+        system = self.newton.problem.system
+        stiffness = system.contact.stiffness(system.matrix.getDiagonal())
+        self._stiffness = parallel.global_max(system.comm, parallel.local_max(stiffness))
 
     @property
     def settled(self) -> bool:

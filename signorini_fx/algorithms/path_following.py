@@ -81,9 +81,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     energy = stretched.dot(first)
     reach = data.gamma_n
     # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to matter.
-    unknowns, _ = system.contact.entries()
-    stiffness = system.matrix.getDiagonal().getArray(readonly=True)[unknowns].max(axis=1, initial=0.0)
-    largest = parallel.global_max(system.comm, parallel.local_max(stiffness / boundary.weight))
+    stiffness = system.contact.stiffness(system.matrix.getDiagonal())
+    largest = parallel.global_max(system.comm, parallel.local_max(stiffness))
     if largest > NEGLIGIBLE_POLE * data.gamma_n:
         second = newton.x.duplicate()
         ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
