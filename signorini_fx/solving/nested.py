@@ -33,6 +33,8 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     ]
     dim = boundary.x.shape[1]
     rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
+    # Of neighbours at the same distance the search takes those that come first: in no order of the ranks.
+    rows = rows[np.lexsort(rows[:, dim::-1].T)]
     contact = np.zeros(fine.size, dtype=bool)
     direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
     pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
