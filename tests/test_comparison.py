@@ -4,11 +4,15 @@ import re
 
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.errors import ResultError
-from signorini_fx.report.comparison import compare
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.report.comparison import _interpolation, compare
 from signorini_fx.results.files import write_results
+from signorini_fx.scene.reading import parse_scene
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +72,39 @@ def test_no_result(folders, tmp_path):
     root, _ = folders
     with pytest.raises(ResultError, match="no summary"):
         compare(root / "coarse", tmp_path)
+
+
+def in_pieces(nx):
+    """A block on two feet, the second of which carries more: one boundary of two pieces."""
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (3.0, 1.0)], (nx, nx // 3))
+    feet = {"feet": lambda x: np.isclose(x[1], 0.0) & ((x[0] < 1.0 + 1e-9) | (x[0] > 2.0 - 1e-9))}
+    return parse_scene(
+        {
+            "mesh": tag_boundaries(mesh, feet | {"top": lambda x: np.isclose(x[1], 1.0)}),
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": "-0.01 * (1 + x[0])"},
+            "contact": {"boundary": "feet", "friction": {"law": "tresca", "bound": 3.0}},
+        }
+    )
+
+
+def test_a_boundary_of_several_pieces(tmp_path):
+    """A result does not differ from itself."""
+    write_results(alone(in_pieces(12)), tmp_path, pictures=False, fields=False)
+    same = compare(tmp_path, tmp_path)
+    assert "boundary feet: pressure 0.0e+00 of its norm; shear 0.0e+00 of its norm; 0 of 10 nodes" in same
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_values_between_nodes_on_every_piece(order):
+    """The arc length begins anew on each piece, and the pieces of two meshes may come in another order."""
+
+    def table(counts, pieces=(0, 1)):
+        angles = [np.linspace(2.0 * piece, 2.0 * piece + 1.0, counts[piece]) for piece in pieces]
+        s = np.concatenate([angle - angle[0] for angle in angles])
+        x = np.concatenate(angles)
+        return {"x": x, "y": 0.1 * x, "s": 3.0 * s}, 7.0 * (x > 1.5) - 2.0 * x
+
+    (one, expected), (other, values) = table((5, 9)), table((4, 3), order)
+    take = _interpolation(one, np.full(14, True), other, np.full(7, True))
+    np.testing.assert_allclose(take(values), expected, rtol=0, atol=1e-14)

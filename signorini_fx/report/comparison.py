@@ -166,12 +166,28 @@ def _positions(table: Table) -> Floats:
 def _interpolation(
     one: Table, here: npt.NDArray[np.bool_], other: Table, there: npt.NDArray[np.bool_]
 ) -> Callable[[Floats], Floats]:
-    """From values at the nodes of the second to those of the first, on one boundary."""
-    if "s" in one and "s" in other:
-        at, places = one["s"][here], other["s"][there]
-        order = np.argsort(places, kind="stable")
-        return lambda values: np.interp(at, places[order], values[order])
+    """From values at the nodes of the second to those of the first, on one boundary.
+
+    In the plane a place lies on one of the two sides that meet at the nearest node; a boundary may have several pieces,
+    and the arc length begins at zero on each of them.
+    """
     from scipy.spatial import cKDTree
 
-    nearest = cKDTree(_positions(other)[there]).query(_positions(one)[here])[1]
-    return lambda values: np.asarray(values[nearest])
+    x, y = _positions(one)[here], _positions(other)[there]
+    nearest = cKDTree(y).query(x)[1]
+    if "s" not in other:
+        return lambda values: np.asarray(values[nearest])
+    goes_on = np.append(np.diff(other["s"][there]) > 0, False)
+    first, share, distance = nearest, np.zeros(len(x)), np.linalg.norm(x - y[nearest], axis=1)
+    for begin in (np.maximum(nearest - 1, 0), nearest):
+        end = np.where(goes_on[begin], begin + 1, begin)
+        side = y[end] - y[begin]
+        length = np.maximum((side**2).sum(axis=1), np.finfo(float).tiny)
+        place = np.clip(((x - y[begin]) * side).sum(axis=1) / length, 0.0, 1.0)
+        away = np.linalg.norm(x - y[begin] - place[:, None] * side, axis=1)
+        nearer = away < distance
+        first, share, distance = (
+            np.where(nearer, new, old) for new, old in ((begin, first), (place, share), (away, distance))
+        )
+    second = np.minimum(first + goes_on[first], len(y) - 1)
+    return lambda values: np.asarray((1.0 - share) * values[first] + share * values[second])
