@@ -151,3 +151,17 @@ def test_every_interval_is_on_a_facet(degree):
     facets = on_facets(solution.contact.boundary, table, intervals)
     assert facets.min() > 0
     assert facets.sum() == pytest.approx(sum(own.sum() for own in intervals))
+
+
+def test_any_number_of_loads_and_supports():
+    """Seventy equal loads, and the same support said seventy times, are one load and one support in every estimate."""
+    one, many = block(x=3.0), block(x=3.0)
+    _, push = one.traction
+    (held,) = one.displacement
+    update = {
+        "traction": (one.traction[0], *[push.model_copy(update={"x": 3.0 / 70})] * 70),
+        "displacement": (held,) * 70,
+    }
+    many = one.model_copy(update=update)
+    errors = [alone(scene).stress.error for scene in (one, many)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -163,13 +165,12 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     n = ufl.FacetNormal(mesh)
     every = dmesh.exterior_facet_indices(mesh.topology)
     known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
-    # A bit for each effect on a facet: facets with the same bits share a term.
+    # Facets with the same effects share a term.
     effects: list[_Effect] = [*scene.traction, *scene.displacement]
-    bits = np.zeros(known.size, dtype=np.int64)
+    on = np.ones((known.size, len(effects) + 1), dtype=bool)  # one column more, so that no row is empty
     for k, effect in enumerate(effects):
-        bits[np.isin(known, d.tagged.facets(effect.boundary))] |= 1 << k
-    own = np.concatenate([np.unique(bits), np.full(1, -1)])[:, None]
-    kinds = [int(kind) for kind in np.unique(parallel.gather_rows(mesh.comm, own)) if kind >= 0]
+        on[:, k] = np.isin(known, d.tagged.facets(effect.boundary))
+    kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
     size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     index_map = mesh.topology.index_map(d.tagged.dimension)
     count = index_map.size_local + index_map.num_ghosts
@@ -178,12 +179,12 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     factors = {
         k: (fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(load)) for k, load in enumerate(effects)
     }
-    ds = measure(mesh, [known[bits == kind] for kind in kinds], {})
+    ds = measure(mesh, [known[(on == kind).all(axis=1)] for kind in kinds], {})
     terms = []
     for number, kind in enumerate(kinds, start=1):
         residual, away = -sigma * n, []
         for k, effect in enumerate(effects):
-            if not kind >> k & 1:
+            if not kind[k]:
                 continue
             factor = factors[k][0]
             if isinstance(effect, SurfaceTraction):
@@ -195,17 +196,13 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
         density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
             continue
-        terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, kind)}))
+        terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, compress(effects, kind))}))
     return list(factors.values()), sum(terms[1:], terms[0]) if terms else None
 
 
-def _degree(d: Discretisation, kind: int) -> int:
-    """Quadrature degree on facets of one kind."""
-    effects: list[_Effect] = [*d.scene.traction, *d.scene.displacement]
-    varying = any(
-        kind >> k & 1 and not all(isinstance(value, float) for value in _values(effect))
-        for k, effect in enumerate(effects)
-    )
+def _degree(d: Discretisation, effects: Iterable[_Effect]) -> int:
+    """Quadrature degree on facets with these effects."""
+    varying = any(not isinstance(value, float) for effect in effects for value in _values(effect))
     return _FINE_DEGREE if varying else 2 * d.scene.element.degree
 
 
