@@ -178,16 +178,12 @@ def _interpolation(
     if "s" not in other:
         return lambda values: np.asarray(values[nearest])
     goes_on = np.append(np.diff(other["s"][there]) > 0, False)
-    first, share, distance = nearest, np.zeros(len(x)), np.linalg.norm(x - y[nearest], axis=1)
-    for begin in (np.maximum(nearest - 1, 0), nearest):
-        end = np.where(goes_on[begin], begin + 1, begin)
-        side = y[end] - y[begin]
-        length = np.maximum((side**2).sum(axis=1), np.finfo(float).tiny)
-        place = np.clip(((x - y[begin]) * side).sum(axis=1) / length, 0.0, 1.0)
-        away = np.linalg.norm(x - y[begin] - place[:, None] * side, axis=1)
-        nearer = away < distance
-        first, share, distance = (
-            np.where(nearer, new, old) for new, old in ((begin, first), (place, share), (away, distance))
-        )
-    second = np.minimum(first + goes_on[first], len(y) - 1)
+    begin = np.stack((np.maximum(nearest - 1, 0), nearest))
+    end = np.where(goes_on[begin], begin + 1, begin)
+    side, to = y[end] - y[begin], x - y[begin]
+    share = (side * to).sum(axis=2) / np.maximum((side**2).sum(axis=2), np.finfo(float).tiny)
+    share = np.clip(share, 0.0, 1.0)
+    away = np.linalg.norm(to - share[:, :, None] * side, axis=2)
+    chosen = away.argmin(axis=0), np.arange(len(x))
+    first, second, share = begin[chosen], end[chosen], share[chosen]
     return lambda values: np.asarray((1.0 - share) * values[first] + share * values[second])
