@@ -22,6 +22,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangent
+from signorini_fx.linalg import callbacks
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE_POLE
 
@@ -76,7 +77,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
     ksp.setTolerances(rtol=_SLOPE_TOLERANCE if factor else _ROUGH_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
-    ksp.solve(-contact_force(newton.x, data.gap, origin), first)
+    callbacks.solve(ksp.solve, -contact_force(newton.x, data.gap, origin), first)
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     reach = data.gamma_n
@@ -85,7 +86,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     largest = parallel.global_max(system.comm, parallel.local_max(stiffness))
     if largest > NEGLIGIBLE_POLE * data.gamma_n:
         second = newton.x.duplicate()
-        ksp.solve(-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin)), second)
+        force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))
+        callbacks.solve(ksp.solve, force, second)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     ksp.setTolerances(*before)

@@ -18,7 +18,8 @@ from signorini_fx.contact.laws import (
     slip_multiplier,
     transmitting,
 )
-from signorini_fx.linalg import options
+from signorini_fx.linalg import callbacks, options
+from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.problem.regularised import ContactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
@@ -87,20 +88,25 @@ class SemismoothNewton:
         snes = PETSc.SNES().create(self.problem.system.comm)
         snes.setOptionsPrefix(options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
-        snes.setFunction(self.problem.residual, self._residual)
+        snes.setFunction(weakly(self.problem.residual), self._residual)
         jacobian = self.problem.create_jacobian(symmetric=symmetric)
-        snes.setJacobian(self._assemble_jacobian, jacobian)
+        snes.setJacobian(weakly(self._assemble_jacobian), jacobian)
         snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self.max_iterations)
-        snes.setConvergenceTest(self._test)
+        snes.setConvergenceTest(weakly(self._test))
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         if self.history.watchers:
-            snes.getKSP().setMonitor(lambda _ksp, steps, _norm: self.history.move(krylov=steps))
+            snes.getKSP().setMonitor(weakly(self._show))
         with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
         self.max_iterations = snes.getTolerances()[3]
         return snes
 
+    @called_back
+    def _show(self, ksp: PETSc.KSP, steps: int, norm: float) -> None:
+        self.history.move(krylov=steps)
+
+    @called_back
     def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
         """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
         problem = self.problem
@@ -201,8 +207,7 @@ class SemismoothNewton:
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
         """Let SNES iterate; once more with exact linear solves if old factors or loose tolerances did not suffice."""
-        self.snes.solve(None, self.x)
-        status = self._status or self._reason()
+        status = self._iterate()
         while self._may_keep and self._unreliable(status):
             done = self.history.linear_solves - self._before
             if done >= limit:
@@ -212,9 +217,12 @@ class SemismoothNewton:
             self._first_iteration += done
             self.snes.setTolerances(max_it=limit - done)
             self.problem.set_data(data, self.problem.sets)
-            self.snes.solve(None, self.x)
-            status = self._status or self._reason()
+            status = self._iterate()
         return status
+
+    def _iterate(self) -> Status:
+        callbacks.solve(self.snes.solve, None, self.x)
+        return self._status or self._reason()
 
     def _unreliable(self, status: Status) -> bool:
         """Whether a failure may be that of a linear solve that was cheaper than an exact one."""
@@ -261,6 +269,7 @@ class SemismoothNewton:
         _, mu = self.multipliers()
         return next_sets(u_n, u_t, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
 
+    @called_back
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem

@@ -5,8 +5,9 @@ Nothing of the size of the mesh is factorised.  See ``multigrid`` for the precon
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
+from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
@@ -37,6 +39,8 @@ class KrylovSystem(AssembledSystem):
     _forces: float = 0.0
 
     _level: MeshLevel | None = None
+    # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
+    _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
     @classmethod
     def of(cls, discretisation: Discretisation, coarser: MeshLevel | None = None) -> Self:
@@ -95,20 +99,22 @@ class KrylovSystem(AssembledSystem):
         preconditioner = ContactPreconditioner(
             self.hierarchy, matrix, turned, self._touched, self.fixed, size, symmetric=symmetric
         )
+        self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(preconditioner)
+        pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
         ksp.setInitialGuessNonzero(True)
-        ksp.setPreSolve(self._begin, kargs={"preconditioner": preconditioner})
+        ksp.setPreSolve(weakly(self._begin))
         # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
-    def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec, *, preconditioner: ContactPreconditioner) -> None:
+    @called_back
+    def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve for the contact unknowns, so that they have no residual, and say how much of the rest may be left.
 
         The penalty is in the residual no more.
         """
         ksp.setUp()  # PETSc calls this before
-        preconditioner.solve_contact(b, x)
+        self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
         # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
         if options.user_sets("ksp_") or (atol == 0.0 and rtol > _NO_SHARE):

@@ -24,6 +24,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.linalg import options
+from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.full import can_factorise, factorisation_package
 from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.petsc_c import call
@@ -233,6 +234,7 @@ class ContactPreconditioner:
         call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
         self._finest, self._cycle = finest, cycle
 
+    @called_back
     def setUp(self, pc: PETSc.PC) -> None:
         """For a new tangent: factorise it at the contact unknowns, and truncate where the directions held are others.
 
@@ -320,6 +322,7 @@ class ContactPreconditioner:
         x.set(0.0)
         x.getArray()[self._unknowns] = self._left.getArray(readonly=True)
 
+    @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the columns, which does not
         matter, as the right-hand sides of a Krylov method that begins with F are zero there.

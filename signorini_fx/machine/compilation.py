@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from signorini_fx.errors import MachineError
+from signorini_fx.machine import signals
 
 
 @contextmanager
@@ -23,7 +24,8 @@ def compiling() -> Iterator[None]:
     from cffi import VerificationError
 
     try:
-        yield
+        with signals.deferred():  # a compilation that is cut off leaves a lock that later runs wait for
+            yield
     except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
         raise MachineError(f"a form cannot be compiled: {_no_folder() or _no_compiler() or error}") from error
 

@@ -31,6 +31,7 @@ from signorini_fx.contact.laws import (
     unit,
 )
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.problem.regularised import ProblemState
 
 # The largest k, relative to the stiffness at a contact node.
@@ -138,6 +139,7 @@ class ExactProblem(ProblemState):
         jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         return jacobian
 
+    @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
         trial = self.next.trial if self._forced_first else self._classify(x)

@@ -27,6 +27,7 @@ from signorini_fx.contact.laws import (
 )
 from signorini_fx.contact.statics import unbalanced
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.problem.tangent import contact_tangent
 from signorini_fx.records import Status
 
@@ -266,6 +267,7 @@ class RegularisedProblem(ProblemState):
         """See ``ProblemState``."""
         return law_residual(self.sets, *self.traces(x), self.data)
 
+    @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``ContactProblem``."""
         u_n, u_t = self.traces(x)

@@ -277,7 +277,11 @@ class Expression:
         return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
 
     def _evaluate(self, backend: _Backend, position: Any) -> Any:
-        return _Evaluator(backend, position).eval(self.text, previously_parsed=self._tree())
+        evaluator = _Evaluator(backend, position)
+        try:
+            return evaluator.eval(self.text, previously_parsed=self._tree())
+        finally:
+            evaluator.nodes.clear()  # methods of its own: it would keep the mesh until a collector of cycles runs
 
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""

@@ -153,7 +153,7 @@ class Task:
     @cached_property
     def iterate(self) -> Iterate:
         """The iterates, which the algorithms share."""
-        return Iterate(self)
+        return Iterate(self.settings, self.system, self.boundary, self.motions, self.history)
 
     def contact(self, outcome: Outcome, start: Start) -> ContactState:
         """The contact nodes of this rank in a result, with displacements from the initial position.
@@ -204,17 +204,26 @@ class Iterate:
         x: the iterate of the regularised problem.
     """
 
-    def __init__(self, task: Task) -> None:
-        self._task = task
-        self.x: PETSc.Vec = task.system.start.copy()
+    def __init__(
+        self,
+        settings: SolverSettings,
+        system: ElasticSystem,
+        boundary: ContactBoundary,
+        motions: RigidMotions,
+        history: History,
+    ) -> None:
+        # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
+        self._settings, self._history = settings, history
+        self._system, self._boundary, self._motions = system, boundary, motions
+        self.x: PETSc.Vec = system.start.copy()
 
     def _newton(self, problem: ContactProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
-        settings = self._task.settings
+        settings = self._settings
         return SemismoothNewton(
             problem,
             x,
             settings.max_iterations,
-            self._task.history,
+            self._history,
             symmetric=symmetric,
             try_fall_backs=try_fall_backs if settings.fallbacks else None,
             limited=_limited(settings, "max_iterations"),
@@ -223,8 +232,7 @@ class Iterate:
     @cached_property
     def newton(self) -> SemismoothNewton:
         """The inner method on the regularised problem."""
-        task = self._task
-        return self._newton(RegularisedProblem(task.system, task.boundary, task.motions), self.x)
+        return self._newton(RegularisedProblem(self._system, self._boundary, self._motions), self.x)
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:
@@ -234,9 +242,8 @@ class Iterate:
     @cached_property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        task = self._task
-        system = rotate(task.system, task.boundary)
-        return self._newton(ExactProblem(system, task.boundary, task.motions), system.start.copy())
+        system = rotate(self._system, self._boundary)
+        return self._newton(ExactProblem(system, self._boundary, self._motions), system.start.copy())
 
     @cached_property
     def exact_unsymmetric_newton(self) -> SemismoothNewton:
@@ -246,11 +253,11 @@ class Iterate:
 
     def take_loads(self, place: float, scale: float) -> None:
         """Apply the loads and prescribed displacements of a load step, times ``scale``, to the current iterate."""
-        self._task.system.set_step(place, scale)
-        if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._task.system:
+        self._system.set_step(place, scale)
+        if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._system:
             self.exact_newton.problem.system.set_step(place, scale)
-        fixed = self._task.system.fixed
-        self.x.getArray()[fixed] = self._task.system.start.getArray(readonly=True)[fixed]
+        fixed = self._system.fixed
+        self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]
 
 
 def _limited(settings: SolverSettings, name: str) -> bool:

@@ -1,0 +1,226 @@
+"""Ctrl-C, SIGTERM and exceptions at every moment of a solve: they arrive, and are never taken for numerics."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+import pytest
+from scenes import example1
+
+from signorini_fx import cli
+from signorini_fx.accuracy import stress_recovery
+from signorini_fx.algorithms import ssn
+from signorini_fx.linalg import callbacks, multigrid, schur
+from signorini_fx.machine import signals
+from signorini_fx.problem import exact, regularised, tangent
+from signorini_fx.records import History
+from signorini_fx.results import files
+from signorini_fx.solving import one_mesh, solver
+
+SCENE = """
+mesh = { generator = "GENERATOR", parameters = { PARAMETERS } }
+material = { young = 5000.0, poisson = 0.3 }
+solver = { SOLVER }
+[[displacement]]
+boundary = "top"
+x = 0.002
+AXIS = "-0.01 - 0.001 * x[0]"
+factors = [0.5, 1.0]
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+PLANE = {"GENERATOR": "rectangle", "PARAMETERS": "nx = 8, ny = 4", "AXIS": "y"}
+SOLID = {"GENERATOR": "box", "PARAMETERS": "nx = 3, ny = 2, nz = 2", "AXIS": "z"}
+
+
+def written(path, kind, solver):
+    """The path of a scene of one kind."""
+    text = SCENE
+    for name, value in {**kind, "SOLVER": solver}.items():
+        text = text.replace(name, value)
+    path.write_text(text)
+    return path
+
+
+# Place -> the function that is entered there, and the scenes that enter it.
+FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "condensed", "krylov"))
+PLACES = {
+    "mesh": (one_mesh, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
+    "assembly": (one_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
+    "condense": (schur.SchurComplement, "solve_interior", (PLANE, CONDENSED)),
+    "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
+    "residual, space": (regularised.RegularisedProblem, "_hold", (SOLID, FULL)),
+    "residual, condensed": (regularised.RegularisedProblem, "_hold", (PLANE, CONDENSED)),
+    "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),
+    "residual, exact": (exact.ExactProblem, "_constraints", (PLANE, f'{FULL}, algorithm = "exact"')),
+    "jacobian": (tangent.ContactTangent, "insert", (SOLID, FULL)),
+    "convergence": (ssn.SemismoothNewton, "_record", (SOLID, FULL)),
+    "convergence, krylov": (ssn.SemismoothNewton, "_record", (SOLID, KRYLOV)),
+    "record": (History, "add", (SOLID, KRYLOV)),
+    "monitor": (History, "move", (SOLID, KRYLOV)),
+    "before krylov": (multigrid.ContactPreconditioner, "solve_contact", (SOLID, KRYLOV)),
+    "preconditioner is set up": (multigrid.ContactPreconditioner, "_truncate", (SOLID, KRYLOV)),
+    "preconditioner": (multigrid._NodalBlocks, "split", (SOLID, KRYLOV)),
+    "path": (solver, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
+    "certificate": (one_mesh, "certify", (SOLID, FULL)),
+    "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
+    "writing": (files, "write_csv", (PLANE, FULL)),
+}
+
+
+class Enough(Exception):
+    """Raised by a test."""
+
+
+def at_second_call(monkeypatch, place, act):
+    """Act when a function is entered for the second time; returns the scene."""
+    owner, name, scene = PLACES[place]
+    function, count = getattr(owner, name), [0]
+
+    def entered(*args, **options):
+        count[0] += 1
+        if count[0] == 2:
+            act()
+        return function(*args, **options)
+
+    monkeypatch.setattr(owner, name, entered)
+    return scene
+
+
+def raise_enough():
+    raise Enough
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_signal(place, tmp_path, monkeypatch, capfd):
+    """Exit code 130 and one line about it; the older result stays, and what is complete can be gone on from."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "summary.json").write_text("older")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)  # so that the Krylov method is watched
+    kind = (signal.SIGINT, signal.SIGTERM)[list(PLACES).index(place) % 2]
+    scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, lambda: os.kill(os.getpid(), kind)))
+    assert cli.main(["solve", str(scene), "--out", str(out), "--no-pictures", "--no-fields"]) == 130
+    told = capfd.readouterr().err
+    assert told.count("signorini-fx: ") == told.count("signorini-fx: interrupted") == 1
+    assert told.endswith("\n")
+    assert (out / "summary.json").read_text() == "older"
+    assert {path.name for path in out.iterdir()} <= {"summary.json", "checkpoint", "last_level"}
+    assert not signals._waiting
+
+
+@pytest.mark.parametrize("place", [place for place in PLACES if place != "writing"])
+def test_an_exception(place, tmp_path, monkeypatch):
+    """It reaches the caller as it is, and the next solve knows nothing of it."""
+    scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, raise_enough))
+    with pytest.raises(Enough) as caught:
+        solver.solve(scene, on_progress=lambda progress: None)
+    assert caught.value.__context__ is None
+    assert not callbacks._raised
+    assert solver.solve(scene).converged
+
+
+def test_a_signal_ends_a_linear_solve(tmp_path, monkeypatch):
+    """Not the last one that PETSc would make, but the first one after it."""
+    apply, applied = multigrid.ContactPreconditioner.apply, []
+
+    def interrupted(self, *args):
+        applied.append(self)
+        if len(applied) == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        apply(self, *args)
+
+    monkeypatch.setattr(multigrid.ContactPreconditioner, "apply", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        solver.solve(written(tmp_path / "scene.toml", SOLID, KRYLOV))
+    assert len(applied) == 2
+
+
+MANY = """
+import os, signal, sys
+from mpi4py import MPI
+from signorini_fx import cli
+from signorini_fx.linalg.multigrid import ContactPreconditioner
+
+applied, rank = [0], int(sys.argv[1])
+apply = ContactPreconditioner.apply
+
+def counted(self, pc, right, x):
+    applied[0] += 1
+    if applied[0] == 5 and MPI.COMM_WORLD.rank == rank:
+        os.kill(os.getpid(), signal.SIGINT)
+    apply(self, pc, right, x)
+
+ContactPreconditioner.apply = counted
+sys.exit(cli.main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_signal_on_one_of_two_ranks(rank, tmp_path):
+    """Whichever rank it reaches inside a linear solve in space: all ranks end, and the older result stays."""
+    if shutil.which("mpirun") is None:
+        pytest.skip("there is no mpirun")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "summary.json").write_text("older")
+    scene = written(tmp_path / "scene.toml", SOLID, KRYLOV)
+    (tmp_path / "run.py").write_text(MANY)
+    command = ["mpirun", "-n", "2", sys.executable, str(tmp_path / "run.py"), str(rank), "solve", str(scene)]
+    ended = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 130
+    assert "singular" not in ended.stdout + ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert (out / "summary.json").read_text() == "older"
+
+
+def test_handlers_of_others(monkeypatch):
+    """A handler that does not raise is called once, and the solve goes on; afterwards it is in place again."""
+    called = []
+
+    def handle(number, frame):
+        called.append(number)
+
+    def act(self, record, add=History.add):
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert not called or called == [signal.SIGUSR1] * len(called)
+        add(self, record)
+
+    monkeypatch.setattr(History, "add", act)
+    before = signal.signal(signal.SIGUSR1, handle)
+    try:
+        solution = solver.solve(example1(bound=1.5, nx=6, ny=2))
+        assert solution.converged
+        assert len(called) == solution.history.linear_solves + len(solution.history.outer)
+        assert signal.getsignal(signal.SIGUSR1) is handle
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def test_signals_wait_in_order():
+    """Nested blocks count as one; what one handler raises leaves the others for the next moment."""
+    calls = []
+
+    def handle(number, frame):
+        calls.append(number)
+        if number == signal.SIGUSR1:
+            raise Enough
+
+    before = [signal.signal(number, handle) for number in (signal.SIGUSR1, signal.SIGUSR2)]
+    try:
+        with signals.deferred():
+            with signals.deferred():
+                os.kill(os.getpid(), signal.SIGUSR1)
+                os.kill(os.getpid(), signal.SIGUSR2)
+            assert not calls
+            with pytest.raises(Enough):
+                signals.serve()
+            assert calls == [signal.SIGUSR1]
+            signals.serve()
+        assert calls == [signal.SIGUSR1, signal.SIGUSR2]
+    finally:
+        for number, one in zip((signal.SIGUSR1, signal.SIGUSR2), before, strict=True):
+            signal.signal(number, one)

@@ -1,0 +1,149 @@
+"""What a solve leaves behind: nothing, also for a collector of cycles that does not see into PETSc.
+
+petsc4py built for Python's stable ABI hides from the collector what PETSc objects hold.  Therefore the collector is off
+here: what is freed is freed because nothing refers to it.  Only ``Function.interpolate`` of dolfinx leaves a cycle of
+its own, which any collector sees.
+"""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+from spaces import block
+
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+pytestmark = pytest.mark.mpi
+COMM = MPI.COMM_WORLD
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """A function that counts meshes and solvers that are alive, and the communicators in use."""
+    alive = {dmesh.Mesh: weakref.WeakSet(), SemismoothNewton: weakref.WeakSet()}
+    for kind, known in alive.items():
+
+        def noted(self, *args, _begin=kind.__init__, _known=known, **options):
+            _begin(self, *args, **options)
+            _known.add(self)
+
+        monkeypatch.setattr(kind, "__init__", noted)
+    gc.collect()
+    gc.disable()
+
+    def count(*, interpolated=False):
+        assert not alive[SemismoothNewton]
+        if interpolated:
+            gc.collect()
+        return len(alive[dmesh.Mesh]), communicators()
+
+    yield count
+    gc.enable()
+
+
+def communicators():
+    """The number of communicators in use: new ones fill the holes in the table of MPI, and the last one is behind all.
+
+    Every object of PETSc keeps the copy of the communicator that it lives on, and every mesh has several.
+    """
+    for _ in range(3):  # what is freed on several ranks may hold other objects
+        free_unused(dmesh.create_unit_square(COMM, 2, 2))
+    new = [COMM.Dup() for _ in range(64)]
+    last = max(one.py2f() for one in new)
+    for one in new:
+        one.Free()
+    return last
+
+
+def ramp(**solver):
+    """A block that is pressed on and pushed in three load steps."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.002, "y": "-0.01 * (1 + 0.1 * x[0])", "factors": [0.5, 0.7, 1]},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+            **solver,
+        }
+    )
+
+
+def plane(**more):
+    return example1(coefficient=0.3, nx=12, ny=4, **more)
+
+
+SCENES = {
+    "full": lambda: plane(linear_algebra="full"),
+    "condensed": lambda: plane(linear_algebra="condensed"),
+    "krylov": lambda: block(3, "tetrahedra", coefficient=0.3, gamma="auto", linear_algebra="krylov", comm=COMM),
+    "exact": lambda: plane(algorithm="exact"),
+    "alm": lambda: plane(algorithm="alm"),
+    "path-following": lambda: plane(algorithm="path-following", coulomb="newton"),
+    "several steps": ramp,
+    "several meshes": lambda: ramp(solver={"levels": 2}),
+    "accuracy": lambda: ramp(accuracy={"target": 0.5}),
+    "no solution": lambda: plane(max_iterations=1, fallbacks=False),
+}
+# Scenes with a prescribed displacement that varies.
+INTERPOLATED = ("several steps", "several meshes", "accuracy")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_nothing_is_left(name, counted):
+    """With observers and a watcher of the Krylov method, and without them."""
+    more = {"observers": [lambda record: None], "on_progress": lambda progress: None}
+    scene, interpolated = SCENES[name], name in INTERPOLATED
+    assert solve(scene(), COMM, check=False).status.value  # a library may keep something once
+    before = counted(interpolated=interpolated)
+    for options in ({}, more) * (10 if name == "condensed" else 1):
+        solution = solve(scene(), COMM, check=False, **options)
+        assert solution.converged is (name != "no solution")
+        del solution
+        assert counted(interpolated=interpolated) == before
+
+
+@pytest.mark.parametrize("name", ["full", "condensed", "krylov", "several meshes"])
+def test_nothing_is_left_of_an_error(name, counted):
+    """An observer raises in the middle of a solve, on all ranks."""
+
+    class Enough(Exception):
+        pass
+
+    def observe(record):
+        observe.count += 1
+        if observe.count == 3:
+            raise Enough
+
+    scene, interpolated = SCENES[name], name in INTERPOLATED
+    before = None
+    for _ in range(2):
+        observe.count = 0
+        raised = False
+        try:
+            solve(scene(), COMM, observers=[observe])
+        except Enough:
+            raised = True
+        assert raised
+        before = before or counted(interpolated=interpolated)
+    assert counted(interpolated=interpolated) == before
+
+
+def test_what_is_kept_is_counted(counted):
+    """The count notices one vector that keeps a communicator."""
+    before = counted()
+    comm = COMM.Dup()
+    vector = PETSc.Vec().createMPI((4, None), comm=comm)
+    comm.Free()
+    assert counted() != before
+    vector.set(1.0)
+    assert np.isclose(vector.norm() ** 2, 4 * COMM.size)
+    vector.destroy()
+    assert counted() == before
