@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import json
 import os
 import random
 import signal
@@ -26,7 +27,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files import gmsh_files, gmsh_process
+from signorini_fx.mesh.files import gmsh_files, reading_process
+from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.tagged import read_mesh
 from signorini_fx.records import Status
 from signorini_fx.scene.expressions import Expression
@@ -135,7 +137,7 @@ def meshes(seed: int, count: int) -> Finding:
             file = Path(name) / "spoilt.msh"
             file.write_bytes(spoilt_bytes(chance.choice(contents), chance))
             score.take(f"mesh {number}", partial(_mesh, file), float("inf"))
-            for left in (file, file.with_name("arrays.npz"), file.with_name("complaint.txt")):
+            for left in (file, file.with_name("found")):
                 left.unlink(missing_ok=True)
     return score.finding()
 
@@ -146,24 +148,34 @@ def _mesh(file: Path) -> str:
         gmsh_files._check_header(file, "msh")
     except MeshError:
         return "no header"
-    arrays, complaint = file.with_name("arrays.npz"), file.with_name("complaint.txt")
-    nothing_else = ("0", "0", "0.0")  # neither halvings nor a degree nor a size
-    arguments = [str(file), str(arrays), str(complaint), str(_MESH_SECONDS), str(_MESH_BYTES), *nothing_else]
-    status = _in_a_child(lambda: os._exit(gmsh_process.main(arguments)), 2 * _MESH_SECONDS)
+    found = file.with_name("found")
+    request = {"file": str(file), "reader": "gmsh", "settings": {"halvings": 0, "degree": 0, "size": 0.0}}
+    request |= {"seconds": _MESH_SECONDS, "bytes": _MESH_BYTES, "sandbox": True}
+
+    def read() -> None:
+        os.dup2(os.open(found, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
+        os._exit(reading_process.main([json.dumps(request)]))
+
+    status = _in_a_child(read, 2 * _MESH_SECONDS)
     if status is None or os.WIFSIGNALED(status):
         return "broke gmsh"
-    if os.WEXITSTATUS(status) == gmsh_process.REFUSED:
-        assert complaint.read_text(encoding="utf-8").strip()
+    if os.WEXITSTATUS(status) == reading_process.REFUSED:
+        assert found.read_text(encoding="utf-8").strip()
         return "refused"
     assert os.WEXITSTATUS(status) == 0, f"the process of gmsh ends with {os.WEXITSTATUS(status)}"
-    status = _in_a_child(lambda: _solve_on(file, arrays), 120)
+    status = _in_a_child(lambda: _solve_on(file, found), 120)
     assert status == 0, f"a mesh that was accepted ends with {status}"
     return "meshes"
 
 
-def _solve_on(file: Path, arrays: Path) -> None:
+def _solve_on(file: Path, found: Path) -> None:
     """Solve Example 1 on a mesh that gmsh could read; boundaries may be missing, cells flat."""
-    gmsh_files._arrays = lambda *_: arrays
+
+    def load(*_: object, **__: object) -> RawMesh:
+        with found.open("rb") as stream:
+            return RawMesh.load(stream)
+
+    gmsh_files.read_separately = load
     try:
         tagged = read_mesh(file, MPI.COMM_SELF)
         scene = parse_scene(example1(law="Tresca"))

@@ -1,6 +1,5 @@
 """The short form of the fuzz cases, and what they have found."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -102,46 +101,3 @@ def test_broken_mesh(tmp_path, nodes, elements, message):
     file.write_text(MESH.replace("\nNODES", "\n" + nodes).replace("ELEMENTS", elements))
     with pytest.raises(MeshError, match=message):
         read_mesh(file, MPI.COMM_SELF)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        'SystemCall "touch PWNED";',
-        'NonBlockingSystemCall "touch PWNED";',
-        'OnelabRun("a", "touch PWNED");',
-        'Include "other.geo";',
-        'Merge "other.geo";',
-        'Merge StrCat("other", ".geo");',
-        'Printf("x") > "PWNED";',
-        'Field[1] = ExternalProcess; Field[1].CommandLine = "touch PWNED";',
-        'Save "PWNED";',
-        'CreateDir "PWNED";',
-        "Sleep 1e9;",
-    ],
-)
-@pytest.mark.parametrize("name", ["body.geo", "body.msh", "BODY.GEO"])
-def test_scripts_run_nothing(tmp_path, monkeypatch, name, command):
-    """A mesh is data: what else a script would do is refused with its line, whatever the file is called."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.geo").write_text('SystemCall "touch PWNED";')
-    file = tmp_path / name
-    file.write_text(f'// SystemCall "in a comment"\nx = 1;\n{command}\n')
-    with pytest.raises(MeshError, match=r"line 3: .* not allowed|does not begin with \$MeshFormat"):
-        read_mesh(file, MPI.COMM_SELF)
-    assert not (tmp_path / "PWNED").exists()
-    assert set(os.listdir(tmp_path)) == {name, "other.geo"}
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [('SystemCall "touch PWNED";', r"geo\.opt: line 1: SystemCall"), ("Print.Format = 10;", "no cells")],
-)
-def test_options_beside_a_script(tmp_path, monkeypatch, options, message):
-    """Gmsh runs FILE.opt along with FILE: it is looked at as well."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "body.geo").write_text("Point(1) = {0, 0, 0};")
-    (tmp_path / "body.geo.opt").write_text(options)
-    with pytest.raises(MeshError, match=message):
-        read_mesh(tmp_path / "body.geo", MPI.COMM_SELF)
-    assert not (tmp_path / "PWNED").exists()

@@ -181,17 +181,19 @@ def check(options: argparse.Namespace) -> int:
 
 
 def info(_: argparse.Namespace) -> int:
-    """Print versions, and the factorisations in use."""
+    """Print versions, the factorisations in use, and what confines the process that reads mesh files."""
     from mpi4py import MPI
 
     from signorini_fx import parallel
     from signorini_fx.linalg.full import factorisation_package
+    from signorini_fx.mesh.files import sandbox
     from signorini_fx.results.summary import versions
 
     comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]
     lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
     lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
+    lines.append(f"{'sandbox':14s} {' and '.join(sandbox.available()) or 'none'}, for reading mesh files")
     parallel.log_on_root(comm, "\n".join(lines))
     return EXIT_OK
 

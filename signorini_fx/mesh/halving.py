@@ -11,8 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from signorini_fx.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_of
+from signorini_fx.mesh.files.arrays import MeshArrays, sides_of
 from signorini_fx.mesh.files.cells import Cell, straight
+from signorini_fx.mesh.files.raw import row_keys, rows_of
 from signorini_fx.mesh.files.shape import Ints
 
 # Places on the reference cell in units of a quarter of a side, so that nodes between children's corners are whole

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
+from signorini_fx.mesh.files.arrays import MeshArrays, plain, sides_of
+from signorini_fx.mesh.files.raw import row_keys
 from signorini_fx.mesh.files.shape import Floats, Ints, measures, quality
 
 # Points closer than this share of the body's size are probably meant to be one node.

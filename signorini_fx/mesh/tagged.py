@@ -25,10 +25,11 @@ from signorini_fx import compat, meshes, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.distribution import from_root
 from signorini_fx.mesh.files import formats
-from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations, rows_of
+from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations
 from signorini_fx.mesh.files.cells import CELLS
-from signorini_fx.mesh.files.gmsh_files import CAD
+from signorini_fx.mesh.files.gmsh_reader import CAD
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
+from signorini_fx.mesh.files.raw import rows_of
 from signorini_fx.mesh.files.shape import Ints
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.arrays import MeshArrays, RawMesh, plain, rows_of
+from signorini_fx.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mesh.files.cells import Corners, straight
+from signorini_fx.mesh.files.raw import RawMesh, rows_of
 from signorini_fx.mesh.files.shape import Ints
 
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")

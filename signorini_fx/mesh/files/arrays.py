@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.magnitudes import LARGEST
@@ -26,26 +27,6 @@ _SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
 def plain(values: npt.NDArray[Any]) -> Any:
     """An array as lists of Python numbers."""
     return values.tolist()
-
-
-@dataclass
-class RawMesh:
-    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block.
-
-    Attributes:
-        points: positions, shape (n, 2) or (n, 3).
-        blocks: (kind in meshio's words, nodes of shape (elements, nodes of each)).
-        sets: name -> for each block the numbers of its elements that belong.
-        node_sets: name -> numbers of points.
-        data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
-            several its numbers, shape (elements, k); below 0 is none.
-    """
-
-    points: Floats
-    blocks: list[tuple[str, Ints]]
-    sets: dict[str, list[Ints]] = field(default_factory=dict)
-    node_sets: dict[str, Ints] = field(default_factory=dict)
-    data: dict[str, list[Ints]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -358,24 +339,6 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     if counts.min() > 1:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
     return sides[np.sort(first[counts == 1])]
-
-
-def row_keys(rows: Ints) -> Ints:
-    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
-    ordered = np.sort(rows, axis=1) + 1
-    largest = int(ordered.max(initial=0)) + 1
-    keys: Ints = ordered[:, 0]
-    for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow
-        keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
-    return keys
-
-
-def rows_of(wanted: Ints, there: Ints) -> Ints:
-    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1: nowhere."""
-    keys = row_keys(np.concatenate((there, wanted)))
-    place = np.full(int(keys.max(initial=0)) + 1, -1)
-    place[keys[: len(there)]] = np.arange(len(there))
-    return place[keys[len(there) :]]
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:

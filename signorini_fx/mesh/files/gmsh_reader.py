@@ -1,74 +1,65 @@
-"""The program that reads a gmsh file for ``gmsh_files``: it may crash, and imports nothing from this package.
-
-python3 -P gmsh_process.py FILE ARRAYS COMPLAINT SECONDS BYTES HALVINGS DEGREE SIZE
-
-The cells that gmsh makes of a drawing are divided HALVINGS times, and get nodes between their corners if DEGREE is 2,
-none if it is 1.  Those of a CAD drawing are SIZE long; 0: a fraction of the size of the body.
-"""
+"""gmsh files, within the process that reads them: ``reading_process``."""
 
 from __future__ import annotations
 
-import json
-import resource
-import signal
-import sys
-from collections.abc import Sequence
+import importlib
 from pathlib import Path
 from typing import Any
 
-REFUSED = 3
+import numpy as np
+
+from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.raw import RawMesh
+from signorini_fx.mesh.files.shape import Ints
+
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
-OUT_OF_TIME, KILLED = int(signal.SIGXCPU), int(signal.SIGKILL)
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
 _TYPES |= {13: "wedge18", 14: "pyramid14", 17: "hexahedron20"}
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Read a file within limits, and write what is in it as arrays, or what is wrong."""
-    file, arrays, complaint, seconds, memory, halvings, degree, size = arguments
-    _limit(resource.RLIMIT_CORE, 0, 0)
-    _limit(resource.RLIMIT_CPU, int(seconds), int(seconds) + 5)
-    _limit(resource.RLIMIT_AS, int(memory), int(memory))
-    try:
-        _read(file, arrays, int(halvings), int(degree), float(size))
-    except Exception as error:
-        reason = str(error) or f"gmsh cannot read it: {type(error).__name__}"
-        Path(complaint).write_text(reason.replace(f"'{file}', ", ""), encoding="utf-8")
-        return REFUSED
-    return 0
-
-
-def _limit(which: int, soft: int, hard: int) -> None:
-    """Set a limit, or keep the current one if it is tighter and may not be raised."""
-    _, there = resource.getrlimit(which)
-    if there != resource.RLIM_INFINITY:
-        soft, hard = min(soft, there), min(hard, there)
-    resource.setrlimit(which, (soft, hard))
-
-
-def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> None:
-    import gmsh
-    import numpy as np
-
+def load_libraries(_suffix: str) -> None:
+    """Load gmsh, which reads none of its files of options."""
+    gmsh = importlib.import_module("gmsh")
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("Mesh.RandomSeed", 1)
+
+
+def files_of(file: Path) -> list[Path]:
+    """The files that are opened."""
+    return [file]
+
+
+def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
+    """The content of a mesh, or of a drawing after gmsh has meshed it; physical groups are sets.
+
+    Args:
+        file: what it is, its suffix says.
+        halvings: how often the cells that gmsh makes of a drawing are divided.
+        degree: 2: they get nodes between their corners; 1: they get none; 0: as the drawing asks for.
+        size: length of the cells of a CAD drawing; 0: a fraction of the size of the body.
+
+    Raises:
+        ValueError: gmsh cannot read it.
+    """
+    gmsh = importlib.import_module("gmsh")
+    corners: dict[int, Any] = {}
     try:
-        suffix = Path(file).suffix.lower()
-        corners: dict[int, Any] = {}
+        suffix = file.suffix.lower()
         if suffix in CAD:
-            corners = _import(gmsh, file, CAD[suffix], size)
+            corners = _import(gmsh, str(file), CAD[suffix], size)
         else:
-            gmsh.merge(file)  # open would also run a file FILE.opt next to it
+            gmsh.merge(str(file))
         if suffix in CAD or suffix == ".geo":
             _mesh(gmsh, halvings, degree)
     except Exception as error:
-        raise ValueError(f"gmsh cannot read it: {error}") from None
+        reason = str(error).replace(f"'{file}', ", "")
+        raise ValueError(f"gmsh cannot read it: {reason}") from None
     tags, x, _ = gmsh.model.mesh.getNodes()
     tags = np.asarray(tags, dtype=np.int64)
     order = np.argsort(tags)
@@ -78,9 +69,8 @@ def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> No
     # Boundaries have one dimension less than the body.
     top = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2
     blocks: list[Any] = []
-    kinds: list[str] = []
-    physical: list[list[int]] = []
-    sets: dict[str, list[int]] = {}
+    physical: list[Any] = []
+    members: dict[str, list[int]] = {}
     for dim, entity in gmsh.model.getEntities():
         own = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
         if dim < top - 1 or ((dim in grouped or dim < top) and not own):
@@ -90,19 +80,21 @@ def _read(file: str, arrays: str, halvings: int, degree: int, size: float) -> No
             name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(kind)
             for tag in own:
                 label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
-                sets.setdefault(label, []).append(len(blocks))
-            blocks.append(_places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count))
-            kinds.append(_TYPES.get(int(kind), name))
-            physical.append(own)
-    np.savez(
-        arrays,
-        points=np.asarray(x).reshape(-1, 3),
-        kinds=json.dumps(kinds),
-        sets=json.dumps(sets),
-        physical=json.dumps(physical),
-        corners=json.dumps(corners),
-        **{f"block_{k}": nodes for k, nodes in enumerate(blocks)},
-    )
+                members.setdefault(label, []).append(len(blocks))
+            rows = _places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count)
+            blocks.append((_TYPES.get(int(kind), name), rows[:, _order(_TYPES.get(int(kind), name), count)]))
+            physical.append(np.tile(np.array(own or [-1], dtype=np.int64), (len(rows), 1)))
+    every: list[Ints] = [np.arange(len(nodes)) for _, nodes in blocks]
+    none: Ints = np.empty(0, dtype=np.int64)
+    sets = {name: [rows if k in own else none for k, rows in enumerate(every)] for name, own in members.items()}
+    return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners)
+
+
+def _order(kind: str, count: int) -> Any:
+    """Node k of an element here is the node with this number in gmsh."""
+    if kind == "hexahedron20":
+        return np.argsort(CELLS["hexahedron27"].gmsh_order[:20])
+    return np.argsort(CELLS[kind].gmsh_order) if kind in CELLS else np.arange(count)
 
 
 def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
@@ -161,13 +153,7 @@ def _untangle(gmsh: Any) -> None:
 
 def _places(tags: Any, order: Any, wanted: Any) -> Any:
     """Where the nodes with these numbers are; -1 for one that is not there."""
-    import numpy as np
-
     if not len(tags):
         return np.full(len(wanted), -1)
     places = order[np.searchsorted(tags, wanted, sorter=order).clip(max=len(tags) - 1)]
     return np.where(tags[places] == wanted, places, -1)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
