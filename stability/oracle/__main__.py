@@ -1,9 +1,11 @@
 """Random scenes, judged by a program that shares no code with the package.
 
-    ./env python3 -m stability.oracle [--scenes N] [--first SEED] [--jobs N] [--out DIR]        (make oracle)
-    ./env python3 -m stability.oracle --only SEED            one scene, with its file and every figure
+    ./env python3 -m stability.oracle [--plane N] [--space N] [--first SEED] [--jobs N] [--out DIR]        (make oracle)
+    ./env python3 -m stability.oracle --only plane SEED      one scene, with its file and every figure
+    ./env python3 -m stability.oracle --only space SEED --same-units      the same in units of the body
 
-Exit code 1 if a converged answer is wrong, an equilibrium is denied that there is, or anything ends without an outcome.
+Exit code 1 if a converged answer is wrong, an equilibrium is denied that there is, a certificate does not hold, a scene
+is refused without a documented reason, or anything ends without an outcome.
 """
 
 from __future__ import annotations
@@ -22,9 +24,9 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from stability.oracle.convex import cvxopt
-from stability.oracle.judge import CONVERGED, CRASHED, FAILURES, KINDS, RIGHT
-from stability.oracle.scenes import trial
-from stability.oracle.worker import MARK, Row, examined
+from stability.oracle.judge import CONVERGED, CRASHED, DOUBTFUL, FAILURES, KINDS, REFUSED, REPORTED, RIGHT
+from stability.oracle.units import same
+from stability.oracle.worker import MARK, TRIAL, Row, examined
 
 # Wall seconds for one scene; the first one of a process also compiles.
 _LIMIT, _START = 60.0, 180.0
@@ -33,24 +35,56 @@ _LIMIT, _START = 60.0, 180.0
 def main(arguments: Sequence[str] | None = None) -> int:
     """Examine random scenes."""
     parser = argparse.ArgumentParser(prog="python3 -m stability.oracle", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--scenes", type=int, default=2000, metavar="N", help="how many (2000)")
+    parser.add_argument("--plane", type=int, metavar="N", help="how many scenes in the plane (2000)")
+    parser.add_argument(
+        "--space", type=int, metavar="N", help="how many scenes in space (1000); one of the two alone: no others"
+    )
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
-    parser.add_argument("--only", type=int, metavar="SEED", help="one scene, with its file and every figure")
+    parser.add_argument("--only", nargs=2, metavar=("WHERE", "SEED"), help="one scene, with its file and every figure")
+    parser.add_argument("--same-units", action="store_true", help="units of the body, none at random")
     parser.add_argument("--out", type=Path, default=Path("results/oracle"), metavar="DIR")
     given = parser.parse_args(arguments)
     if cvxopt is None:
-        print(
-            "no CVXOPT (Debian: python3-cvxopt): conditions are judged, no convex programme is solved", file=sys.stderr
-        )
+        print("no CVXOPT (Debian: python3-cvxopt): conditions are judged, no programme is solved", file=sys.stderr)
     if given.only is not None:
-        return _one(given.only, given.out)
+        return _one(_DIMENSIONS[given.only[0]], int(given.only[1]), given.out, same_units=given.same_units)
+    counts = {2: given.plane, 3: given.space}
+    if given.plane is None and given.space is None:
+        counts = {2: 2000, 3: 1000}
+    begin, rows = time.monotonic(), list[Row]()
+    for dimension, count in counts.items():
+        rows += _examined(dimension, given.same_units, given.first, count or 0, given.jobs)
+    shown = "\n\n".join(
+        f"Scenes {'in the plane' if dimension == 2 else 'in space'}\n\n{table(some)}"
+        for dimension in counts
+        if (some := [row for row in rows if row.dimension == dimension])
+    )
+    print(f"\n{shown}\n")
+    given.out.mkdir(parents=True, exist_ok=True)
+    with (given.out / "oracle.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Row)])
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    told = [line(row) for row in rows if row.kind in FAILURES]
+    others = [line(row) for row in rows if row.kind in (REPORTED, DOUBTFUL, REFUSED)]
+    text = [shown, "", *told, "", "Not wrong, but no solution:", *others, ""]
+    (given.out / "oracle.txt").write_text("\n".join(text), encoding="utf-8")
+    print(f"{time.monotonic() - begin:.0f} s; written to {given.out}: oracle.txt, oracle.csv")
+    return int(bool(told))
+
+
+_DIMENSIONS = {"plane": 2, "space": 3}
+
+
+def _examined(dimension: int, same_units: bool, first: int, count: int, jobs: int) -> list[Row]:
+    """The rows of ``count`` scenes, by seed; what is wrong is printed when it is found."""
     begin, rows = time.monotonic(), list[Row]()
     found: queue.Queue[Row | None] = queue.Queue()
-    stop = given.first + given.scenes
-    for job in range(given.jobs):
-        threading.Thread(target=_work, args=(given.first + job, stop, given.jobs, found), daemon=True).start()
-    working = given.jobs
+    for job in range(jobs):
+        arguments = (dimension, same_units, first + job, first + count, jobs, found)
+        threading.Thread(target=_work, args=arguments, daemon=True).start()
+    working = jobs
     while working:
         if (row := found.get()) is None:
             working -= 1
@@ -59,30 +93,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if row.kind in FAILURES:
             print(f"\r\x1b[K{line(row)}" if sys.stderr.isatty() else line(row), flush=True)
         if sys.stderr.isatty() or len(rows) % 100 == 0:
-            count = Counter(row.kind in FAILURES for row in rows)
-            text = f"{len(rows)} of {given.scenes} scenes, {count[True]} wrong, {time.monotonic() - begin:.0f} s"
-            print(
-                f"\r\x1b[K{text}" if sys.stderr.isatty() else text,
-                end="" if sys.stderr.isatty() else "\n",
-                file=sys.stderr,
-            )
-    rows.sort(key=lambda row: row.seed)
-    print(f"\n{table(rows)}\n")
-    given.out.mkdir(parents=True, exist_ok=True)
-    with (given.out / "oracle.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Row)])
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-    wrong = [line(row) for row in rows if row.kind in FAILURES]
-    (given.out / "oracle.txt").write_text("\n".join([table(rows), "", *wrong, ""]), encoding="utf-8")
-    print(f"{time.monotonic() - begin:.0f} s; written to {given.out}: oracle.txt, oracle.csv")
-    return int(bool(wrong))
+            wrong = sum(row.kind in FAILURES for row in rows)
+            text = f"{len(rows)} of {count} scenes, {wrong} wrong, {time.monotonic() - begin:.0f} s"
+            start, end = ("\r\x1b[K", "") if sys.stderr.isatty() else ("", "\n")
+            print(f"{start}{text}", end=end, file=sys.stderr)
+    return sorted(rows, key=lambda row: row.seed)
 
 
-def _one(seed: int, out: Path) -> int:
+def _one(dimension: int, seed: int, out: Path, *, same_units: bool) -> int:
     """Examine one scene and show everything."""
-    drawn = trial(seed)
-    path = drawn.write(out / f"scene_{seed}")
+    drawn = TRIAL[dimension](seed, same(dimension) if same_units else None)
+    path = drawn.write(out / f"scene_{dimension}d_{seed}")
     print(path.read_text(encoding="utf-8"))
     verdict, about = examined(drawn)
     print(f"{path}\n{verdict.kind}: {verdict.outcome} {about} {verdict.note}")
@@ -95,7 +116,8 @@ def line(row: Row) -> str:
     """A scene in one line."""
     figure = f"{row.figure}: {row.value:.1e} times what is tolerated" if row.figure and row.value > 0 else row.note
     note = f"; {row.note}" if row.note and row.note != figure else ""
-    return f"scene {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
+    where = "plane" if row.dimension == 2 else "space"
+    return f"{where} {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -126,10 +148,15 @@ def _counts(title: str, kinds: Sequence[str], order: Iterable[str], groups: Sequ
     return "\n".join([*lines, f"| all | {' | '.join(map(str, total))} |"])
 
 
-def _work(first: int, stop: int, stride: int, found: queue.Queue[Row | None]) -> None:
+def _work(dimension: int, same_units: bool, first: int, stop: int, stride: int, found: queue.Queue[Row | None]) -> None:
     """Let worker processes examine every ``stride``-th scene; one that dies or is stuck costs its scene only."""
     while first < stop:
-        command = [sys.executable, "-m", "stability.oracle.worker", str(first), str(stop), str(stride)]
+        command = [
+            sys.executable,
+            "-m",
+            "stability.oracle.worker",
+            *map(str, (dimension, int(same_units), first, stop, stride)),
+        ]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
             assert process.stdout is not None
             lines: queue.Queue[str] = queue.Queue()
@@ -150,7 +177,7 @@ def _work(first: int, stop: int, stride: int, found: queue.Queue[Row | None]) ->
                     first, limit = first + stride, _LIMIT
             reader.join()
         if first < stop:
-            found.put(Row(first, CRASHED, "process died", note=reason))
+            found.put(Row(first, CRASHED, dimension, "process died", note=reason))
             first += stride
     found.put(None)
 

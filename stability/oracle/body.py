@@ -235,7 +235,7 @@ class Body:
             length = np.linalg.norm(normal, axis=2)
             force = np.stack([at_points(load.get(k, 0.0), flat).reshape(length.shape) * length for k in "xy"], axis=2)
             force -= at_points(load.get("pressure", 0.0), flat).reshape(length.shape)[:, :, None] * normal
-            nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * _factor(load, step)
+            nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
             np.add.at(total, self.facet_nodes(load["boundary"]), nodal)
         for load in listed(self.scene, "body_force"):
             xi, weights = elements.triangle(6) if self.corners.shape[1] == 3 else elements.square(self.degree + 2)
@@ -246,7 +246,7 @@ class Body:
             force = np.stack(
                 [at_points(load.get(k, 0.0), x.reshape(-1, 2)).reshape(size.shape) * size for k in "xy"], axis=2
             )
-            np.add.at(total, self.cells, np.einsum("cpi,pk->cki", force, values) * _factor(load, step))
+            np.add.at(total, self.cells, np.einsum("cpi,pk->cki", force, values) * factor_of(load, step))
         return total.ravel()
 
     def prescribed(self, step: int) -> Array:
@@ -256,12 +256,12 @@ class Body:
             nodes = np.unique(self.facet_nodes(support["boundary"]))
             for axis, key in enumerate("xy"):
                 if key in support:
-                    values[nodes, axis] = at_points(support[key], self.x[nodes]) * _factor(support, step)
+                    values[nodes, axis] = at_points(support[key], self.x[nodes]) * factor_of(support, step)
             if "normal" in support:
                 _, normal = self.facet_frames(support["boundary"], np.array([0.5]))
                 axis = int(np.argmax(np.abs(normal[0, 0])))
                 sign = np.sign(normal[0, 0, axis])
-                values[nodes, axis] = sign * at_points(support["normal"], self.x[nodes]) * _factor(support, step)
+                values[nodes, axis] = sign * at_points(support["normal"], self.x[nodes]) * factor_of(support, step)
         return values.ravel()
 
     # ---- contact
@@ -320,5 +320,6 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (int(a), int(b)) if a < b else (int(b), int(a))
 
 
-def _factor(effect: dict[str, Any], step: int) -> float:
+def factor_of(effect: dict[str, Any], step: int) -> float:
+    """The load factor of an effect in a load step."""
     return float(effect["factors"][step]) if "factors" in effect else 1.0

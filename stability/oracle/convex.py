@@ -87,6 +87,7 @@ class Programme:
         stiffening: how large such a difference can be for a distance of 1, relative.
         gap: the programme's own duality gap, relative to the energy.
         usable: whether it is small enough to judge by.
+        residual: by how much the programme misses its own constraints, relative.
     """
 
     displacement: float
@@ -95,6 +96,7 @@ class Programme:
     stiffening: float
     gap: float
     usable: bool
+    residual: float = 0.0
 
 
 def compare(

@@ -30,21 +30,25 @@ REPORTED = "failure reported"
 REFUSED = "scene refused"
 DOUBTFUL = "no equilibrium of Coulomb friction, though statics would allow for one"
 DENIED = "no equilibrium, but there is one: WRONG"
+UNCERTIFIED = "certificate does not hold: WRONG"
+REFUSED_WRONGLY = "scene refused: WRONG"
 WRONG = "converged, but WRONG"
 CRASHED = "no outcome: traceback, crash or time limit"
-KINDS = (RIGHT, NO_BALANCE, REPORTED, REFUSED, DOUBTFUL, DENIED, WRONG, CRASHED)
-FAILURES = (DENIED, WRONG, CRASHED)
+KINDS = (RIGHT, NO_BALANCE, REPORTED, REFUSED, DOUBTFUL, UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
+FAILURES = (UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
 
 CONVERGED = "converged"
 NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium", "slides, no static equilibrium"
+NO_EQUILIBRIUM = (NOT_HELD, OPEN, SLIDES)
+NOT_CERTIFIED = "certificate does not hold"
 
 # Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with
 # Coulomb friction the bound of the programme is that of the answer, which is a fixed point to ``tolerance`` only.
-_AGREE, _AGREE_COULOMB = 1e-6, 1e-5
+AGREE, AGREE_COULOMB = 1e-6, 1e-5
 # The error allowed for the model of path-following.
-_MODEL = 2.0
+MODEL = 2.0
 # The penalty of gamma = auto, in units of E over the size of the body: docs/guide.md.
-_AUTOMATIC_GAMMA = 1e5
+AUTOMATIC_GAMMA = 1e5
 
 
 @dataclass(frozen=True)
@@ -113,9 +117,9 @@ def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
     contact = contact_of(body)
     if answer.outcome == CONVERGED:
         return _converged(body, contact, answer)
-    if answer.outcome in (NOT_HELD, OPEN, SLIDES):
+    if answer.outcome in NO_EQUILIBRIUM:
         return _no_equilibrium(body, contact, answer)
-    return Verdict(REPORTED, answer.outcome)
+    return Verdict(UNCERTIFIED if answer.outcome == NOT_CERTIFIED else REPORTED, answer.outcome)
 
 
 def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
@@ -128,7 +132,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
     if len(answer.steps) != body.steps:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
-    last = _in_order(body.x, answer.place, body.size)
+    last = in_order(body.x, answer.place, body.size)
     if last is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
     origin = Origin.nothing(len(contact.nodes))
@@ -149,7 +153,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 compared += 1
                 # The energy is strongly convex: a gap of that size allows for no larger distance.
                 far = np.sqrt(2 * programme.gap)
-                near = _AGREE_COULOMB if contact.follows_pressure else _AGREE
+                near = AGREE_COULOMB if contact.follows_pressure else AGREE
                 worse({"convex: displacement": programme.displacement / (near + far)})
                 worse({"convex: force": programme.force / (near + far * max(1.0, programme.stiffening))})
             else:
@@ -170,10 +174,10 @@ def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said:
     if limit is None or not limit.usable:
         return {}
     distance = limit.distance / np.sqrt(u.ravel() @ (body.stiffness @ u.ravel()))
-    found = {"regularisation error reported": distance / (_MODEL * said + _AGREE)}
+    found = {"regularisation error reported": distance / (MODEL * said + AGREE)}
     asked = body.scene["solver"].get("regularisation_error", "auto")
     if asked != "auto":
-        found["regularisation error asked for"] = distance / (asked + _AGREE)
+        found["regularisation error asked for"] = distance / (asked + AGREE)
     return found
 
 
@@ -187,7 +191,7 @@ def _promised(
     augmented = any("augmented Lagrangian" in event for event in answer.events)
     if algorithm in ("alm", "exact") or (augmented and not answer.steps[number].regularised):
         return 0.0, 0.0
-    automatic = _AUTOMATIC_GAMMA * body.young / body.size
+    automatic = AUTOMATIC_GAMMA * body.young / body.size
     asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
     asked = [automatic if gamma == "auto" else gamma for gamma in asked]
     if algorithm != "path-following":
@@ -235,7 +239,7 @@ def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, o
     }
 
 
-def _in_order(x: Array, place: Array, size: float) -> Ints | None:
+def in_order(x: Array, place: Array, size: float) -> Ints | None:
     """Which of the given places each node is; None where they do not match one to one."""
     if len(x) != len(place):
         return None
@@ -254,7 +258,7 @@ def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -
         return None
     for part, name in enumerate(names):
         theirs, ours = np.flatnonzero(table["boundary"] == name), np.flatnonzero(contact.part == part)
-        order = _in_order(body.x[contact.nodes[ours]], place[theirs], body.size) if len(theirs) else None
+        order = in_order(body.x[contact.nodes[ours]], place[theirs], body.size) if len(theirs) else None
         if order is None:
             return None
         rows[ours] = theirs[order]

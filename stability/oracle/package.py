@@ -16,6 +16,7 @@ from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 from stability.oracle.body import Mesh
 from stability.oracle.judge import Answer, Step
+from stability.oracle.units import Units, same
 
 
 def solution_of(scene: Path) -> Solution:
@@ -23,36 +24,41 @@ def solution_of(scene: Path) -> Solution:
     return solve(read_scene(scene), MPI.COMM_SELF, check=False)
 
 
-def answer_of(solution: Solution) -> Answer:
-    """The results as plain arrays."""
+def answer_of(solution: Solution, units: Units | None = None) -> Answer:
+    """The results as plain arrays, taken back from the units of the scene to those of the body."""
     space = solution.displacement.function_space
+    dimension = space.mesh.geometry.dim
+    units = units or same(dimension)
     names = [effect.boundary for effect in solution.scene.contact]
     tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
     told = solution.parameters
+    stiffness = units.of((-1, 1))
     return Answer(
         outcome=solution.status.value,
-        place=space.tabulate_dof_coordinates()[:, :2].copy(),
-        displacement=solution.displacement.x.array.reshape(-1, 2).copy(),
+        place=space.tabulate_dof_coordinates()[:, :dimension] / units.length,
+        displacement=solution.displacement.x.array.reshape(-1, dimension) / units.length,
         steps=[
-            Step(table.columns, step.certificate.law.regularised)
+            Step(units.table(table.columns), step.certificate.law.regularised)
             for table, step in zip(tables, solution.steps, strict=True)
         ],
-        gamma=(told.get("gamma_n", np.inf), told.get("gamma_t", np.inf)),
+        gamma=(told.get("gamma_n", np.inf) / stiffness, told.get("gamma_t", np.inf) / stiffness),
         events=tuple(map(str, solution.history.events)),
         regularisation_error=told.get("regularisation_error"),
     )
 
 
-def mesh_of(solution: Solution) -> Mesh:
+def mesh_of(solution: Solution, units: Units | None = None) -> Mesh:
     """The mesh that was solved on, for scenes whose mesh a generator of the package makes."""
     tagged = solution.discretisation.tagged
-    mesh = tagged.mesh
+    mesh, dimension = tagged.mesh, tagged.dimension
     cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)
-    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(dimension - 1, dimension)
+    corners = dimension if mesh.topology.cell_name() in ("triangle", "tetrahedron") else 2 ** (dimension - 1)
     boundaries = {}
     for name in tagged.boundaries:
         facets = tagged.facets(name)
-        nodes: Any = dmesh.entities_to_geometry(mesh, 1, facets) if facets.size else np.empty((0, 2))
-        boundaries[name] = np.asarray(nodes, dtype=np.int64)[:, :2]
+        nodes: Any = dmesh.entities_to_geometry(mesh, dimension - 1, facets) if facets.size else np.empty((0, corners))
+        boundaries[name] = np.asarray(nodes, dtype=np.int64)[:, :corners]
     regions = {name: tagged.cells(name).astype(np.int64) for name in tagged.regions}
-    return Mesh(mesh.geometry.x[:, :2].copy(), cells, boundaries, regions)
+    length = (units or same(dimension)).length
+    return Mesh(mesh.geometry.x[:, :dimension] / length, cells, boundaries, regions)

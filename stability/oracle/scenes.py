@@ -1,6 +1,6 @@
 """Random scenes with fixed seeds: bodies, meshes, materials, supports, loads, foundations, laws and settings together.
 
-Lengths and stresses are drawn for a body of about size 1 with E = 1, and then put into units of their own.
+They are drawn for a body of about size 1 with E = 1, and written in units of their own.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from stability.oracle.body import Mesh
 from stability.oracle.elements import Array, Ints
+from stability.oracle.units import AS_DRAWN, Units
 
 SIDES = ("left", "right", "bottom", "top")
 
@@ -26,55 +27,78 @@ class Trial:
 
     Attributes:
         seed: its number.
-        scene: what its TOML file says.
+        scene: what its TOML file says, in units of the body.
         mesh: its mesh; None where a generator of the package makes it.
+        units: what the scene file is written in.
     """
 
     seed: int
     scene: dict[str, Any]
     mesh: Mesh | None
+    units: Units = AS_DRAWN
 
     def write(self, folder: Path) -> Path:
-        """Scene file, and mesh file beside it; the path of the scene."""
+        """Scene file, and mesh file beside it, in their units; the path of the scene."""
         folder.mkdir(parents=True, exist_ok=True)
         if self.mesh is not None:
-            write_abaqus(folder / "body.inp", self.mesh)
+            write_abaqus(folder / "body.inp", self.mesh, self.units.length)
         path = folder / "scene.toml"
-        path.write_text(tomli_w.dumps(self.scene), encoding="utf-8")
+        path.write_text(tomli_w.dumps(self.units.scene(self.scene)), encoding="utf-8")
         return path
 
 
-def write_abaqus(file: Path, mesh: Mesh) -> None:
-    """The mesh with its names as an Abaqus input file: boundaries are sets of line elements, regions of cells."""
-    around = [0, 1, 3, 2] if mesh.cells.shape[1] == 4 else [0, 1, 2]
-    lines = ["*NODE", *(f"{n}, {x!r}, {y!r}" for n, (x, y) in enumerate(mesh.points.tolist(), 1))]
-    lines.append(f"*ELEMENT, TYPE=CPE{len(around)}")
-    lines += [", ".join(map(str, [n, *(row[around] + 1).tolist()])) for n, row in enumerate(mesh.cells, 1)]
-    number = len(mesh.cells)
-    for name, facets in mesh.boundaries.items():
-        lines.append(f"*ELEMENT, TYPE=T2D2, ELSET={name}")
-        for a, b in (facets + 1).tolist():
+# Abaqus's type and order of the corners of cells and facets, by dimension and number of corners.
+_ABAQUS = {
+    (2, 2): ("T2D2", [0, 1]),
+    (2, 3): ("CPE3", [0, 1, 2]),
+    (2, 4): ("CPE4", [0, 1, 3, 2]),
+    (3, 3): ("S3", [0, 1, 2]),
+    (3, 4): ("S4", [0, 1, 3, 2]),
+    (3, 8): ("C3D8", [0, 1, 3, 2, 4, 5, 7, 6]),
+}
+
+
+def write_abaqus(file: Path, mesh: Mesh, length: float = 1.0) -> None:
+    """The mesh with its names as an Abaqus input file: boundaries are sets of line or shell elements, regions of cells.
+
+    Args:
+        file: where to.
+        mesh: straight cells.
+        length: a length of 1 in the units of the file.
+    """
+    dimension = mesh.points.shape[1]
+    lines = ["*NODE"]
+    lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate((length * mesh.points).tolist(), 1)]
+    number = 0
+    for name, rows in (("", mesh.cells), *mesh.boundaries.items()):
+        tetrahedra = not name and (dimension, rows.shape[1]) == (3, 4)
+        kind, around = ("C3D4", [0, 1, 2, 3]) if tetrahedra else _ABAQUS[dimension, rows.shape[1]]
+        lines.append(f"*ELEMENT, TYPE={kind}" + (f", ELSET={name}" if name else ""))
+        for row in (rows[:, around] + 1).tolist():
             number += 1
-            lines.append(f"{number}, {a}, {b}")
+            lines.append(", ".join(map(str, [number, *row])))
     for name, cells in mesh.regions.items():
         lines.append(f"*ELSET, ELSET={name}")
         lines += [str(cell + 1) for cell in cells.tolist()]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-class _Dice:
+class Dice:
     """Random choices of one seed."""
 
-    def __init__(self, seed: int) -> None:
-        self.random = np.random.default_rng([20050831, seed])
+    def __init__(self, seed: int, *stream: int) -> None:
+        self.random = np.random.default_rng([20050831, seed, *stream])
 
     def chance(self, probability: float) -> bool:
+        """Whether something happens."""
         return bool(self.random.random() < probability)
 
     def one_of(self, *choices: Any) -> Any:
+        """One of the choices, all of them equally often."""
         return choices[int(self.random.integers(len(choices)))]
 
     def between(self, low: float, high: float) -> float:
+        """A number between the two."""
         return float(self.random.uniform(low, high))
 
     def power(self, low: float, high: float) -> float:
@@ -82,55 +106,61 @@ class _Dice:
         return float(10 ** self.random.uniform(low, high))
 
     def whole(self, low: int, high: int) -> int:
+        """A whole number from the one to the other."""
         return int(self.random.integers(low, high + 1))
 
 
-def trial(seed: int) -> Trial:
-    """The scene of a seed."""
-    dice = _Dice(seed)
+def drawn_units(seed: int, dimension: int) -> Units:
+    """The units of a seed: lengths and forces from 1e-9 to 1e9, each for itself."""
+    dice = Dice(seed, dimension, 1)
+    return Units(dice.power(-9, 9), dice.power(-9, 9), dimension)
+
+
+def trial(seed: int, units: Units | None = None) -> Trial:
+    """The scene of a seed in the plane, in its own units or in given ones."""
+    dice = Dice(seed)
     angle = dice.one_of(0.0, 0.0, 0.0, np.pi / 2, np.pi, dice.between(0, 2 * np.pi))
-    length, stress = (dice.power(-4, 4), dice.power(-3, 12)) if dice.chance(0.4) else (1.0, 1.0)
-    units = _Units(length, stress, angle)
-    generated = _generated(dice, units) if dice.chance(0.12) else None
+    if dice.chance(0.4):  # not used: seeds keep their scenes, whose units were once drawn here
+        dice.random.random(2)
+    turn = _Turn(angle)
+    generated = _generated(dice) if dice.chance(0.12) else None
     if generated is not None:
-        units = _Units(length, stress, 0.0)
+        turn = _Turn(0.0)
         source, mesh, degree, names = generated
     else:
-        mesh = _own_mesh(dice, units)
+        mesh = _own_mesh(dice, turn)
         source, names = {"file": "body.inp"}, {side: side for side in SIDES}
         degree = dice.one_of(1, 1, 2)
         if len(mesh.cells) > 400:
             degree = 1
     scene: dict[str, Any] = {"title": f"seed {seed}", "mesh": source, "element": {"degree": degree}}
-    scene["material"] = _materials(dice, units, mesh)
+    scene["material"] = _materials(dice, turn, mesh)
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
         scene["element"]["volumetric"] = "auto"
     elif degree == 2 and dice.chance(0.1):
         scene["element"]["volumetric"] = "reduced"
     steps = dice.one_of(1, 1, 1, 1, 2, 3, 4)
-    _hold_and_load(dice, units, scene, names, steps)
-    scene["contact"] = _contacts(dice, units, scene, names, mesh)
-    solver = _solver(dice, units, scene)
-    if solver.get("algorithm") == "exact" and _held_across(scene, names, units):
+    _hold_and_load(dice, turn, scene, names, steps)
+    scene["contact"] = _contacts(dice, turn, scene, names, mesh)
+    solver = _solver(dice, turn, scene)
+    if solver.get("algorithm") == "exact" and _held_across(scene, names, turn):
         solver["algorithm"] = "alm"
     if solver:
         scene["solver"] = solver
-    return Trial(seed, scene, mesh)
+    return Trial(seed, scene, mesh, units or drawn_units(seed, 2))
 
 
-def _held_across(scene: dict[str, Any], names: dict[str, str], units: _Units) -> bool:
+def _held_across(scene: dict[str, Any], names: dict[str, str], turn: _Turn) -> bool:
     """Whether ``exact`` is mostly refused: a support holds an end of the contact boundary across its normal."""
     supports = [effect for effect in scene.get("displacement", []) if effect["boundary"] != names["top"]]
-    sliding = [e for e in supports if "normal" in e or (len({"x", "y"} & set(e)) == 1 and units.straight)]
+    sliding = [e for e in supports if "normal" in e or (len({"x", "y"} & set(e)) == 1 and turn.straight)]
     return len(sliding) < len(supports) or any("gap" in effect for effect in scene["contact"][1:] if supports)
 
 
 @dataclass(frozen=True)
-class _Units:
-    """The unit of length and stress of a scene, and by what angle it is turned."""
+class _Turn:
+    """By what angle a scene is turned."""
 
-    length: float
-    stress: float
     angle: float
 
     def turn(self, x: float, y: float) -> tuple[float, float]:
@@ -139,12 +169,12 @@ class _Units:
 
     def place(self, points: Array) -> Array:
         c, s = np.cos(self.angle), np.sin(self.angle)
-        return self.length * points @ np.array([[c, s], [-s, c]])
+        return points @ np.array([[c, s], [-s, c]])
 
     @property
     def along(self) -> str:
-        """The coordinate that runs along the foundation, before the turn, in units of the body."""
-        c, s = np.cos(self.angle) / self.length, np.sin(self.angle) / self.length
+        """The coordinate that runs along the foundation, before the turn."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
         return f"({float(c)!r}*x[0] + {float(s)!r}*x[1])"
 
     @property
@@ -156,7 +186,7 @@ class _Units:
 # ---- meshes
 
 
-def grid(nx: int, ny: int, cell: str, dice: _Dice | None = None) -> tuple[Array, Ints, dict[str, Ints]]:
+def grid(nx: int, ny: int, cell: str, dice: Dice | None = None) -> tuple[Array, Ints, dict[str, Ints]]:
     """A grid of the unit square with the names of its sides."""
     x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1))
     points = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -172,7 +202,7 @@ def grid(nx: int, ny: int, cell: str, dice: _Dice | None = None) -> tuple[Array,
     return points, cells, {name: np.stack([n[:-1], n[1:]], axis=1) for name, n in lines.items()}
 
 
-def _shape(dice: _Dice) -> Callable[[Array], Array]:
+def _shape(dice: Dice) -> Callable[[Array], Array]:
     """A map of the unit square: rectangle, wedge, leaning block, arch, bulge."""
     width, height = dice.between(0.7, 3.0), dice.between(0.4, 1.2)
     kind = dice.one_of("rectangle", "rectangle", "wedge", "lean", "arch", "bulge", "wave")
@@ -196,7 +226,7 @@ def _shape(dice: _Dice) -> Callable[[Array], Array]:
     return place
 
 
-def _own_mesh(dice: _Dice, units: _Units) -> Mesh:
+def _own_mesh(dice: Dice, turn: _Turn) -> Mesh:
     """A mesh of one body or of several pieces."""
     if dice.chance(0.2):
         mesh = _polygon(dice)
@@ -218,10 +248,10 @@ def _own_mesh(dice: _Dice, units: _Units) -> Mesh:
             mesh = Mesh(
                 points, mesh.cells, mesh.boundaries, {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)}
             )
-    return Mesh(units.place(points), mesh.cells, mesh.boundaries, mesh.regions)
+    return Mesh(turn.place(points), mesh.cells, mesh.boundaries, mesh.regions)
 
 
-def _piece(dice: _Dice, nx: int, cell: str) -> Mesh:
+def _piece(dice: Dice, nx: int, cell: str) -> Mesh:
     """A mapped grid, sometimes with inner nodes displaced at random."""
     ny = max(1, min(12, dice.one_of(1, nx // 3, nx // 2, nx)))
     points, cells, boundaries = grid(nx, ny, cell, dice)
@@ -247,7 +277,7 @@ def _beside(mesh: Mesh, other: Mesh) -> Mesh:
     )
 
 
-def _polygon(dice: _Dice) -> Mesh:
+def _polygon(dice: Dice) -> Mesh:
     """A random polygon that is seen whole from its middle, triangulated, its outline named by direction."""
     while True:
         corners = dice.whole(5, 9)
@@ -307,36 +337,38 @@ def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
     return Mesh(points, cells, boundaries) if all(len(f) for f in boundaries.values()) else None
 
 
-def _generated(dice: _Dice, units: _Units) -> tuple[dict[str, Any], None, int, dict[str, str]]:
+def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str]]:
     """A mesh of a generator of the package, with the names that its sides go by."""
-    size, order = units.length, dice.one_of(1, 2)
+    order = dice.one_of(1, 2)
     kind = dice.one_of("rectangle", "wedge", "ring_segment", "half_disk", "block", "punch", "block_on_cylinder")
     cell = dice.one_of("triangle", "quadrilateral")
     parameters: dict[str, Any] = {"cell": cell}
     names = {side: side for side in SIDES}
     if kind in ("rectangle", "block"):
         nx = dice.one_of(4, 8, 12)
-        parameters |= {"length": 2.0 * size, "height": size, "nx": nx, "ny": nx // 2}
+        parameters |= {"length": 2.0, "height": 1.0, "nx": nx, "ny": nx // 2}
         order = 1
         if kind == "block":
             parameters["layout"] = dice.one_of("structured", "graded", "unstructured")
     elif kind == "wedge":
-        parameters |= {"tip": 0.5 * size, "height": size, "angle": dice.between(5, 30), "nx": 6, "ny": 8}
+        parameters |= {"tip": 0.5, "height": 1.0, "angle": dice.between(5, 30), "nx": 6, "ny": 8}
         names["bottom"] = dice.one_of("tip", "left")
+        if names["bottom"] == "left":
+            names["left"] = "right"
         order = 1
     else:
-        parameters |= {"size": 0.3 * size, "contact_size": dice.one_of(0.05, 0.1) * size, "contact_zone": 0.2 * size}
+        parameters |= {"size": 0.3, "contact_size": dice.one_of(0.05, 0.1), "contact_zone": 0.2}
         if kind == "ring_segment":
-            parameters |= {"radius": size, "thickness": 0.4 * size, "angle": 60.0}
+            parameters |= {"radius": 1.0, "thickness": 0.4, "angle": 60.0}
             names |= {"bottom": "outer", "top": "inner"}
         elif kind == "half_disk":
-            parameters |= {"radius": size}
+            parameters |= {"radius": 1.0}
             names = {"bottom": "arc", "top": "top", "left": "top", "right": "top"}
         elif kind == "punch":
-            parameters |= {"width": 2 * size, "height": size, "rounding": 0.25 * size}
+            parameters |= {"width": 2.0, "height": 1.0, "rounding": 0.25}
             names |= {"bottom": "foot"}
         else:
-            parameters |= {"length": 2.5 * size, "height": 1.2 * size, "radius": size, "angle": 50.0}
+            parameters |= {"length": 2.5, "height": 1.2, "radius": 1.0, "angle": 50.0}
             names |= {"bottom": "seat"}
         parameters["order"] = order
     degree = 2 if order == 2 else dice.one_of(1, 2)
@@ -346,19 +378,19 @@ def _generated(dice: _Dice, units: _Units) -> tuple[dict[str, Any], None, int, d
 # ---- effects
 
 
-def _materials(dice: _Dice, units: _Units, mesh: Mesh | None) -> list[dict[str, Any]]:
+def _materials(dice: Dice, turn: _Turn, mesh: Mesh | None) -> list[dict[str, Any]]:
     hypothesis = dice.one_of("plane strain", "plane strain", "plane strain", "plane stress")
 
     def one(young: float) -> dict[str, Any]:
         poisson = dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999, -0.3)
-        return {"young": young * units.stress, "poisson": poisson, "hypothesis": hypothesis}
+        return {"young": young, "poisson": poisson, "hypothesis": hypothesis}
 
     if mesh is not None and mesh.regions:
         return [one(1.0) | {"region": "hard"}, one(dice.power(-2, 0)) | {"region": "soft"}]
     return [one(1.0)]
 
 
-def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dict[str, str], steps: int) -> None:
+def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], steps: int) -> None:
     """Supports, tractions and a body force; with several steps some of them follow factors."""
 
     def factors() -> list[float]:
@@ -373,54 +405,50 @@ def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dic
         return load | {"factors": factors()} if steps > 1 and dice.chance(probability) else load
 
     def vector(x: float, y: float, scale: float) -> dict[str, float]:
-        a, b = units.turn(x, y)
+        a, b = turn.turn(x, y)
         return {"x": a * scale, "y": b * scale}
 
     size = dice.power(-5, -2)
-    small = size * units.length
     kind = dice.one_of("sides", "left", "left", "top", "top", "rail", "none", "left and right", "normal")
     supports: list[dict[str, Any]] = []
-    across, along = ("x", "y") if abs(np.cos(units.angle)) > 0.5 else ("y", "x")
+    across, along = ("x", "y") if abs(np.cos(turn.angle)) > 0.5 else ("y", "x")
     if kind == "sides":
         supports = [{"boundary": names[side], across: 0.0} for side in ("left", "right")]
     elif kind == "left":
         supports = [{"boundary": names["left"], "x": 0.0, "y": 0.0}]
     elif kind == "top":
-        drop = stepped({"boundary": names["top"], **vector(dice.between(-1, 1), -dice.between(0.2, 2), small)}, 0.8)
+        drop = stepped({"boundary": names["top"], **vector(dice.between(-1, 1), -dice.between(0.2, 2), size)}, 0.8)
         supports = [drop]
     elif kind == "rail":
         supports = [{"boundary": names["left"], across: 0.0}]
     elif kind == "left and right":
-        value = f"{small!r}*{units.along}" if dice.chance(0.5) else dice.between(-1, 1) * small
+        value = f"{size!r}*{turn.along}" if dice.chance(0.5) else dice.between(-1, 1) * size
         supports = [{"boundary": names["left"], across: 0.0}, stepped({"boundary": names["right"], along: value}, 0.7)]
     elif kind == "normal":
         straight = scene["mesh"].get("generator") in ("rectangle", "block")
         supports = [{"boundary": names["left"], **({"normal": 0.0} if straight else {"x": 0.0, "y": 0.0})}]
     tractions: list[dict[str, Any]] = []
-    press = size * units.stress
     if kind != "top" or dice.chance(0.3):
         side = names["right" if kind == "top" else "top"]
         style = dice.one_of("press", "press", "slant", "slant", "pressure", "linear", "part")
         if style == "press":
-            tractions.append({"boundary": side, **vector(0.0, -1.0, press)})
+            tractions.append({"boundary": side, **vector(0.0, -1.0, size)})
         elif style == "slant":
-            tractions.append({"boundary": side, **vector(dice.between(-1, 1), -1.0, press)})
+            tractions.append({"boundary": side, **vector(dice.between(-1, 1), -1.0, size)})
         elif style == "pressure":
-            tractions.append({"boundary": side, "pressure": press})
+            tractions.append({"boundary": side, "pressure": size})
         elif style == "linear":
-            tractions.append({"boundary": side, "pressure": f"{press!r}*(1 + 0.4*{units.along})"})
+            tractions.append({"boundary": side, "pressure": f"{size!r}*(1 + 0.4*{turn.along})"})
         else:
             cut = dice.between(-0.5, 0.5)
-            tractions.append(
-                {"boundary": side, "pressure": f"{press!r} if {units.along} < {cut!r} else {0.2 * press!r}"}
-            )
+            tractions.append({"boundary": side, "pressure": f"{size!r} if {turn.along} < {cut!r} else {0.2 * size!r}"})
         if steps > 1:
             tractions[0] = stepped(tractions[0], 0.3)
         if dice.chance(0.4):
-            push = vector(dice.between(-1, 1), dice.between(-0.4, 0.2), 0.6 * press)
+            push = vector(dice.between(-1, 1), dice.between(-0.4, 0.2), 0.6 * size)
             tractions.append(stepped({"boundary": names[dice.one_of("left", "right", "top")], **push}, 0.7))
     if dice.chance(0.25):
-        scene["body_force"] = stepped(vector(dice.between(-0.3, 0.3), -1.0, press / units.length), 0.3)
+        scene["body_force"] = stepped(vector(dice.between(-0.3, 0.3), -1.0, size), 0.3)
     if steps > 1 and not any("factors" in effect for effect in [*supports, *tractions, scene.get("body_force", {})]):
         if tractions:
             tractions[-1]["factors"] = factors()
@@ -434,37 +462,36 @@ def _hold_and_load(dice: _Dice, units: _Units, scene: dict[str, Any], names: dic
 
 
 def _contacts(
-    dice: _Dice, units: _Units, scene: dict[str, Any], names: dict[str, str], mesh: Mesh | None
+    dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], mesh: Mesh | None
 ) -> list[dict[str, Any]]:
     size = scene.pop("_size")
-    press, small = size * units.stress, size * units.length
 
     def friction() -> dict[str, Any]:
         kind = dice.one_of("none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb")
         if kind == "none":
             return {"law": "none"}
         if kind == "tresca":
-            bound = press * dice.power(-2, 1)
+            bound = size * dice.power(-2, 1)
             if dice.chance(0.3):
-                return {"law": "tresca", "bound": f"{bound!r}*abs(sin({dice.between(1, 9)!r}*{units.along}))"}
+                return {"law": "tresca", "bound": f"{bound!r}*abs(sin({dice.between(1, 9)!r}*{turn.along}))"}
             return {"law": "tresca", "bound": bound}
         coefficient: Any = dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))
         if dice.chance(0.25):
-            coefficient = f"{coefficient!r} if {units.along} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
+            coefficient = f"{coefficient!r} if {turn.along} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
         law = {"law": "coulomb", "coefficient": coefficient}
         if dice.chance(0.15):
-            law["cap"] = press * dice.power(-1, 1)
+            law["cap"] = size * dice.power(-1, 1)
         return law
 
     def gap() -> Any:
         return dice.one_of(
             0.0,
             0.0,
-            small * dice.between(-0.5, 1.0),
-            f"{small * dice.power(-1, 1)!r}*({units.along} - {dice.between(-0.5, 0.5)!r})**2",
-            f"{small * dice.power(-1, 0.5)!r}*abs(sin({dice.between(1, 9)!r}*{units.along}))",
-            f"{small!r} if {units.along} < {dice.between(-0.5, 0.5)!r} else 0.0",
-            f"{small * dice.between(-1, 1)!r}*{units.along}",
+            size * dice.between(-0.5, 1.0),
+            f"{size * dice.power(-1, 1)!r}*({turn.along} - {dice.between(-0.5, 0.5)!r})**2",
+            f"{size * dice.power(-1, 0.5)!r}*abs(sin({dice.between(1, 9)!r}*{turn.along}))",
+            f"{size!r} if {turn.along} < {dice.between(-0.5, 0.5)!r} else 0.0",
+            f"{size * dice.between(-1, 1)!r}*{turn.along}",
         )
 
     def contact(boundary: str) -> dict[str, Any]:
@@ -472,7 +499,7 @@ def _contacts(
         if dice.chance(0.08):
             found["kind"] = "bilateral"
         if boundary == names["bottom"] and dice.chance(0.2):
-            found["direction"] = list(units.turn(dice.between(-0.4, 0.4), -1.0))
+            found["direction"] = list(turn.turn(dice.between(-0.4, 0.4), -1.0))
         return found
 
     found = [contact(names["bottom"])]
@@ -483,8 +510,8 @@ def _contacts(
     return found
 
 
-def _solver(dice: _Dice, units: _Units, scene: dict[str, Any]) -> dict[str, Any]:
-    natural = 1e5 * units.stress / units.length
+def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
+    natural = 1e5
     found: dict[str, Any] = {}
     algorithm = dice.one_of(
         "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "exact", "exact"
@@ -502,7 +529,7 @@ def _solver(dice: _Dice, units: _Units, scene: dict[str, Any]) -> dict[str, Any]
     if dice.chance(0.2):
         found["linear_algebra"] = dice.one_of("full", "condensed", "condensed", "krylov")
     if dice.chance(0.08):
-        found["initial_contact"] = f"{units.along} < {dice.between(-0.3, 0.5)!r}"
+        found["initial_contact"] = f"{turn.along} < {dice.between(-0.3, 0.5)!r}"
     if "generator" in scene["mesh"] and dice.chance(0.2):
         found["levels"] = 2
     if algorithm == "alm" and dice.chance(0.2):

@@ -1,0 +1,325 @@
+"""The conditions that a solution of a contact problem in space has to meet, point by point, from plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import null_space
+from scipy.sparse import coo_array, csr_array, vstack
+
+from stability.oracle import elements as plane
+from stability.oracle.body import listed
+from stability.oracle.conditions import TOLERANCE
+from stability.oracle.elements import Array, Ints, at_points
+from stability.oracle.space.body import Body
+
+_EPS = float(np.finfo(float).eps)
+# A support leaves a direction free if more than this of it is.
+_FREE = 1e-8
+
+
+@dataclass(frozen=True)
+class Contact:
+    """All contact points of a scene, a row for each point of each contact boundary.
+
+    Attributes:
+        part: which contact boundary.
+        x: position.
+        shares: share of each node of the body in the displacement of each point: one of its own node, or with
+            quadratic tetrahedra the averages (phi_i, psi_j) / w_i with the hat function phi_i of the vertex.
+        weight: the area that it stands for.
+        normal: outward normal, or the scene's direction.
+        gap: distance to the foundation.
+        given: bound of given friction.
+        coefficient: coefficient of Coulomb friction.
+        cap: largest bound of Coulomb friction.
+        bilateral: whether the contact cannot open.
+    """
+
+    part: Ints
+    x: Array
+    shares: csr_array
+    weight: Array
+    normal: Array
+    gap: Array
+    given: Array
+    coefficient: Array
+    cap: Array
+    bilateral: npt.NDArray[np.bool_]
+
+    @cached_property
+    def tangents(self) -> Array:
+        """Two orthonormal vectors across the normal of each point, shape (points, 2, 3)."""
+        _, _, rows = np.linalg.svd(self.normal[:, None, :])
+        return rows[:, 1:, :]
+
+    def across(self, vectors: Array) -> Array:
+        """Vectors at the points without their normal parts."""
+        return vectors - (vectors * self.normal).sum(axis=1)[:, None] * self.normal
+
+    def bound(self, pressure: Array) -> Array:
+        """The largest shear at a contact pressure."""
+        acting = np.where(self.bilateral, np.abs(pressure), np.maximum(pressure, 0.0))
+        return self.given + np.minimum(self.coefficient * acting, self.cap)
+
+    @property
+    def rubs(self) -> npt.NDArray[np.bool_]:
+        """Which points can transmit any shear."""
+        return (self.given > 0) | ((self.coefficient > 0) & (self.cap > 0))
+
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether a bound depends on the solution."""
+        return bool(np.any(self.coefficient > 0))
+
+    def forces(self, pressure: Array, shear: Array) -> Array:
+        """What the contact tractions take from the body, a force per dof."""
+        traction = self.weight[:, None] * (pressure[:, None] * self.normal + shear)
+        return np.asarray(self.shares.T @ traction).ravel()
+
+    def of(self, u: Array) -> Array:
+        """The displacement of each point from that of the nodes, shape (points, 3)."""
+        return np.asarray(self.shares @ u)
+
+    def moves(self, motions: Array) -> Array:
+        """Motions of the nodes, a column each, at the points: shape (points, 3, motions)."""
+        nodes = motions.reshape(-1, 3 * motions.shape[1])
+        return np.asarray(self.shares @ nodes).reshape(-1, 3, motions.shape[1])
+
+
+def contact_of(body: Body) -> Contact:
+    """The contact points of a scene with their data."""
+    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__}
+    for part, effect in enumerate(listed(body.scene, "contact")):
+        vertices, shares, weight, normal = _points(body, effect["boundary"])
+        x, count = body.x[vertices], len(vertices)
+        if "direction" in effect:
+            direction = np.array(effect["direction"], dtype=float)
+            normal = np.tile(direction / np.linalg.norm(direction), (count, 1))
+        friction = effect.get("friction", {"law": "none"})
+        coulomb, tresca = friction["law"] == "coulomb", friction["law"] == "tresca"
+        reached = np.unique(shares.indices)
+        gap = np.zeros(len(body.x))
+        gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        columns["part"].append(np.full(count, part))
+        columns["x"].append(x)
+        columns["shares"].append(shares)
+        columns["weight"].append(weight)
+        columns["normal"].append(normal)
+        columns["gap"].append(shares @ gap)
+        columns["given"].append(at_points(friction["bound"] if tresca else 0.0, x))
+        columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
+        capped = coulomb and "cap" in friction
+        columns["cap"].append(at_points(friction["cap"], x) if capped else np.full(count, np.inf))
+        columns["bilateral"].append(np.full(count, effect.get("kind", "unilateral") == "bilateral"))
+    shares = vstack(columns.pop("shares")).tocsr()
+    return Contact(shares=shares, **{name: np.concatenate(values) for name, values in columns.items()})
+
+
+def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
+    """Nodes of the contact points of a boundary, shares of all nodes in them, weights, normals.
+
+    The weight times the normal is the integral of the basis function times the normal; on quadratic tetrahedra, whose
+    functions of vertices have the integral zero, that of the hat function, and the weight is that of its area.
+    """
+    facets = body.facets(name)
+    averaged = body.cells.shape[1] == 10
+    xi, weights = plane.triangle(5) if body.corners.shape[1] == 4 else plane.square(6)
+    values, _ = plane.shape(facets.nodes.shape[1], xi)
+    points = facets.nodes[:, :3] if averaged else facets.nodes
+    hats = plane.shape(3, xi)[0] if averaged else values
+    _, normal = body.frames(facets, xi)
+    moments = np.zeros((len(body.x), 3))
+    np.add.at(moments, points, np.einsum("fpi,p,pk->fki", normal, weights, hats))
+    vertices = np.unique(points)
+    size = np.linalg.norm(moments[vertices], axis=1)
+    normals = moments[vertices] / size[:, None]
+    if not averaged:
+        own = coo_array(
+            (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)), shape=(len(vertices), len(body.x))
+        )
+        return vertices, own.tocsr(), size, normals
+    area = np.linalg.norm(normal, axis=2)
+    products = np.einsum("fp,p,pa,pb->fab", area, weights, hats, values)
+    rows, columns = np.broadcast_arrays(points[:, :, None], facets.nodes[:, None, :])
+    every = coo_array((products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))).tocsr()
+    mine = every[vertices]
+    weight = np.asarray(mine.sum(axis=1)).ravel()
+    return vertices, csr_array(mine.multiply(1 / weight[:, None])), weight, normals
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where friction counts from: tangential displacement and shear of the load step before, or zero.
+
+    Attributes:
+        u_t: tangential displacement, a vector.
+        shear: shear, a vector.
+        elastic: the part of the tangential displacement that is elastic in the regularised law and no slip.
+    """
+
+    u_t: Array
+    shear: Array
+    elastic: Array
+
+    @classmethod
+    def nothing(cls, count: int) -> Origin:
+        """The origin of the first load step."""
+        return cls(*np.zeros((3, count, 3)))
+
+    def after(self, u_t: Array, shear: Array, compliance: float) -> Origin:
+        """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
+        return Origin(u_t, shear, self.elastic + compliance * (shear - self.shear) if compliance > 0 else 0 * u_t)
+
+    def slip_from(self, compliance: float) -> Array:
+        """The origin of the slip: without regularisation there is no elastic slip."""
+        return self.u_t if compliance > 0 else self.u_t - self.elastic
+
+
+@dataclass(frozen=True)
+class Tractions:
+    """Contact pressure, shear (vectors) and state of every point in a load step, as the package reports them."""
+
+    pressure: Array
+    shear: Array
+    state: npt.NDArray[np.str_]
+
+
+def displacement(body: Body, contact: Contact, step: int, said: Tractions, at: Array) -> Array:
+    """The displacement (nodes, 3) that loads and contact tractions make, moved rigidly to where the points are said
+    to be, ``at`` (points, 3), as far as supports allow.
+    """
+    start, free = body.prescribed(step).ravel(), body.free
+    force = free.T @ (body.load(step) - contact.forces(said.pressure, said.shear) - body.stiffness @ start)
+    matrix = (free.T @ body.stiffness @ free).toarray()
+    motions = null_motions(body)
+    if not motions.shape[1]:
+        return np.asarray(start + free @ np.linalg.solve(matrix, force)).reshape(-1, 3)
+    inner = free.T @ motions
+    inner, _ = np.linalg.qr(inner)
+    stiff = float(np.abs(np.diag(matrix)).max())
+    u = start + free @ np.linalg.solve(matrix + stiff * inner @ inner.T, force - inner @ (inner.T @ force))
+    rest = (at - contact.of(u.reshape(-1, 3))).ravel()
+    columns = contact.moves(motions).reshape(-1, motions.shape[1])
+    factors, *_ = np.linalg.lstsq(columns, rest, rcond=1e-12)
+    return np.asarray(u + motions @ factors).reshape(-1, 3)
+
+
+def null_motions(body: Body) -> Array:
+    """Rigid motions of the pieces that the supports allow, a column each."""
+    rigid = body.rigid.reshape(len(body.x), 3, -1)
+    resisted = np.einsum("nij,njk->nik", body.held, rigid).reshape(-1, rigid.shape[2])
+    return body.rigid @ null_space(resisted, rcond=1e-9) if resisted.any() else body.rigid
+
+
+def deformation(body: Body, u: Array) -> float:
+    """The largest displacement that is no rigid motion of a piece, a length."""
+    motion, *_ = np.linalg.lstsq(body.rigid, u.ravel(), rcond=None)
+    return float(np.abs(u.ravel() - body.rigid @ motion).max())
+
+
+def violations(
+    body: Body,
+    contact: Contact,
+    step: int,
+    u: Array,
+    said: Tractions,
+    origin: Origin,
+    compliance: tuple[float, float],
+) -> dict[str, float]:
+    """How far a displacement (nodes, 3) with its tractions is from each condition, as a share of what is tolerated.
+
+    Args:
+        body: the body.
+        contact: its contact points.
+        step: the load step.
+        u: displacement.
+        said: contact tractions and states.
+        origin: where friction counts from.
+        compliance: 1 / gamma_1 and 1 / gamma_2 of the law that was promised; zero for the law itself.
+    """
+    pressure, shear = said.pressure, said.shear
+    moved = float(np.abs(u).max())
+    figures = {}
+    wrong = np.einsum("nij,nj->ni", body.held, u - body.prescribed(step))
+    figures["support"] = float(np.abs(wrong).max()) / max(1e-9 * moved, 1e-300)
+    # Equilibrium in every free direction, contact tractions included.
+    inner, load = body.stiffness @ u.ravel(), body.load(step)
+    taken = contact.forces(pressure, shear)
+    noise = 200 * _EPS * float((abs(body.stiffness) @ np.abs(u.ravel())).max())
+    # Contact forces in supported directions have no effect, however large they are.
+    felt = body.free.T @ taken
+    force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0)))
+    residual = np.abs(body.free.T @ (inner - load + taken))
+    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
+    # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
+    shape = deformation(body, u)
+    # Where a support holds a point in part, pressure and shear may be anything: what the body feels sets the scale.
+    loose = np.eye(3) - body.held
+    traction = pressure[:, None] * contact.normal + shear
+    acting = max(
+        (
+            float(np.abs(loose[node] @ traction[point]).max())
+            for point, node in zip(*contact.shares.nonzero(), strict=True)
+        ),
+        default=0.0,
+    )
+    stress = max(acting, 1e-3 * body.young * shape / body.size)
+    length = max(shape, 1e-3 * stress / body.young * body.size)
+    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
+    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
+    # What is added to the slip and the shear of the step before has their round-off.
+    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)
+    faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
+    at = contact.of(u)
+    u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
+    judged_n, judged_t = judged(body, contact)
+    entered = u_n - contact.gap - compliance[0] * pressure
+    one = ~contact.bilateral & judged_n
+    two = contact.bilateral & judged_n
+    figures["penetration"] = _most(np.where(two, np.abs(entered), entered)[judged_n]) / near
+    figures["pressure below zero"] = _most(-pressure[one]) / faint
+    figures["pressure at a distance"] = _most(np.minimum(pressure / faint, -entered / near)[one])
+    figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / faint
+    bound, size = contact.bound(pressure), np.linalg.norm(shear, axis=1)
+    figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / faint
+    figures["friction cone"] = _most((size - bound)[judged_t]) / faint
+    if not contact.rubs.any():
+        return figures
+    xi = u_t - origin.slip_from(compliance[1]) - compliance[1] * (shear - origin.shear)
+    slipped = np.linalg.norm(xi, axis=1)
+    # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
+    trial = shear / faint + xi / near
+    excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / faint, 1e-300), 1.0)
+    figures["law of friction"] = _most(np.linalg.norm(shear / faint - trial / excess[:, None], axis=1)[judged_t])
+    figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
+    sliding = (said.state == "slip") & judged_t & (bound > 0)
+    figures["state of slip"] = _most((bound - size)[sliding]) / faint
+    return figures
+
+
+def judged(body: Body, contact: Contact) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """At which points normal and tangential conditions are judged: where a support leaves some direction free."""
+    loose = np.eye(3) - body.held
+    normal = np.zeros(len(contact.x), dtype=bool)
+    tangential = np.zeros(len(contact.x), dtype=bool)
+    for point, node in zip(*contact.shares.nonzero(), strict=True):
+        normal[point] |= bool(np.linalg.norm(loose[node] @ contact.normal[point]) > _FREE)
+        tangential[point] |= bool(np.abs(loose[node] @ contact.tangents[point].T).max() > _FREE)
+    return normal, tangential
+
+
+def _most(values: Array) -> float:
+    """The largest value; NaN counts as infinite."""
+    return float(np.nan_to_num(values, nan=1e300, posinf=1e300).max(initial=0.0))
+
+
+def reached(free: csr_array, contact: Contact) -> Ints:
+    """The columns of free directions at nodes that contact points reach."""
+    nodes = np.unique(contact.shares.indices)
+    dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
+    return np.unique(free[dofs].nonzero()[1]).astype(np.int64)

@@ -1,0 +1,257 @@
+"""Contact with given friction in space a second time, as a second-order cone programme solved by CVXOPT.
+
+With given friction the displacement minimises the energy a(u, u) / 2 - L(u) + (bound, |slip|) over what does not enter
+the foundation; with regularisation constraint and cone are smoothed by a layer of compliance 1 / gamma.  The body is
+condensed onto its contact points first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from stability.oracle.convex import Programme, cvxopt
+from stability.oracle.elements import Array, Ints
+from stability.oracle.space.body import Body
+from stability.oracle.space.conditions import Contact, Origin, reached
+
+# The programme is used if its own duality gap is below this share of the energy.
+_USABLE = 1e-8
+# And if it misses its constraints by no more than this, relative.
+_RESIDUAL = 1e-7
+# Forces below this share of stiffness times displacement are round-off.
+_ROUND_OFF = 1e-8
+# Near the boundary of a cone CVXOPT may fail by round-off: it is asked for less then.
+_ACCURACIES = (1e-12, 1e-10, 1e-9, 1e-8)
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """The body condensed onto the free directions at contact: energy v S v / 2 - f v plus a constant.
+
+    Attributes:
+        columns: which of the free directions.
+        stiffness: S.
+        load: f.
+        start: the displacement that meets the supports, shape (nodes, 3).
+        lift: the other free directions are ``rest`` - ``lift`` v.
+        rest: see ``lift``.
+        others: which ones these are.
+    """
+
+    columns: Ints
+    stiffness: Array
+    load: Array
+    start: Array
+    lift: Array
+    rest: Array
+    others: Ints
+
+    def displacement(self, body: Body, v: Array) -> Array:
+        """The displacement of all nodes, shape (nodes, 3)."""
+        every = np.zeros(body.free.shape[1])
+        every[self.columns] = v
+        every[self.others] = self.rest - self.lift @ v
+        return np.asarray(self.start + (body.free @ every).reshape(-1, 3))
+
+
+def condense(body: Body, contact: Contact, step: int) -> Condensed:
+    """Eliminate what is not free at a contact point.
+
+    Raises:
+        RuntimeError: a part of the body is not held.
+    """
+    start = body.prescribed(step)
+    matrix = (body.free.T @ body.stiffness @ body.free).tocsr()
+    force = body.free.T @ (body.load(step) - body.stiffness @ start.ravel())
+    kept = reached(body.free, contact)
+    others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
+    inner = matrix[kept][:, kept].toarray()
+    if not others.size:
+        return Condensed(kept, inner, force[kept], start, np.zeros((0, len(kept))), np.zeros(0), others)
+    factor = splu(matrix[others][:, others].tocsc())
+    coupling = matrix[others][:, kept].toarray()
+    lift, rest = factor.solve(coupling), factor.solve(force[others])
+    condensed = inner - coupling.T @ lift
+    return Condensed(kept, (condensed + condensed.T) / 2, force[kept] - coupling.T @ rest, start, lift, rest, others)
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The minimum of the energy.
+
+    Attributes:
+        displacement: of the unknowns of ``Condensed``.
+        pressure: contact pressure of every contact point.
+        primal: the energy.
+        dual: a lower bound of it.
+        residual: by how much the constraints of both are missed, relative.
+    """
+
+    displacement: Array
+    pressure: Array
+    primal: float
+    dual: float
+    residual: float
+
+
+def compare(
+    body: Body, contact: Contact, step: int, u: Array, bound: Array, origin: Origin, compliance: tuple[float, float]
+) -> Programme | None:
+    """Solve with a given friction bound, and compare with an answer u (nodes, 3); None where CVXOPT fails."""
+    reduced = condense(body, contact, step)
+    if not reduced.columns.size:
+        return None
+    ours = body.free.T[reduced.columns] @ (u - reduced.start).ravel()
+    matrix, load = reduced.stiffness, reduced.load
+    if not any(values.any() for values in (ours, load, contact.gap, origin.u_t)):  # nothing is loaded or moves
+        return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
+    length = float(np.abs(ours).max()) or float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
+    found = minimise(contact, reduced, bound, origin, compliance, length, body)
+    if found is None:
+        return None
+    theirs, stiff = found.displacement, float(np.abs(np.diag(matrix)).max())
+    away = ours - theirs
+    force = max(float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()), _ROUND_OFF * stiff * length)
+    energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal))
+    energy = max(energy, float(np.abs(load).max()) ** 2 / stiff) or stiff * length**2
+    distance = np.sqrt(max(0.0, float(away @ matrix @ away)))
+    gap = abs(found.primal - found.dual) / energy
+    return Programme(
+        displacement=distance / np.sqrt(energy),
+        distance=distance,
+        force=float(np.abs(matrix @ away).max()) / force,
+        stiffening=np.sqrt(stiff * energy) / force,
+        gap=gap,
+        usable=gap <= _USABLE,
+        residual=found.residual,
+    )
+
+
+def minimise(
+    contact: Contact,
+    reduced: Condensed,
+    bound: Array,
+    origin: Origin,
+    compliance: tuple[float, float],
+    length: float,
+    body: Body,
+) -> Minimum | None:
+    """The minimum for a given friction bound, None where CVXOPT fails; ``length`` is the size of displacements."""
+    basis = body.free[:, reduced.columns].toarray()
+    # Rows from the unknowns to each point: shape (points, 3, unknowns), and what supports prescribe there.
+    moves = contact.moves(basis)
+    shift = contact.of(reduced.start)
+    normal = np.einsum("nik,ni->nk", moves, contact.normal)
+    tangent = np.einsum("nik,nti->ntk", moves, contact.tangents)
+    # Scaled unknowns: u = length v, forces in stiff * length.
+    stiff = float(np.abs(np.diag(reduced.stiffness)).max())
+    length = max(length, float(np.abs(reduced.load).max()) / stiff)
+    gap = (contact.gap - (shift * contact.normal).sum(axis=1)) / length
+    start = origin.slip_from(compliance[1]) - compliance[1] * origin.shear - shift
+    begin = np.einsum("nti,ni->nt", contact.tangents, start) / length
+    soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
+    # Rows without unknowns are no condition.
+    acts = np.abs(normal).max(axis=1) > 1e-8
+    rub = np.flatnonzero((np.abs(tangent).max(axis=(1, 2)) > 1e-8) & (bound > 0))
+    one, two = np.flatnonzero(acts & ~contact.bilateral), np.flatnonzero(acts & contact.bilateral)
+    layer_n, layer_t = compliance[0] > 0, compliance[1] > 0
+    # Unknowns: v, then the square root of the layers' energies, then the moduli of the slips.
+    ends = np.cumsum([0, len(reduced.load), len(one) * layer_n, len(two) * layer_n, 2 * len(rub) * layer_t, len(rub)])
+    v, p, q, m, t = (slice(a, b) for a, b in pairwise(ends))
+    quadratic = np.zeros((ends[-1], ends[-1]))
+    quadratic[v, v] = reduced.stiffness / stiff
+    for block in (p, q, m):
+        quadratic[block, block] = np.eye(block.stop - block.start)
+    linear = np.zeros(ends[-1])
+    linear[v] = -reduced.load / stiff / length
+    linear[t] = contact.weight[rub] * bound[rub] / stiff / length
+    rows = np.zeros((len(one) + 3 * len(rub), ends[-1]))
+    limits = np.zeros(len(rows))
+    rows[: len(one), v], limits[: len(one)] = normal[one], gap[one]
+    if layer_n:
+        rows[: len(one), p] = -np.diag(soft_n[one])
+    # Cones: (modulus, slip), as limits minus rows times unknowns.
+    for number, point in enumerate(rub):
+        first = len(one) + 3 * number
+        rows[first, t.start + number] = -1.0
+        rows[first + 1 : first + 3, v], limits[first + 1 : first + 3] = -tangent[point], -begin[point]
+        if layer_t:
+            rows[first + 1 : first + 3, m.start + 2 * number : m.start + 2 * number + 2] = soft_t[point] * np.eye(2)
+    equal = np.zeros((len(two), ends[-1]))
+    equal[:, v] = normal[two]
+    if layer_n:
+        equal[:, q] = -np.diag(soft_n[two])
+    found = _solve(quadratic, linear, rows, limits, len(one), equal, gap[two])
+    if found is None:
+        return None
+    best, (pushing, holding), primal, dual, residual = found
+    pressure = np.zeros(len(contact.weight))
+    pressure[one], pressure[two] = pushing[: len(one)], holding
+    unit = stiff * length
+    primal, dual = primal * unit * length, dual * unit * length
+    return Minimum(length * best[v], pressure * unit / contact.weight, primal, dual, residual)
+
+
+def coulomb_state(
+    body: Body, contact: Contact, step: int, origin: Origin, pressure: Array
+) -> tuple[Array, Array] | None:
+    """Displacement (nodes, 3) and pressure of a solution with Coulomb friction, if a fixed point iteration finds one.
+
+    Args:
+        body: the body.
+        contact: its contact points.
+        step: the load step.
+        origin: where friction counts from.
+        pressure: where the iteration begins.
+    """
+    reduced = condense(body, contact, step)
+    length = float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
+    for _ in range(60):
+        found = minimise(contact, reduced, contact.bound(pressure), origin, (0.0, 0.0), length, body)
+        if found is None:
+            return None
+        change = np.abs(found.pressure - pressure).max()
+        if change <= 1e-8 * np.abs(pressure).max():
+            return reduced.displacement(body, found.displacement), found.pressure
+        pressure = (pressure + found.pressure) / 2
+    return None
+
+
+def _solve(
+    quadratic: Array, linear: Array, rows: Array, limits: Array, signs: int, equal: Array, values: Array
+) -> tuple[Array, tuple[Array, Array], float, float, float] | None:
+    """Minimise x P x / 2 + q x over h - G x in the cone and A x = b: (x, multipliers of both, primal, dual, residual).
+
+    The cone is that of ``signs`` numbers that are not negative, and of vectors (t, y) with |y| <= t, y in the plane.
+    """
+    if not len(limits):  # linear equations
+        blocks = np.block([[quadratic, equal.T], [equal, np.zeros((len(equal), len(equal)))]])
+        solution = np.linalg.lstsq(blocks, np.concatenate([-linear, values]), rcond=None)[0]
+        best, holding = solution[: len(linear)], solution[len(linear) :]
+        value = float(best @ quadratic @ best / 2 + linear @ best)
+        return best, (limits, holding), value, value, 0.0
+    matrix = cvxopt.matrix
+    dims = {"l": signs, "q": [3] * ((len(limits) - signs) // 3), "s": []}
+    arguments = [matrix(quadratic), matrix(linear), matrix(rows), matrix(limits), dims]
+    if len(equal):
+        arguments += [matrix(equal), matrix(values)]
+    for accuracy, solver in product(_ACCURACIES, ("ldl", "chol") if len(limits) > signs else ("chol2", "ldl")):
+        options = {"abstol": accuracy / 100, "reltol": accuracy, "feastol": max(accuracy, 1e-11)}
+        try:
+            found = cvxopt.solvers.coneqp(
+                *arguments, kktsolver=solver, options=options | {"show_progress": False, "maxiters": 60}
+            )
+        except (ValueError, ArithmeticError):
+            continue
+        if found["x"] is None or found["dual objective"] is None:
+            continue
+        residual = max(float(found[f"{name} infeasibility"]) for name in ("primal", "dual"))
+        if residual <= _RESIDUAL:
+            best, pushing, holding = (np.array(found[name]).ravel() for name in "xzy")
+            values = (float(found[f"{name} objective"]) for name in ("primal", "dual"))
+            return best, (pushing, holding), *values, residual
+    return None

@@ -1,0 +1,227 @@
+"""The verdict on the results of a scene in space, from the text of the scene and plain arrays alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stability.oracle.body import Mesh, listed
+from stability.oracle.convex import cvxopt
+from stability.oracle.elements import Array, Ints
+from stability.oracle.judge import (
+    AGREE,
+    AGREE_COULOMB,
+    AUTOMATIC_GAMMA,
+    CONVERGED,
+    DENIED,
+    DOUBTFUL,
+    MODEL,
+    NO_BALANCE,
+    NO_EQUILIBRIUM,
+    NOT_CERTIFIED,
+    NOT_HELD,
+    REPORTED,
+    RIGHT,
+    UNCERTIFIED,
+    WRONG,
+    Answer,
+    Verdict,
+    in_order,
+)
+from stability.oracle.space import cones, statics
+from stability.oracle.space.body import Body
+from stability.oracle.space.conditions import (
+    Contact,
+    Origin,
+    Tractions,
+    contact_of,
+    deformation,
+    displacement,
+    violations,
+)
+
+# Distance that is allowed for what the cone programme misses of its own constraints.
+_PER_RESIDUAL = 100.0
+
+
+def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
+    """Judge an answer."""
+    body = Body(scene, mesh)
+    contact = contact_of(body)
+    if answer.outcome == CONVERGED:
+        return _converged(body, contact, answer)
+    if answer.outcome in NO_EQUILIBRIUM:
+        return _no_equilibrium(body, contact, answer)
+    return Verdict(UNCERTIFIED if answer.outcome == NOT_CERTIFIED else REPORTED, answer.outcome)
+
+
+def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
+    figures: dict[str, float] = {}
+    compared, notes = 0, []
+
+    def worse(found: Mapping[str, float]) -> None:
+        for name, value in found.items():
+            figures[name] = max(figures.get(name, 0.0), np.inf if np.isnan(value) else float(value))
+
+    if len(answer.steps) != body.steps:
+        return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
+    last = in_order(body.x, answer.place, body.size)
+    if last is None:
+        return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
+    origin = Origin.nothing(len(contact.weight))
+    for number, step in enumerate(answer.steps):
+        order = _rows(body, contact, step.table)
+        if order is None:
+            return Verdict(WRONG, answer.outcome, {"contact table": np.inf}, note="rows are not the contact points")
+        table = {name: np.asarray(column)[order] for name, column in step.table.items()}
+        said = Tractions(table["pressure"], _vectors(table, "shear"), table["state"])
+        if number == body.steps - 1:
+            u = answer.displacement[last]
+        else:
+            told = table["u_n"][:, None] * contact.normal + _vectors(table, "u_t")
+            u = displacement(body, contact, number, said, told)
+        worse(_table(body, contact, table, u, origin))
+        law = _promised(body, answer, number, worse)
+        worse(violations(body, contact, number, u, said, origin, law))
+        if cvxopt is not None:
+            programme = cones.compare(body, contact, number, u, contact.bound(said.pressure), origin, law)
+            if programme is not None and programme.usable:
+                compared += 1
+                # The energy is strongly convex: a gap of that size allows for no larger distance.
+                far = np.sqrt(2 * programme.gap) + _PER_RESIDUAL * programme.residual
+                near = AGREE_COULOMB if contact.follows_pressure else AGREE
+                worse({"convex: displacement": programme.displacement / (near + far)})
+                worse({"convex: force": programme.force / (near + far * max(1.0, programme.stiffening))})
+            else:
+                notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
+            if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
+                worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
+        origin = origin.after(contact.across(contact.of(u)), said.shear, law[1])
+    kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
+    return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
+
+
+def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said: float) -> dict[str, float]:
+    """Path-following promises a distance from the unregularised solution: the one asked for, and the one it reports."""
+    limit = cones.compare(body, contact, 0, u, contact.bound(np.zeros(len(contact.weight))), origin, (0.0, 0.0))
+    if limit is None or not limit.usable:
+        return {}
+    distance = limit.distance / np.sqrt(u.ravel() @ (body.stiffness @ u.ravel()))
+    near = AGREE + np.sqrt(2 * limit.gap) + _PER_RESIDUAL * limit.residual
+    found = {"regularisation error reported": distance / (MODEL * said + near)}
+    asked = body.scene["solver"].get("regularisation_error", "auto")
+    if asked != "auto":
+        found["regularisation error asked for"] = distance / (asked + near)
+    return found
+
+
+def _promised(body: Body, answer: Answer, number: int, worse: Any) -> tuple[float, float]:
+    """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
+    solver = body.scene.get("solver", {})
+    algorithm = solver.get("algorithm", "auto")
+    # Augmentation may have taken over in a later load step only.
+    augmented = any("augmented Lagrangian" in event for event in answer.events)
+    if algorithm in ("alm", "exact") or (augmented and not answer.steps[number].regularised):
+        return 0.0, 0.0
+    if algorithm == "path-following":  # in one load step
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
+    automatic = AUTOMATIC_GAMMA * body.young / body.size
+    asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
+    asked = [automatic if gamma == "auto" else gamma for gamma in asked]
+    # What is told is the gamma of the last load step.
+    for name, told, gamma in zip(("gamma_n", "gamma_t"), answer.gamma, asked, strict=True):
+        worse({name: 0.0 if augmented else abs(told / gamma - 1) / 1e-9})
+    return 1 / asked[0], 1 / asked[1]
+
+
+def _vectors(table: Mapping[str, Array], name: str) -> Array:
+    return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+
+
+def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:
+    """Columns of the contact table that say what the displacement and the scene say as well."""
+    at = contact.of(u)
+    u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
+    slip = u_t - origin.u_t
+    # What loads and tractions make of the displacement has their round-off.
+    moved = max(float(np.abs(u).max()), 1e3 * deformation(body, u) if body.steps > 1 else 0.0, 1e-300)
+    columns: dict[str, tuple[Array, float]] = {
+        "u_n": (u_n, moved),
+        "u_t": (np.linalg.norm(u_t, axis=1), moved),
+        "gap": (contact.gap, max(float(np.abs(contact.gap).max()), moved)),
+        "weight": (contact.weight, float(contact.weight.max())),
+        **{f"n_{axis}": (contact.normal[:, k], 1.0) for k, axis in enumerate("xyz")},
+        **{f"u_t_{axis}": (u_t[:, k], moved) for k, axis in enumerate("xyz")},
+    }
+    if contact.rubs.any():
+        bound = contact.bound(table["pressure"])
+        columns["bound"] = (bound, max(float(bound.max()), 1e-300))
+        columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), max(float(bound.max()), 1e-300))
+        scale = max(moved, float(np.abs(origin.u_t).max(initial=0.0)))
+        columns |= {f"slip_{axis}": (slip[:, k], scale) for k, axis in enumerate("xyz")}
+    return {
+        f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
+        for name, (own, scale) in columns.items()
+    }
+
+
+def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -> Ints | None:
+    """The row of the table that each contact point is."""
+    place = np.stack([table[axis] for axis in "xyz"], axis=1)
+    names = [effect["boundary"] for effect in listed(body.scene, "contact")]
+    rows = np.zeros(len(contact.weight), dtype=np.int64)
+    if len(place) != len(rows):
+        return None
+    for part, name in enumerate(names):
+        theirs, ours = np.flatnonzero(table["boundary"] == name), np.flatnonzero(contact.part == part)
+        order = in_order(contact.x[ours], place[theirs], body.size) if len(theirs) else None
+        if order is None:
+            return None
+        rows[ours] = theirs[order]
+    return rows
+
+
+def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
+    """Outcomes without equilibrium are checked by statics."""
+    step = max(len(answer.steps) - 1, 0)
+    if answer.outcome == NOT_HELD:
+        kind = DENIED if statics.held(body, contact) else NO_BALANCE
+        return Verdict(kind, answer.outcome)
+    if cvxopt is None:
+        return Verdict(REPORTED, answer.outcome, note="no cone programme without CVXOPT")
+    room, pressure = statics.slack(body, contact, step)
+    if np.isnan(room):
+        return Verdict(DOUBTFUL, answer.outcome, note="the cone programme of statics has no result")
+    if room <= 1e-6:
+        return Verdict(NO_BALANCE, answer.outcome)
+    note = f"contact forces balance the loads with {room:.1e} of them to spare"
+    if not contact.follows_pressure:
+        return Verdict(DENIED, answer.outcome, note=note)
+    # Where the bound follows the pressure, balance does not prove a solution; a solution that is found does.
+    if _solution_exists(body, contact, step, answer, pressure):
+        return Verdict(DENIED, answer.outcome, note=f"{note}; and here is a solution")
+    return Verdict(DOUBTFUL, answer.outcome, note=note)
+
+
+def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pressure: Array) -> bool:
+    """Whether the oracle finds a solution with Coulomb friction of its own, from the load step before."""
+    counts = np.bincount(contact.shares.indices, minlength=len(body.x))
+    if contact.shares.nnz != len(contact.weight) or (counts > 1).any() or body.held[contact.shares.indices].any():
+        return False  # what such a point carries is not told by the force at its node alone
+    origin = Origin.nothing(len(pressure))
+    if step > 0:
+        table = answer.steps[step - 1].table
+        if (order := _rows(body, contact, table)) is None:
+            return False
+        origin = origin.after(_vectors(table, "u_t")[order], _vectors(table, "shear")[order], 0.0)
+    if (found := cones.coulomb_state(body, contact, step, origin, pressure)) is None:
+        return False
+    u, pressure = found
+    inner = contact.of((body.load(step) - body.stiffness @ u.ravel()).reshape(-1, 3))
+    shear = contact.across(inner) / contact.weight[:, None]
+    said = Tractions(pressure, shear, np.full(len(pressure), "unknown"))
+    # The programme is as exact as its duality gap, not as a Newton iteration.
+    return max(violations(body, contact, step, u, said, origin, (0.0, 0.0)).values()) <= 10
