@@ -43,8 +43,8 @@ bench:      ## measure time and memory (results/bench)
 stability:  ## try to make the solver fail, and report the results (results/stability)
 	./env python3 -m stability
 
-oracle:     ## check 2,000 random scenes with a program that shares no code with the package (results/oracle, minutes)
-	./env python3 -m stability.oracle
+oracle:     ## check 3,000 random scenes with a program that shares no code with the package (results/oracle, 20 minutes)
+	./env python3 -m stability.oracle --jobs 2
 
 mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)
 	./env python3 -m stability.mutants

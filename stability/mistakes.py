@@ -1585,6 +1585,13 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
+        "np.where(bilateral, 0.0, np.minimum(entered, 0.0))",
+        "np.minimum(entered, 0.0)",
+        "certificate: a distance that supports prescribe counts in bilateral contact",
+        tests=("certificate::test_bilateral_contact_where_a_support_holds_a_node",),
+    ),
+    Mutant(
+        "results/certificate",
         "np.maximum(-entered, 0.0)",
         "np.maximum(entered, 0.0)",
         "certificate: pressure at a distance not seen",

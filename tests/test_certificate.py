@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone, example1, table_of
 from spaces import block as block_in_space
 
 from signorini_fx import compat
@@ -232,6 +232,32 @@ def test_bilateral_contact_does_not_open():
     assert solution.contact.pressure.min() < 0
     for gap in (1e-5, -1e-5):
         other = scene.contact[0].model_copy(update={"gap": gap})
+        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
+
+
+@pytest.mark.parametrize("offset", [1e-4, -1e-4])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm", "exact"])
+def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
+    """The corner of a clamped side cannot follow bilateral contact with a gap: all other nodes do, and one more that
+    does not is noticed.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "bottom", "kind": "bilateral", "gap": offset},
+            "solver": {"algorithm": algorithm},
+        }
+    )
+    solution = alone(scene)
+    assert solution.certificate.holds
+    columns = table_of(solution).columns
+    u_n, pressure = columns["u_n"], columns["pressure"]
+    assert u_n[0] == 0
+    assert u_n[1:] - pressure[1:] / solution.certificate.law.gamma_n == pytest.approx(offset, rel=1e-9)
+    for change in (1e-3 * offset, -1e-3 * offset):
+        other = scene.contact[0].model_copy(update={"gap": offset + change})
         refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
 
 

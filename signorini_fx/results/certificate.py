@@ -214,12 +214,13 @@ def certify(
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
             slip = slip + ContactNodes.of(scene, forces, x, elastic).shear
+    bilateral = nodes.bilateral
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
-        # Where the supports prescribe the distance, a penetration belongs to the scene.
-        entered = np.where(nodes.immovable(supports), np.minimum(entered, 0.0), entered)
-    bilateral = nodes.bilateral
+        # Where the supports prescribe the distance, what contact excludes of it belongs to the scene.
+        allowed = np.where(bilateral, 0.0, np.minimum(entered, 0.0))
+        entered = np.where(nodes.immovable(supports), allowed, entered)
     distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
     slipped = np.linalg.norm(xi, axis=1)
     way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])

@@ -5,5 +5,6 @@ a user gets, as plain arrays: mesh, displacement, contact table, outcome.  Every
 the text of the scene: ``elements`` and ``body`` assemble the body anew, ``conditions`` asks whether
 the conditions of the problem hold, ``convex`` computes the answer a second time as a convex programme of CVXOPT,
 ``statics`` asks a linear programme about outcomes that say there is no equilibrium, and ``judge`` puts them together.
-A test holds that none of these imports the package or FEniCSx.
+``space`` has the same in three dimensions, with cone programmes.  ``units`` writes a scene in units of its own and
+takes the answer back.  A test holds that none of these imports the package or FEniCSx.
 """

@@ -21,7 +21,8 @@ def free_motions(body: Body, step: int) -> Array:
 def held(body: Body, contact: Contact, step: int) -> bool:
     """Whether contact and stick everywhere would hold every piece of the body.
 
-    A motion that is resisted 1e4 times less than another one counts as free: facets of an arc do not hold a turn.
+    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of an arc do not hold a
+    turn.
     """
     motions = free_motions(body, step)
     if motions.shape[1] == 0:
@@ -31,7 +32,8 @@ def held(body: Body, contact: Contact, step: int) -> bool:
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
     rows.append(np.einsum("nik,ni->nk", moves, contact.tangent)[sticks])
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
-    return bool(np.sum(values > 1e-4 * values[0]) == motions.shape[1]) if values.size else False
+    largest = np.linalg.norm(moves.reshape(-1, motions.shape[1]), ord=2)
+    return bool(np.sum(values > 1e-4 * largest) == motions.shape[1])
 
 
 def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:

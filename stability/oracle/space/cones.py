@@ -86,6 +86,7 @@ class Minimum:
     Attributes:
         displacement: of the unknowns of ``Condensed``.
         pressure: contact pressure of every contact point.
+        shear: shear of every contact point, a vector.
         primal: the energy.
         dual: a lower bound of it.
         residual: by how much the constraints of both are missed, relative.
@@ -93,6 +94,7 @@ class Minimum:
 
     displacement: Array
     pressure: Array
+    shear: Array
     primal: float
     dual: float
     residual: float
@@ -193,13 +195,16 @@ def minimise(
     pressure[one], pressure[two] = pushing[: len(one)], holding
     unit = stiff * length
     primal, dual = primal * unit * length, dual * unit * length
-    return Minimum(length * best[v], pressure * unit / contact.weight, primal, dual, residual)
+    shear = np.zeros((len(contact.weight), 2))
+    shear[rub] = -pushing[len(one) :].reshape(-1, 3)[:, 1:]
+    vectors = np.einsum("nt,nti->ni", shear, contact.tangents) * (unit / contact.weight)[:, None]
+    return Minimum(length * best[v], pressure * unit / contact.weight, vectors, primal, dual, residual)
 
 
 def coulomb_state(
     body: Body, contact: Contact, step: int, origin: Origin, pressure: Array
-) -> tuple[Array, Array] | None:
-    """Displacement (nodes, 3) and pressure of a solution with Coulomb friction, if a fixed point iteration finds one.
+) -> tuple[Array, Array, Array] | None:
+    """Displacement (nodes, 3), pressure and shear of a solution with Coulomb friction, if a fixed point finds one.
 
     Args:
         body: the body.
@@ -216,7 +221,7 @@ def coulomb_state(
             return None
         change = np.abs(found.pressure - pressure).max()
         if change <= 1e-8 * np.abs(pressure).max():
-            return reduced.displacement(body, found.displacement), found.pressure
+            return reduced.displacement(body, found.displacement), found.pressure, found.shear
         pressure = (pressure + found.pressure) / 2
     return None
 

@@ -11,6 +11,8 @@ from stability.oracle.elements import Array
 from stability.oracle.space.body import Body
 from stability.oracle.space.conditions import Contact, null_motions
 
+# Forces that nothing else limits, in units of all loads.
+_MOST = 1e4
 # CVXOPT may fail by round-off: it is asked for less then.
 _ACCURACIES = (1e-9, 1e-8, 1e-7)
 
@@ -18,7 +20,8 @@ _ACCURACIES = (1e-9, 1e-8, 1e-7)
 def held(body: Body, contact: Contact) -> bool:
     """Whether contact and stick everywhere would hold every piece of the body.
 
-    A motion that is resisted 1e4 times less than another one counts as free: facets of a cylinder do not hold a turn.
+    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of a cylinder do not hold
+    a turn.
     """
     motions = null_motions(body)
     if motions.shape[1] == 0:
@@ -27,7 +30,8 @@ def held(body: Body, contact: Contact) -> bool:
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
     rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[contact.rubs] for k in range(2)]
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
-    return bool(np.sum(values > 1e-4 * values[0]) == motions.shape[1]) if values.size else False
+    largest = np.linalg.norm(moves.reshape(-1, motions.shape[1]), ord=2)
+    return bool(np.sum(values > 1e-4 * largest) == motions.shape[1])
 
 
 def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
@@ -71,6 +75,9 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
 
     room = size - 1
     less(1.0, (room, 1.0))
+    for point in np.flatnonzero(contact.bilateral):
+        less(_MOST, (point, 1.0))
+        less(_MOST, (point, -1.0))
     for point in np.flatnonzero(~contact.bilateral):
         less(0.0, (point, -1.0), (room, share[point]))
     straight = len(rows)
@@ -85,6 +92,8 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
                 heads.append((cap, []))
             if not contact.bilateral[point]:
                 heads.append((0.0, [(point, -contact.coefficient[point])]))
+        if not heads:
+            heads.append((_MOST, []))
         for limit, entries in heads:
             less(limit, *entries, (room, share[point]))
             less(0.0, (first, -1.0))
