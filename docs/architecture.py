@@ -40,7 +40,7 @@ LAYERS = (
 )
 TOP_LEVEL = {
     "cli": ("__main__",),
-    "ground": ("compat", "csv_text", "display", "parallel", "petsc_start", "records", "tuned"),
+    "ground": ("compat", "csv_text", "display", "parallel", "petsc_start", "records", "scales", "tuned"),
     "errors": ("errors",),
 }
 SAYS = {

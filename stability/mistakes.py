@@ -203,7 +203,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/data",
-        "AUTOMATIC_GAMMA * scene.young / body.tagged.size",
+        "AUTOMATIC_GAMMA * body.scales.gamma",
         "AUTOMATIC_GAMMA * scene.young",
         "automatic gamma without its length",
         tests=("invariances",),
@@ -981,7 +981,7 @@ MUTANTS = (
     ),
     Mutant(
         "multigrid",
-        "free @ (added + added.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]",
+        "free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]",
         "free @ (added + added.transpose(0, 2, 1)) @ free * self._scale[:, None, None]",
         "soft contact twice on coarse levels",
         tests=("krylov::test_coarse_matrix_of_truncated_functions",),
@@ -1265,10 +1265,52 @@ MUTANTS = (
     ),
     Mutant(
         "body/turned_supports",
-        "np.linalg.inv(r[:count]).T",
-        "np.linalg.inv(r[:count])",
+        "every[own] - directions[own] @ whole",
+        "every[own]",
         "walls that are not at right angles: values along each other",
         tests=("turned_supports::test_an_edge_of_two_walls",),
+    ),
+    Mutant(
+        "body/turned_supports",
+        "np.hstack((held, free))",
+        "np.hstack((held, free)).T",
+        "walls that meet: frames transposed",
+        tests=("turned_supports::test_where_supports_meet",),
+    ),
+    Mutant(
+        "body/turned_supports",
+        "np.unique(prescribes[prescribes >= 0])[::-1]",
+        "np.unique(prescribes[prescribes >= 0])",
+        "walls that meet: the earlier one wins",
+        tests=("turned_supports::test_where_supports_meet",),
+    ),
+    Mutant(
+        "body/turned_supports",
+        "size > _DEPENDENT",
+        "size > -1.0",
+        "walls that meet: the same direction twice",
+        tests=("turned_supports::test_where_supports_meet",),
+    ),
+    Mutant(
+        "results/supports",
+        "np.unique(whose[whose >= 0])[::-1]",
+        "np.unique(whose[whose >= 0])",
+        "certificate: of two walls the earlier one wins",
+        tests=("turned_supports::test_where_supports_meet",),
+    ),
+    Mutant(
+        "results/supports",
+        "own if len(new) == len(own) else new",
+        "own",
+        "certificate: a wall that another one contradicts applies in full",
+        tests=("turned_supports::test_where_supports_meet",),
+    ),
+    Mutant(
+        "results/supports",
+        "given[:, whose == position] - y @ own.T",
+        "given[:, whose == position]",
+        "certificate: walls that are not at right angles",
+        tests=("turned_supports::test_an_edge_of_two_walls", "turned_supports::test_a_corner_of_walls_at_any_angle"),
     ),
     Mutant(
         "contact/map",
@@ -2217,10 +2259,10 @@ MUTANTS = (
     ),
     Mutant(
         "results/supports",
-        "shares[owners == position]",
+        "shares[self.askew_by[rows] == position]",
         "shares",
         "values: reaction of a corner taken twice",
-        tests=("resultants::test_supports_that_meet",),
+        tests=("resultants::test_supports_that_meet", "turned_supports::test_where_supports_meet"),
     ),
     Mutant(
         "results/contact_boundaries",
@@ -2276,10 +2318,76 @@ MUTANTS = (
     # --- units -------------------------------------------------------------------------------------------------------
     Mutant(
         "solving/one_mesh",
-        "scene.young / discretisation.tagged.size",
+        "discretisation.scales.gamma",
         "scene.young",
         "natural gamma without its length",
         tests=("strategy::test_path_following_has_no_unit",),
+    ),
+    *(
+        Mutant("scales", old, new, idea, tests=("units",))
+        for old, new, idea in (
+            ("self.modulus / self.size", "self.modulus", "units: gamma without its length"),
+            ("spacing ** (self.dimension - 2)", "1.0", "units: in space a stiffness is a stress"),
+            ("self.size**self.dimension", "self.size**2", "units: the plane's energy in space"),
+            ("1.0 / (self.dimension - 1)", "1.0", "units: an area is a length"),
+            ("1.0 / self.dimension", "0.5", "units: nodes in space as in the plane"),
+        )
+    ),
+    Mutant(
+        "problem/regularised",
+        "free.getArray()[self.system.fixed] = 0.0",
+        "pass",
+        "units: what is prescribed is a force",
+        tests=("units::test_the_size_of_the_forces",),
+    ),
+    Mutant(
+        "contact/map",
+        "scale.getArray()[self.fixed] = 0.0",
+        "pass",
+        "augmentation: prescribed unknowns have a stiffness",
+        tests=("augmentation::test_what_is_left_after_one_problem",),
+    ),
+    Mutant(
+        "problem/regularised",
+        "not (np.isfinite(pressure).all() and np.isfinite(shear).all())",
+        "False",
+        "sets chosen by what is not a number",
+        tests=("units::test_not_a_number_in_an_iterate",),
+    ),
+    Mutant(
+        "body/discretisation",
+        "values[body.fixed] = largest",
+        "values[body.fixed] = body.scene.young",
+        "units: prescribed rows have Young's modulus on the diagonal",
+        tests=("units::test_the_size_of_the_forces",),
+    ),
+    Mutant(
+        "schur",
+        "2.0 ** np.round(np.log2(np.abs(matrix.getDiagonal().getArray(readonly=True)).max()))",
+        "1.0",
+        "units: pivots of the condensed system below an absolute threshold",
+        tests=("units",),
+    ),
+    Mutant(
+        "linalg/krylov",
+        "'1e-300'",
+        "'2.2e-14'",
+        "units: pivots of the coarsest level below an absolute threshold",
+        tests=("units::test_krylov_steps_have_no_unit",),
+    ),
+    Mutant(
+        "results/certificate",
+        "_ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)",
+        "_ROUND_OFF * stiffest.modulus * _norm(comm, y)",
+        "certificate: forces of a rigid motion without a length",
+        tests=("units::test_figures_of_the_certificate",),
+    ),
+    Mutant(
+        "results/certificate",
+        "scales.side(area)",
+        "area",
+        "certificate: lost digits of a stress per area",
+        tests=("units",),
     ),
     Mutant(
         "mesh/tagged",

@@ -158,6 +158,96 @@ def test_an_edge_of_two_walls(right_angle):
     np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())
 
 
+TURN = rotation(0.9, (0.3, -0.8, 0.5))
+ASIDE = np.array([0.011, -0.007, 0.013])
+# Supports in the frame of the body, in the order of the scene: a boundary with a displacement along its normal, or with
+# all of the displacement ASIDE.
+MEETING = {
+    "wall, then all": [("left", 0.004), ("front", None)],
+    "all, then wall": [("front", None), ("left", 0.004)],
+    "two walls": [("left", 0.004), ("front", -0.002)],
+    "two walls of one plane": [("upper left", 0.004), ("lower left", 0.001), ("front", 0.0)],
+    "two walls of one plane, the lower one first": [("lower left", 0.001), ("upper left", 0.004), ("front", 0.0)],
+    "a corner of three walls": [("left", 0.004), ("front", -0.002), ("top", 0.003)],
+    "a corner, then all": [("left", 0.004), ("top", 0.003), ("front", None)],
+    "all, then a corner": [("front", None), ("left", 0.004), ("top", 0.003)],
+}
+
+
+def meeting(supports, turn, comm=MPI.COMM_SELF, **solver):
+    """A cube on a foundation whose supports share edges."""
+    mesh = dmesh.create_box(comm, [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)], (3, 3, 3), dmesh.CellType.tetrahedron)
+    mesh.geometry.x[:] = mesh.geometry.x @ turn.T
+    sides = {
+        "left": lambda x: (turn.T @ x)[0] < 1e-9,
+        "lower left": lambda x: ((turn.T @ x)[0] < 1e-9) & ((turn.T @ x)[2] < 0.34),
+        "upper left": lambda x: ((turn.T @ x)[0] < 1e-9) & ((turn.T @ x)[2] > 0.33),
+        "front": lambda x: (turn.T @ x)[1] < 1e-9,
+        "top": lambda x: (turn.T @ x)[2] > 1 - 1e-9,
+        "bottom": lambda x: (turn.T @ x)[2] < 1e-9,
+        "right": lambda x: (turn.T @ x)[0] > 1 - 1e-9,
+    }
+    named = {name: sides[name] for name in ("bottom", "right", *(name for name, _ in supports))}
+    aside, load = (dict(zip("xyz", (turn @ along).tolist(), strict=True)) for along in (ASIDE, [-30.0, 10.0, -20.0]))
+    return parse_scene(
+        {
+            "mesh": tag_boundaries(mesh, named),
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": [
+                {"boundary": name, **(aside if along is None else {"normal": along})} for name, along in supports
+            ],
+            "traction": {"boundary": "right", **load},
+            "contact": {"boundary": "bottom", "gap": 0.002},
+            "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA, **solver},
+        }
+    )
+
+
+@pytest.mark.parametrize("supports", MEETING.values(), ids=MEETING)
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_where_supports_meet(supports, linear_algebra):
+    """The later one applies, and the earlier one in what is left, in a turned body as in one along the axes."""
+    here, there = (alone(meeting(supports, turn, linear_algebra=linear_algebra)) for turn in (np.eye(3), TURN))
+    expected = here.displacement.x.array.reshape(-1, 3) @ TURN.T
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(there.displacement.x.array.reshape(-1, 3), expected, rtol=0, atol=ROUND_OFF * size)
+    forces = [np.array([one.force for one in solution.resultants.every()]) for solution in (here, there)]
+    np.testing.assert_allclose(forces[1], forces[0] @ TURN.T, rtol=0, atol=1e-9 * np.abs(forces[0]).max())
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_corner_of_walls_at_any_angle(order):
+    """Three walls that move with the body, none of them across another one: each of them applies in full."""
+    lean = np.array([[1.0, 0.4, -0.3], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])  # from a cube to the body
+    mesh = dmesh.create_unit_cube(MPI.COMM_SELF, 3, 3, 3, dmesh.CellType.hexahedron)
+    mesh.geometry.x[:] = mesh.geometry.x @ (TURN @ lean).T
+    back = np.linalg.inv(TURN @ lean)
+    normals = -back / np.linalg.norm(back, axis=1)[:, None]
+    walls = {name: lambda x, axis=axis: (back @ x)[axis] < 1e-9 for axis, name in enumerate(("a", "b", "c"))}
+    sides = walls | {"far": lambda x: (back @ x)[0] > 1 - 1e-9}
+    motion = TURN @ ASIDE
+    scene = parse_scene(
+        {
+            "mesh": tag_boundaries(mesh, sides),
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": [{"boundary": "abc"[axis], "normal": float(normals[axis] @ motion)} for axis in order],
+            "contact": {"boundary": "far", "gap": 1.0},
+        }
+    )
+    found = alone(scene).displacement.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(found, np.tile(motion, (len(found), 1)), rtol=0, atol=1e-12)
+
+
+@pytest.mark.mpi
+def test_where_supports_meet_on_ranks():
+    """The nodes of an edge may be those of another rank."""
+    supports = MEETING["a corner, then all"]
+    together, here = solve(meeting(supports, TURN, MPI.COMM_WORLD)), alone(meeting(supports, TURN))
+    for name in ("strain_energy", "potential_energy"):
+        ours, theirs = (getattr(solution.certificate, name) for solution in (together, here))
+        assert ours == pytest.approx(theirs, rel=1e-10)
+
+
 def test_check_names_them():
     """What a support across no axis takes away is reported as for any other: one unknown per node."""
     mesh, _ = corner(right_angle=True)

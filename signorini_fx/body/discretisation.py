@@ -37,6 +37,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory, Timings
+from signorini_fx.scales import Scales
 from signorini_fx.scene.model import PrescribedDisplacement, Scene
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.
@@ -82,6 +83,11 @@ class Body:
         return comm
 
     @property
+    def scales(self) -> Scales:
+        """What its lengths and stresses are compared with."""
+        return Scales(self.tagged.dimension, self.scene.young, self.tagged.size)
+
+    @property
     def dofs(self) -> int:
         """Global number of displacement unknowns."""
         index_map = self.space.dofmap.index_map
@@ -94,7 +100,8 @@ class Discretisation(Body):
 
     Attributes:
         forms: the compiled terms of a(., .).
-        stiffness: a(., .) on Y_h, prescribed rows and columns eliminated, E on their diagonal; symmetric.
+        stiffness: a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its
+            largest entry on their diagonal.
         cases: the right-hand sides of the applied loads.
         rotation: Q from the unknowns of ``stiffness`` and ``cases`` to displacements; None: they are the same.
     """
@@ -161,7 +168,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         supports = dirichlet_conditions(scene, space, facets, tagged)
         fixed = fixed_dofs(space, [support for _, support in supports])
         skew = skew_supports(scene, space, facets, tagged)
-        turned = turned_nodes(space, [support for _, support in supports], skew, fixed)
+        turned = turned_nodes(scene, space, supports, skew, fixed)
         applied = [
             applied_load(factors, loads, space, z, facets, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
@@ -203,16 +210,17 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
         )
     with timings.phase("assemble"):
         every = [support for _, support in body.supports] if body.turned is None else []
-        stiffness = fem_petsc.assemble_matrix(elastic[0], every, scene.young)
+        stiffness = fem_petsc.assemble_matrix(elastic[0], every, 0.0)
         for form in elastic[1:]:
             stiffness.assemble()
-            fem_petsc.assemble_matrix(stiffness, form, every, scene.young)  # type: ignore[arg-type]
+            fem_petsc.assemble_matrix(stiffness, form, every, 0.0)  # type: ignore[arg-type]
         stiffness.assemble()
         body.inventory.matrices.append("stiffness")
         rotation = None
         if body.turned is None:
+            diagonal = _fill_prescribed(stiffness, body)
             cases = tuple(
-                load_case(load, elastic, stiffness, body.supports, body.fixed, scene.young, body.motions)
+                load_case(load, elastic, stiffness, body.supports, body.fixed, diagonal, body.motions)
                 for load in body.applied
             )
         else:
@@ -220,13 +228,27 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
             stiffness = whole.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]
-            stiffness.zeroRowsColumns((first + np.flatnonzero(body.fixed)).astype(PETSc.IntType), diag=scene.young)
+            stiffness.zeroRowsColumns((first + np.flatnonzero(body.fixed)).astype(PETSc.IntType), diag=0.0)
+            diagonal = _fill_prescribed(stiffness, body)
             cases = tuple(
-                turned_case(load, whole, rotation, body.fixed, scene.young, body.motions) for load in body.applied
+                turned_case(load, whole, rotation, body.fixed, diagonal, body.motions) for load in body.applied
             )
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
     known = {field.name: getattr(body, field.name) for field in fields(body)}
     return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases, rotation=rotation)
+
+
+def _fill_prescribed(stiffness: PETSc.Mat, body: Body) -> float:
+    """Put a stiffness on the diagonal of the prescribed rows, which are empty so far, and return it; collective.
+
+    It is the largest one of the body, so that it is neither small nor large beside the others in any unit.
+    """
+    diagonal = stiffness.getDiagonal()
+    values = diagonal.getArray()
+    largest = parallel.global_max(body.comm, parallel.local_max(values)) or body.scales.stiffness(body.scales.size)
+    values[body.fixed] = largest
+    stiffness.setDiagonal(diagonal)
+    return largest
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

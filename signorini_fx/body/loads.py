@@ -60,7 +60,8 @@ class LoadCase:
 
     Attributes:
         factors: one number per load step.
-        load: L minus the contribution of its prescribed displacements; E times their value in their rows.
+        load: L minus the contribution of its prescribed displacements; the ``diagonal`` of their rows
+            times their value there.
         start: zero, with its prescribed displacements inserted.
         resultant: ``load`` on the rigid motions of each piece of the body, forces, shape (m pieces,).
     """
@@ -195,7 +196,7 @@ def load_case(
     stiffness: PETSc.Mat,
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
     fixed: npt.NDArray[np.bool_],
-    young: float,
+    diagonal: float,
     motions: RigidMotions,
 ) -> LoadCase:
     """The right-hand side of an applied load: prescribed displacements lifted; collective.
@@ -206,7 +207,7 @@ def load_case(
         stiffness: the matrix of the right-hand side.
         supports: all prescribed displacements.
         fixed: which owned dofs are prescribed.
-        young: the entries of the stiffness on the diagonal of the prescribed rows.
+        diagonal: the entries of the stiffness on the diagonal of the prescribed rows.
         motions: of the body.
     """
     load, start = stiffness.createVecRight(), stiffness.createVecRight()
@@ -215,7 +216,7 @@ def load_case(
         touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
         blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
         load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
-    load.getArray()[fixed] = young * applied.start[fixed]
+    load.getArray()[fixed] = diagonal * applied.start[fixed]
     return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
 
 
@@ -224,7 +225,7 @@ def turned_case(
     whole: PETSc.Mat,
     rotation: PETSc.Mat,
     fixed: npt.NDArray[np.bool_],
-    young: float,
+    diagonal: float,
     motions: RigidMotions,
 ) -> LoadCase:
     """The same where nodes are turned; ``whole`` is a(., .) without supports, ``rotation`` is Q; collective."""
@@ -239,7 +240,7 @@ def turned_case(
     load.getArray()[:] = free
     rotation.mult(load, force)
     resultant = _resultant(force, motions, np.zeros_like(fixed))
-    load.getArray()[fixed] = young * start.getArray(readonly=True)[fixed]
+    load.getArray()[fixed] = diagonal * start.getArray(readonly=True)[fixed]
     return LoadCase(applied.factors, load, start, resultant)
 
 

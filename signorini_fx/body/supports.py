@@ -92,7 +92,7 @@ def skew_supports(
         if np.abs(normal).max() < 1.0:
             nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[effect.boundary])
             values = sample(effect.normal, space.tabulate_dof_coordinates()[nodes].T)
-            found.append(SkewSupport(effect, nodes, normal, values))
+            found.append(SkewSupport(effect, index, nodes, normal, values))
     return found
 
 
@@ -106,8 +106,9 @@ def fixed_dofs(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt
 
 
 def turned_nodes(
+    scene: Scene,
     space: fem.FunctionSpace,
-    supports: list[fem.DirichletBC],
+    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
     skew: list[SkewSupport],
     fixed: npt.NDArray[np.bool_],
 ) -> TurnedNodes | None:
@@ -115,9 +116,10 @@ def turned_nodes(
     if not skew:
         return None
     dim = space.mesh.geometry.dim
-    axes = np.zeros((len(space.tabulate_dof_coordinates()), dim), dtype=bool)
-    for support in supports:
-        axes.reshape(-1)[support.dof_indices()[0]] = True
+    axes = np.full((len(space.tabulate_dof_coordinates()), dim), -1)
+    position = {id(effect): index for index, effect in enumerate(scene.displacement)}
+    for effect, support in supports:
+        axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)
     own = turned.nodes < fixed.size // dim
     fixed.reshape(-1, dim)[turned.nodes[own]] = turned.fixed[own]

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 from signorini_fx.scene.model import PrescribedDisplacement
 
 _Floats = npt.NDArray[np.float64]
-# What is left of a direction, taken across others, when it adds nothing to them.
+# A direction of which less than this is perpendicular to others adds nothing to them.
 _DEPENDENT = 1e-8
 
 
@@ -29,12 +29,14 @@ class SkewSupport:
 
     Attributes:
         effect: of the scene.
+        position: of the effect in ``scene.displacement``.
         nodes: local numbers, ghosts included, shape (m,).
         normal: outward unit normal, shape (d,).
         values: n . y at the nodes, length, shape (m,).
     """
 
     effect: PrescribedDisplacement
+    position: int
     nodes: npt.NDArray[np.int32]
     normal: _Floats
     values: _Floats
@@ -60,34 +62,25 @@ class TurnedNodes:
     supports: Sequence[SkewSupport]
 
     @classmethod
-    def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.bool_]) -> TurnedNodes:
+    def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.int64]) -> TurnedNodes:
         """The frames of all nodes with skew supports.
 
         Args:
-            supports: at least one; a later one wins where two contradict each other.
-            axes: which components supports along the axes prescribe, ghosts included, shape (nodes, d).
+            supports: at least one.
+            axes: position in ``scene.displacement`` of the support that prescribes each component, -1 where none does,
+                ghosts included, shape (nodes, d).
         """
         dim = axes.shape[1]
         nodes = np.unique(np.concatenate([support.nodes for support in supports]))
-        given = np.column_stack((axes[nodes], *(np.isin(nodes, support.nodes) for support in supports)))
+        skew = (np.where(np.isin(nodes, support.nodes), support.position, -1) for support in supports)
         directions = np.vstack((np.eye(dim), *(support.normal for support in supports)))
         frames, fixed = np.empty((nodes.size, dim, dim)), np.zeros((nodes.size, dim), dtype=bool)
         from_given = np.zeros((nodes.size, dim, len(directions)))
-        kinds, kind = np.unique(given, axis=0, return_inverse=True)
-        for number, listed in enumerate(kinds):
+        kinds, kind = np.unique(np.column_stack((axes[nodes], *skew)), axis=0, return_inverse=True)
+        for number, prescribes in enumerate(kinds):
             here = kind.ravel() == number
-            last_first = [*np.flatnonzero(listed[dim:])[::-1] + dim, *np.flatnonzero(listed[:dim])]
-            chosen: list[int] = []
-            for one in last_first:
-                added = np.linalg.svd(directions[[*chosen, one]], compute_uv=False)
-                if len(added) == len(chosen) + 1 and added[-1] > _DEPENDENT:
-                    chosen.append(int(one))
-            q, r = np.linalg.qr(directions[chosen].T, mode="complete")
-            count = len(chosen)
-            frames[here], fixed[here, :count] = q, True
-            whole = np.zeros((dim, len(directions)))
-            whole[:, chosen] = q[:, :count] @ np.linalg.inv(r[:count]).T
-            from_given[here] = whole
+            frames[here], count, from_given[here] = _frame(directions, prescribes)
+            fixed[here, :count] = True
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
     def place(self, y: _Floats, active: Sequence[Any]) -> None:
@@ -126,3 +119,33 @@ class TurnedNodes:
         here = self.nodes[place] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
         found[here] = self.frames[place[here]]
         return found
+
+
+def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
+    """The frame of a node, and the displacement that its supports prescribe.
+
+    Of two supports the later one applies in full.  The earlier one applies in the directions that the later one leaves
+    free, exactly if the two do not contradict each other, otherwise in the sense of least squares; this does not depend
+    on how the body is turned.
+
+    Args:
+        directions: along which a displacement may be prescribed, unit vectors, shape (n, d).
+        prescribes: position of the support that prescribes it, -1 where none does, shape (n,).
+
+    Returns:
+        The frame, one direction per column, shape (d, d); how many of them are prescribed, the first ones; and the
+        matrix from the n prescribed values to the displacement, shape (d, n).
+    """
+    every, free = np.eye(len(directions)), np.eye(directions.shape[1])
+    whole = np.zeros(directions.T.shape)
+    held = free[:, :0]
+    for position in np.unique(prescribes[prescribes >= 0])[::-1]:
+        own = prescribes == position
+        if free.shape[1] == 0:
+            break
+        left, size, along = np.linalg.svd(directions[own] @ free)
+        count = int(np.count_nonzero(size > _DEPENDENT))
+        added, free = free @ along[:count].T, free @ along[count:].T
+        whole += added @ (left[:, :count].T @ (every[own] - directions[own] @ whole) / size[:count, None])
+        held = np.hstack((held, added))
+    return np.hstack((held, free)), held.shape[1], whole

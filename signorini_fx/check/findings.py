@@ -54,7 +54,7 @@ def scene_findings(
             *_gaps(body, data, moved, estimates=estimates),
             *_heights(body),
             *_uniqueness(scene, body.boundary, law),
-            *_regularisation(scene, data, scene.young / body.tagged.size),
+            *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),
         ]
     return found

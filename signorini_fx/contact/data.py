@@ -44,7 +44,7 @@ def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: F
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _gap(effect.gap, boundary, here, f"contact[{index}].gap")
-    automatic = AUTOMATIC_GAMMA * scene.young / body.tagged.size
+    automatic = AUTOMATIC_GAMMA * body.scales.gamma
     settings = scene.solver
     zero = np.zeros(boundary.size)
     return RegularisedData(

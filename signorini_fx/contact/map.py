@@ -125,7 +125,7 @@ class ContactMap:
 
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:
         """What a relative displacement meets at each point if only the diagonal of A resists: 1 / (w B diag(A)^-1 B^T),
-        the stiffest component, stress per length, shape (n,); collective.
+        the stiffest component that is not prescribed, stress per length, shape (n,); collective.
 
         Args:
             diagonal: of A.
@@ -133,11 +133,13 @@ class ContactMap:
         scale = diagonal.copy()
         scale.reciprocal()
         scale.sqrtabs()
+        scale.getArray()[self.fixed] = 0.0
         scaled = self.operator.copy()
         scaled.diagonalScale(R=scale)
         starts, _, values = scaled.getValuesCSR()
         rows = np.repeat(np.arange(self.weight.size * self.dimension), np.diff(starts))
         compliance = np.bincount(rows, values**2, minlength=self.weight.size * self.dimension)
+        compliance[compliance == 0.0] = np.inf
         return 1.0 / (self.weight * compliance.reshape(-1, self.dimension).min(axis=1))
 
     def entries(self) -> tuple[npt.NDArray[np.int64], Nodal]:

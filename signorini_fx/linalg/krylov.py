@@ -65,8 +65,8 @@ class KrylovSystem(AssembledSystem):
 
     @property
     def solver_defaults(self) -> dict[str, str]:
-        """None."""
-        return {}
+        """For the factorisation on the coarsest level: PETSc calls pivots zero below a number that has no unit."""
+        return {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
 
     @cached_property
     def hierarchy(self) -> Hierarchy:

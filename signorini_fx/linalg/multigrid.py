@@ -260,7 +260,8 @@ class ContactPreconditioner:
         if self._truncated_at is None:
             return True
         known = self._truncated_at
-        return not (np.allclose(held, known[0], atol=_SAME_PLACE) and np.allclose(soft, known[1], rtol=_SAME_STIFFNESS))
+        near = _SAME_STIFFNESS * np.abs(known[1]) + _SAME_PLACE * self._nodes.scale[:, None, None]
+        return bool((np.abs(held - known[0]) > _SAME_PLACE).any() or (np.abs(soft - known[1]) > near).any())
 
     def _truncate(self, held: Array, soft: Array) -> None:
         """(I - E) P, D^-1 and the coarse matrices; collective."""
@@ -358,6 +359,7 @@ class _NodalBlocks:
 
     Attributes:
         starts, columns: the rows of this rank of a matrix with these blocks, columns by their place in ``unknowns``.
+        scale: mean stiffness of each node, force per length, shape (nodes,).
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
@@ -374,7 +376,7 @@ class _NodalBlocks:
         self._elastic = self._blocks(elastic)
         there = self._components()
         trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self._scale = np.divide(trace, there.sum(axis=1), out=np.ones_like(trace), where=there.any(axis=1))
+        self.scale = np.divide(trace, there.sum(axis=1), out=np.ones_like(trace), where=there.any(axis=1))
 
     def _components(self) -> npt.NDArray[np.bool_]:
         there = np.zeros(self.shape[:2], dtype=bool)
@@ -414,7 +416,7 @@ class _NodalBlocks:
             contact: (A + C)_cc; where a constraint is put in, its row and column are empty but for the diagonal.
             rows: the rows of A + C at the contact unknowns.
         """
-        added = (self._blocks(contact) - self._elastic) / self._scale[:, None, None]
+        added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
         starts, _, values = rows.getValuesCSR()
         constrained = np.zeros(self.shape[:2], dtype=bool)
         entries = np.add.reduceat(np.append(values != 0, False), starts[:-1]) if self._node.size else np.zeros(0)
@@ -427,7 +429,7 @@ class _NodalBlocks:
         stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
         held = stiff.transpose(0, 2, 1) @ stiff
         free = np.eye(self.shape[1]) - held
-        rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]
+        rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]
         return held, rest
 
     def inverse(self, held: Array, soft: Array) -> Array:
@@ -435,8 +437,8 @@ class _NodalBlocks:
         size = self.shape[1]
         there = self._components()
         diagonal = np.diagonal(self._elastic + soft, axis1=1, axis2=2)
-        diagonal = np.where(there, diagonal, self._scale[:, None])
+        diagonal = np.where(there, diagonal, self.scale[:, None])
         free = np.eye(size) - held
         block = free @ (diagonal[:, :, None] * free)
-        scale = self._scale[:, None, None]
+        scale = self.scale[:, None, None]
         return np.asarray(np.linalg.inv(block + scale * held) - held / scale)

@@ -44,8 +44,12 @@ class SchurComplement:
         call("MatMumpsSetIcntl", handle, *_MEMORY_RELAXATION)
         # MatFactorInfo is a struct of doubles; zeros are its defaults.
         info = (ctypes.c_double * 32)()
+        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
+        self._unit = 2.0 ** np.round(np.log2(np.abs(matrix.getDiagonal().getArray(readonly=True)).max()))
+        matrix.scale(1.0 / self._unit)
         call("MatCholeskyFactorSymbolic", handle, matrix, None, ctypes.byref(info))
         call("MatCholeskyFactorNumeric", handle, matrix, ctypes.byref(info))
+        matrix.scale(self._unit)
         dense = ctypes.c_void_p()
         call("MatFactorCreateSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
@@ -54,13 +58,14 @@ class SchurComplement:
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         call("MatDestroy", ctypes.byref(dense))
         _symmetrise(values)
-        self.dense = values
+        self.dense = self._unit * values
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
 
     def solve_interior(self, right: PETSc.Vec) -> PETSc.Vec:
         """A_ii^-1 right_i in the interior, zero at the kept dofs."""
         result = right.duplicate()
         call("MatSolve", self._factor, right, result)
+        result.scale(1.0 / self._unit)
         result.getArray()[self.retained] = 0.0
         return result
 

@@ -63,7 +63,7 @@ class ContactProblem(Protocol):
             sets that come back mean a cycle.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
-        force_scale: size of the forces in the last residual.
+        force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
         moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
@@ -225,6 +225,10 @@ class ProblemState(ABC):
     def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
         """Choose next sets that hold the body, or note that it moves away."""
         boundary, motions, resultant = self.boundary, self._motions, self.system.resultant
+        # Not finite: the convergence test ends the iteration, and such numbers have no order to choose sets by.
+        if parallel.any_rank(boundary.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
+            self.next = NextSets(trial, trial)
+            return
 
         def escaping() -> Any:
             if self._escaping is None:  # until the data change
@@ -237,9 +241,16 @@ class ProblemState(ABC):
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Use the size of the forces A x as the scale of the residual."""
-        round_off = _ATTAINABLE * self._stiffness * x.norm()
-        self.force_scale = max(forces.norm(), self.system.load.norm(), round_off)
+        """Use the size of the forces A x as the scale of the residual.
+
+        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.
+        """
+        acting = []
+        for vector in (forces, self.system.load):
+            free = vector.copy()
+            free.getArray()[self.system.fixed] = 0.0
+            acting.append(free.norm())
+        self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
 
 
 class RegularisedProblem(ProblemState):

@@ -34,6 +34,7 @@ from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.nodal_forces import NodalForces, hooke
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.supports import Supports
+from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
@@ -159,10 +160,12 @@ def certify(
     supports = Supports.of(forces, step, scale)
     energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
     strain_energy = max(0.0, float(energy) / 2)
-    modulus = max(a + b for a, b in map(hooke, scene.material))
+    scales = Scales(dim, scene.young, tagged.size)
+    stiffest = replace(scales, modulus=max(a + b for a, b in map(hooke, scene.material)))
+    spacing = scales.spacing(space.dofmap.index_map.size_global)
     far = _largest(comm, np.linalg.norm(y, axis=1))
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
-    force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * modulus * _norm(comm, y))
+    force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y))
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     residual = internal - external
     found: dict[str, Any] = {
@@ -181,14 +184,14 @@ def certify(
     reached, contact_forces, area = nodes.forces()
     np.add.at(residual, reached, contact_forces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    inside = _FAINT * np.sqrt(2 * scene.young * strain_energy) / tagged.size
-    finest = -parallel.global_max(comm, parallel.local_max(-nodes.weight, -np.inf))
+    inside = _FAINT * scales.stress(strain_energy)
+    finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
     # A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
     sheared = np.linalg.norm(shear, axis=1)
     tractions_at = np.maximum(np.abs(pressure), sheared)
     free = ~nodes.supported(supports)
     carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
-    stress = max(carried, inside, _ROUND_OFF * modulus * far / finest)
+    stress = max(carried, inside, _ROUND_OFF * stiffest.modulus * far / finest)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
@@ -197,11 +200,11 @@ def certify(
         )
         length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = _FAINT * stress / scene.young * tagged.size
+    still = _FAINT * scales.deflection(stress)
     length, far = max(length, still), max(far, still)
     residual = supports.left(residual)
-    # The forces of a node are known to the digits of the displacement; its area h^(d - 1) makes a stress of them.
-    lost = _LOST_UNITS * np.finfo(float).eps * modulus * far * area ** (-1.0 / (dim - 1))
+    # The stress at a node is known to the digits of the displacement over the length of its side.
+    lost = _LOST_UNITS * np.finfo(float).eps * stiffest.modulus * far / scales.side(area)
     unbalanced = np.maximum(np.linalg.norm(residual[reached], axis=1) / area - lost, 0.0)
     equilibrium = max(
         _share(_norm(comm, residual), force),

@@ -152,7 +152,7 @@ class ContactNodes:
         if self.spread is None:
             movable = supports.left(self.normal, self.nodes)
         else:
-            movable = self.normal * self._any_of(~supports.fixed)
+            movable = self.normal * self._any_of(supports.movable())
         return np.asarray(np.max(np.abs(movable), axis=1, initial=0.0) <= _ALONG)
 
     def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

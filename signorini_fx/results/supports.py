@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +25,14 @@ class Supports:
     """The prescribed displacements of the owned nodes.
 
     Attributes:
-        fixed: which components are prescribed, shape (owned nodes, d).
+        fixed: which components are prescribed, shape (owned nodes, d); none at the nodes ``askew``.
         value: to what, length, shape (owned nodes, d).
-        askew: nodes with a displacement prescribed along a normal that is no axis, shape (m,).
-        normals: these normals, shape (m, d); a node of several such boundaries is there as often.
+        askew: nodes with a displacement prescribed along a normal that is no axis, as often as there are directions in
+            which something is prescribed there, shape (m,).
+        normals: these directions, normals and axes, shape (m, d).
         along: what is prescribed along them, length, shape (m,).
-        by: position in ``scene.displacement`` of what prescribes each component, -1 where it is free, shape (owned
-            nodes, d).
-        askew_by: likewise of what prescribes the displacement along each of the normals, shape (m,).
+        by: position in ``scene.displacement`` of what prescribes each component, -1 elsewhere, shape (owned nodes, d).
+        askew_by: likewise of what prescribes the displacement along each of the directions, shape (m,).
     """
 
     fixed: npt.NDArray[np.bool_]
@@ -44,11 +45,14 @@ class Supports:
 
     @classmethod
     def of(cls, forces: NodalForces, step: float, scale: float) -> Supports:
-        """Those of a load step times ``scale``; a later effect wins; collective."""
+        """Those of a load step times ``scale``; collective.
+
+        Of two effects the later one applies in full, the earlier one in the directions that are left.
+        """
         scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
         shape = (owned, forces.dimension)
         fixed, value, by = np.zeros(shape, dtype=bool), np.zeros(shape), np.full(shape, -1)
-        askew: list[tuple[npt.NDArray[np.int64], Nodal, Nodal, npt.NDArray[np.int64]]] = []
+        askew: list[tuple[npt.NDArray[np.int64], Nodal, Nodal, int]] = []
         x = space.tabulate_dof_coordinates()
         dim = tagged.mesh.topology.dim - 1
         for position, effect in enumerate(scene.displacement):
@@ -60,9 +64,8 @@ class Supports:
                 outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
                 axis = int(np.argmax(np.abs(outward)))
                 if np.linalg.norm(np.delete(outward, axis)) > _SAME * abs(outward[axis]):
-                    normal = np.tile(outward / np.linalg.norm(outward), (nodes.size, 1))
                     along = factor * sample(effect.normal, x[nodes].T)
-                    askew.append((nodes.astype(np.int64), normal, along, np.full(nodes.size, position)))
+                    askew.append((nodes.astype(np.int64), outward / np.linalg.norm(outward), along, position))
                     continue
                 prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
             for component, given, sign in prescribed:
@@ -70,19 +73,25 @@ class Supports:
                     fixed[nodes, component] = True
                     by[nodes, component] = position
                     value[nodes, component] = sign * factor * sample(given, x[nodes].T)
-        if not askew:
-            none = np.zeros(0, dtype=np.int64)
-            return cls(fixed, value, none, np.zeros((0, shape[1])), np.zeros(0), by, none)
-        # The later one of two along one direction.
-        count = np.cumsum([len(nodes) for nodes, *_ in askew])
-        every, normals, along, askew_by = (np.concatenate(column) for column in zip(*askew, strict=True))
-        kept = np.ones(len(every), dtype=bool)
-        for end in count[:-1]:
-            later = every[end:]
-            for one in np.flatnonzero(np.isin(every[:end], later)):
-                same = np.abs(np.abs(normals[end:][later == every[one]] @ normals[one]) - 1) < _SAME
-                kept[one] &= not same.any()
-        return cls(fixed, value, every[kept], normals[kept], along[kept], by, askew_by[kept])
+        none = np.zeros(0, dtype=np.int64)
+        found: list[tuple[Any, ...]] = [(none, np.zeros((0, shape[1])), np.zeros(0), none)]
+        places = np.unique(np.concatenate([none, *(nodes for nodes, *_ in askew)]))
+        offered = [np.eye(shape[1])], [value[places]], [by[places]]
+        for nodes, normal, along, position in askew:
+            _, here, there = np.intersect1d(places, nodes, return_indices=True)
+            column, owner = np.zeros((places.size, 1)), np.full((places.size, 1), -1)
+            column[here, 0], owner[here] = along[there], position
+            for table, new in zip(offered, (normal[None], column, owner), strict=True):
+                table.append(new)
+        directions, given, owners = np.vstack(offered[0]), np.hstack(offered[1]), np.hstack(offered[2])
+        kinds, kind = np.unique(owners, axis=0, return_inverse=True)
+        for number, whose in enumerate(kinds):
+            here = np.flatnonzero(kind.ravel() == number)
+            for normal, along, position in _in_turn(directions, given[here], whose):
+                found.append((places[here], np.tile(normal, (here.size, 1)), along, np.full(here.size, position)))
+        fixed[places], by[places] = False, -1
+        where, normals, along, askew_by = (np.concatenate(column) for column in zip(*found, strict=True))
+        return cls(fixed, value, where, normals, along, by, askew_by)
 
     def missed(self, y: Nodal) -> Nodal:
         """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
@@ -98,8 +107,7 @@ class Supports:
         begin = np.searchsorted(self.askew[order], where, "left")
         end = np.searchsorted(self.askew[order], where, "right")
         for row in np.flatnonzero(end > begin):
-            normals = self.normals[order[begin[row] : end[row]]]
-            basis = np.vstack((np.eye(found.shape[1])[fixed[row]], normals))
+            basis = self.normals[order[begin[row] : end[row]]]
             found[row] = vectors[row] - np.linalg.pinv(basis) @ (basis @ vectors[row])
         return found
 
@@ -111,11 +119,9 @@ class Supports:
         order = np.argsort(self.askew, kind="stable")
         nodes, first = np.unique(self.askew[order], return_index=True)
         for node, rows in zip(nodes, np.split(order, first[1:]), strict=False):
-            axes = np.flatnonzero(self.fixed[node])
-            basis = np.vstack((np.eye(forces.shape[1])[axes], self.normals[rows]))
+            basis = self.normals[rows]
             shares = (np.linalg.pinv(basis.T) @ forces[node])[:, None] * basis
-            owners = np.concatenate((self.by[node, axes], self.askew_by[rows]))
-            found[node] = shares[owners == position].sum(axis=0)
+            found[node] = shares[self.askew_by[rows] == position].sum(axis=0)
         return found
 
     def touched(self) -> npt.NDArray[np.bool_]:
@@ -123,3 +129,37 @@ class Supports:
         found = self.fixed.copy()
         np.logical_or.at(found, self.askew, np.abs(self.normals) > _SAME)
         return found
+
+    def movable(self) -> npt.NDArray[np.bool_]:
+        """Components in which a node can move, shape (owned nodes, d)."""
+        found, nodes = ~self.fixed, np.unique(self.askew)
+        ways = [self.left(np.tile(axis, (nodes.size, 1)), nodes) for axis in np.eye(found.shape[1])]
+        found[nodes] = np.max(np.abs(ways), axis=0) > _SAME
+        return found
+
+
+def _in_turn(directions: Nodal, given: Nodal, whose: npt.NDArray[np.int64]) -> list[tuple[Nodal, Nodal, int]]:
+    """What applies at nodes where several effects prescribe displacements, the later ones first.
+
+    An effect that later ones contradict applies across them only, as closely as it can.
+
+    Args:
+        directions: of the displacements that are prescribed, shape (k, d).
+        given: what is prescribed along them, shape (n, k).
+        whose: position of the effect that prescribes it, -1 where none does, shape (k,).
+
+    Returns:
+        Directions, what is prescribed along each of them, shape (n,), and by which effect.
+    """
+    y, taken = np.zeros((len(given), directions.shape[1])), directions[:0]
+    found = []
+    for position in map(int, np.unique(whose[whose >= 0])[::-1]):
+        own = directions[whose == position]
+        _, sizes, ways = np.linalg.svd(own - own @ taken.T @ taken)
+        new = ways[: np.count_nonzero(sizes > _SAME)]
+        if not len(new):
+            continue
+        y += (given[:, whose == position] - y @ own.T) @ np.linalg.pinv(own @ new.T).T @ new
+        taken = np.vstack((taken, new))
+        found += [(way, y @ way, position) for way in (own if len(new) == len(own) else new)]
+    return found

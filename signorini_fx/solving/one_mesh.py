@@ -347,7 +347,7 @@ def contact_task(
         start=Start(data if rest is None else rest.data_from(data), law, sets, first_iteration),
         rest=rest,
         has_coulomb=scene.has_coulomb,
-        natural_gamma=scene.young / discretisation.tagged.size,
+        natural_gamma=discretisation.scales.gamma,
         history=history,
         goal=_goal(discretisation, system),
     )

@@ -88,7 +88,7 @@ def run_study(
     reference, floor = reference_solution(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
     about = f"{reference.about}, {reference.solution.discretisation.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
-    natural = scene.young / reference.solution.discretisation.tagged.size
+    natural = reference.solution.discretisation.scales.gamma
     runs = []
     for method in methods(scene, quick=quick):
         if method.adaptive:
