@@ -17,8 +17,8 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.body.loads import is_zero, stresses, ufl_value, vector_value
-from signorini_fx.body.material import stress
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
@@ -49,7 +49,8 @@ class StressRecovery:
         space = fem.functionspace(d.tagged.mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
-        sigma = stress(self._displacement, *d.lame)
+        self._stress = ElementStress(d, self._displacement)
+        sigma = self._stress.sigma
         raw = voigt(sigma)
         density = compliance(self._recovered - raw, *d.lame) * cellwise
         # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
@@ -126,6 +127,7 @@ class StressRecovery:
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._displacement.x.array[:owned] = dofs[:owned]
         self._displacement.x.scatter_forward()
+        self._stress.refresh()
 
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
         """The estimate of the projection in one material for each owned cell."""

@@ -35,22 +35,3 @@ def stress(y: Any, lame: Any, mu: Any) -> Any:
     """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
     epsilon = strain(y)
     return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
-
-
-def out_of_plane_stress(y: Any, lame: Any, hypothesis: str) -> Any:
-    """The out-of-plane stress component sigma_33: lambda tr(epsilon) in plane strain, zero in plane stress;
-    zero in space, where there is none.
-    """
-    if len(y) == 3:
-        return 0 * ufl.tr(strain(y))
-    return lame * ufl.tr(strain(y)) if hypothesis == "plane strain" else 0 * ufl.tr(strain(y))
-
-
-def shear_energy_density(y: Any, lame: Any, mu: Any, hypothesis: str) -> Any:
-    """Elastic shear energy density |dev sigma|^2 / (4 mu), energy per volume: the gray tones of Figures 2 and 6."""
-    sigma = stress(y, lame, mu)
-    sigma_33 = out_of_plane_stress(y, lame, hypothesis)
-    mean = (ufl.tr(sigma) + sigma_33) / 3
-    deviator = sigma - mean * ufl.Identity(len(y))
-    outside = 0 * mean if len(y) == 3 else (sigma_33 - mean) ** 2
-    return (ufl.inner(deviator, deviator) + outside) / (4 * mu)

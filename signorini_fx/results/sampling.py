@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.material import shear_energy_density
+from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.report.fields import FROM_STRESS
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
@@ -112,7 +112,9 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
-    density = shear_energy_density(solution.displacement, *d.lame, solution.scene.material[0].hypothesis)
+    sigma = ElementStress(d, solution.displacement).in_space(solution.scene.material[0].hypothesis)
+    deviator = ufl.dev(sigma)
+    density = ufl.inner(deviator, deviator) / (4 * d.lame[1])  # the gray tones of Figures 2 and 6 of the paper
     both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
     constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))
     rows = constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[cells, 0]]

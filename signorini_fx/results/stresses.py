@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.material import out_of_plane_stress, stress
+from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.nodal_forces import NodalForces
@@ -163,7 +162,7 @@ class StressFields:
 
 @dataclass(frozen=True, repr=False)
 class Stresses(StressFields):
-    """The stress of a displacement in each cell, as the derivatives of the displacement give it.
+    """The stress of a displacement in each cell, as its stiffness sees it, see ``body.element_stress``.
 
     It is discontinuous from cell to cell and a power of h less accurate than the displacement; values at corners of
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
@@ -181,14 +180,9 @@ class Stresses(StressFields):
         """Sigma with all components in space, also in the plane, where (2, 2) is that of the hypothesis; a stress,
         shape (3, 3), discontinuous and of the degree of the element.
         """
-        d, y = self.discretisation, self.displacement
+        d = self.discretisation
         degree = max(d.scene.element.degree, 1)
-        sigma = stress(y, *d.lame)
-        if d.tagged.dimension == 2:
-            out = out_of_plane_stress(y, d.lame[0], self.hypothesis)
-            sigma = ufl.as_tensor(
-                [[sigma[0, 0], sigma[0, 1], 0 * out], [sigma[1, 0], sigma[1, 1], 0 * out], [0 * out, 0 * out, out]]
-            )
+        sigma = ElementStress(d, self.displacement).in_space(self.hypothesis)
         return interpolated(sigma, fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), "stress")
 
     @cached_property

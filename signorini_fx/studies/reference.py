@@ -18,7 +18,7 @@ from mpi4py import MPI
 from signorini_fx import compat
 from signorini_fx.accuracy.price_list import interpolated, zone_change
 from signorini_fx.accuracy.stress_recovery import StressRecovery, compliance, voigt
-from signorini_fx.body.material import stress
+from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.refinement import mark, refine
@@ -155,7 +155,7 @@ class Reference:
 
 def _stress(solution: Solution) -> Any:
     """The components of the stress as UFL."""
-    return voigt(stress(solution.displacement, *solution.discretisation.lame))
+    return voigt(ElementStress(solution.discretisation, solution.displacement).sigma)
 
 
 def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:

@@ -1,0 +1,143 @@
+"""The stress of elements with a reduced volumetric term: what their stiffness works with, and right near nu = 1/2."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from spaces import box
+from test_stresses import INNER, OUTER, PRESSURE, cylinder
+
+from signorini_fx.accuracy.stress_recovery import compliance, voigt
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.forms import elastic_forms
+from signorini_fx.body.material import lame_parameters, strain
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
+from signorini_fx.results.sampling import cell_values
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+MEAN = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
+KINDS = [(1, "quadrilateral"), (2, "quadrilateral"), (2, "triangle")]
+
+
+def nearly(poisson, degree, cell, size, comm=COMM):
+    """Lame's cylinder of a nearly incompressible material, with reduced integration, solved."""
+    scene = cylinder(degree, size, cell)
+    changes = {
+        "element": scene.element.model_copy(update={"volumetric": "reduced"}),
+        "material": tuple(own.model_copy(update={"poisson": poisson}) for own in scene.material),
+    }
+    return solve(scene.model_copy(update=changes), comm)
+
+
+def exact_stress(x):
+    """Lame's solution in the plane, as UFL, shape (2, 2); it does not depend on the material."""
+    arm = ufl.as_vector((x[0], x[1] - OUTER))
+    square = ufl.inner(arm, arm)
+    return MEAN * ufl.Identity(2) + MEAN * OUTER**2 / square * (ufl.Identity(2) - 2 * ufl.outer(arm, arm) / square)
+
+
+def true_error(solution):
+    """Error of the stress of the elements in the energy norm, relative."""
+    d = solution.discretisation
+    sigma = ElementStress(d, solution.displacement).sigma
+    exact = exact_stress(ufl.SpatialCoordinate(d.tagged.mesh))
+    dx = ufl.dx(metadata={"quadrature_degree": 8})
+    squares = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(compliance(voigt(tau), *d.lame) * dx)))
+        for tau in (exact - sigma, exact)
+    ]
+    return float(np.sqrt(squares[0] / squares[1]))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("degree", "cell"), KINDS)
+def test_nearly_incompressible_cylinder(degree, cell):
+    """Errors and their estimates are the same at nu = 0.499 and 0.4999, fall with h, and agree with each other."""
+    found = []
+    for poisson in (0.499, 0.4999):
+        for size in (0.5, 0.25):
+            solution = nearly(poisson, degree, cell, size)
+            error = true_error(solution)
+            assert 0.85 < solution.stress.error / error < 1.7
+            extremes = [one.largest("principal", 0).value for one in (solution.stress, solution.stress.recovered)]
+            found.append((error, solution.stress.error, *extremes))
+    coarse, fine, *others = np.array(found)
+    np.testing.assert_allclose(np.array(others), [coarse, fine], rtol=0.02)
+    assert fine[0] < {1: 0.6, 2: 0.4}[degree] * coarse[0]
+    hoop = PRESSURE * (OUTER**2 + INNER**2) / (OUTER**2 - INNER**2)
+    np.testing.assert_allclose(fine[2:], hoop, rtol={1: 0.18, 2: 0.03}[degree])
+
+
+@pytest.mark.parametrize(("degree", "cell"), KINDS)
+def test_pictures_and_fields_agree(degree, cell):
+    """One value per cell is the stress of the element in its middle: von Mises, and the tensor for the pressure."""
+    solution = nearly(0.4999, degree, cell, 0.25, MPI.COMM_SELF)
+    tagged = solution.discretisation.tagged
+    cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    values = cell_values(solution, cells, ("pressure",))
+    trace = np.trace(values["stress"], axis1=1, axis2=2)
+    assert np.abs(trace - 3 * MEAN).max() < {1: 0.25, 2: 0.05}[degree] * PRESSURE
+    deviator = values["stress"] - trace[:, None, None] / 3 * np.eye(3)
+    mises = np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator))
+    np.testing.assert_allclose(values["von_mises"], mises, atol={1: 0.1, 2: 0.02}[degree] * PRESSURE)
+
+
+def body_of(cell, degree):
+    """A box of straight cells with reduced integration, discretised."""
+    plane = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2, "cell": cell}}
+    scene = parse_scene(
+        {
+            "mesh": plane if cell in ("triangle", "quadrilateral") else box(cell, (2, 1, 1)),
+            "element": {"degree": degree, "volumetric": "reduced"},
+            "material": {"young": 10.0, "poisson": 0.499},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+        }
+    )
+    return discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+
+
+@pytest.mark.parametrize(
+    ("cell", "degree"), [(c, k) for k, c in KINDS] + [("hexahedra", 1), ("hexahedra", 2), ("tetrahedra", 2)]
+)
+def test_it_is_the_stress_that_the_stiffness_works_with(cell, degree):
+    """Its energy is that of the stiffness, for any displacement; refreshed, it follows the displacement."""
+    d = body_of(cell, degree)
+    y = fem.Function(d.space)
+    stress = ElementStress(d, y)
+    y.x.array[:] = np.random.default_rng(1).standard_normal(y.x.array.size)
+    stress.refresh()
+    lame, mu = lame_parameters(d.scene.material[0])
+    dim = d.tagged.dimension
+    theta = (ufl.tr(stress.sigma) / dim - 2 * mu * ufl.tr(strain(y)) / dim) / lame
+    dx = ufl.dx(metadata={"quadrature_degree": 8})
+    own = fem.assemble_scalar(fem.form((2 * mu * ufl.inner(strain(y), strain(y)) + lame * theta**2) * dx))
+    terms = elastic_forms(y, y, lame, mu, 8, d.reduced)
+    assert own == pytest.approx(sum(fem.assemble_scalar(fem.form(term)) for term in terms), rel=1e-9)
+
+
+@pytest.mark.parametrize(("degree", "cell"), KINDS)
+def test_uniform_stress(degree, cell):
+    """A nearly incompressible block under uniform pressure has that stress everywhere; the estimate is nought."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 5, "ny": 3, "cell": cell}},
+            "element": {"degree": degree, "volumetric": "reduced"},
+            "material": {"young": 6.0, "poisson": 0.4999},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "traction": [{"boundary": "right", "x": -2.0}, {"boundary": "top", "y": -1.0}],
+        }
+    )
+    stress = solve(scene, MPI.COMM_SELF).stress
+    for one in (stress, stress.recovered):
+        exact = np.diag([-2.0, -1.0, -3 * 0.4999])
+        np.testing.assert_allclose(
+            one.tensor.x.array.reshape(-1, 3, 3),
+            np.broadcast_to(exact, (len(one.tensor.x.array) // 9, 3, 3)),
+            atol=1e-5,
+        )
+    assert stress.error < 1e-5
