@@ -1784,7 +1784,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        "normal *= np.sign(np.sum(normal * outward, axis=2, keepdims=True))",
+        "across *= np.sign(across @ (start - vertices.mean(axis=0)))",
         "pass",
         "nodal forces: normals may point inwards",
         tests=("nodal_forces",),

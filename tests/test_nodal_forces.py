@@ -7,6 +7,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import example1
+from spaces import box
 
 from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.discretisation import discretise
@@ -109,3 +110,27 @@ def test_several_materials():
     u = there.function(there.stiffness.createVecRight())
     u.interpolate(lambda x: np.stack([np.sin(x[0] * x[1]), np.cos(x[1] - 2 * x[0])]))
     close(NodalForces(scene, tagged, there.space).internal(u.x.array.reshape(-1, 2)), compiled(there, u))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_warped_side_of_a_cell(degree):
+    """A block of one cell, turned by 1.2 from bottom to top: where the plane of its side leaves its middle outside."""
+    tagged = box("hexahedra", (1, 1, 1), size=(2.4, 0.8, 1.0))
+    x = tagged.mesh.geometry.x
+    x -= [1.2, 0.4, 0.0]
+    x[:, :2] = [[np.cos(1.2 * z) * a - np.sin(1.2 * z) * b, np.sin(1.2 * z) * a + np.cos(1.2 * z) * b] for a, b, z in x]
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": degree},
+            "material": {"young": 1.0, "poisson": 0.3},
+            "contact": [{"boundary": "front"}, {"boundary": "left"}],
+        }
+    )
+    there = discretise(scene, tagged, Timings())
+    here = NodalForces(scene, tagged, there.space)
+    for part, effect in enumerate(scene.contact):
+        mine = there.boundary.part == part
+        moments = here.moments(effect.boundary)[there.boundary.nodes[mine]]
+        expected = there.boundary.weight[mine, None] * there.boundary.normal[mine]
+        np.testing.assert_allclose(moments, expected, rtol=0, atol=1e-14)

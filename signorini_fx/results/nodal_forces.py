@@ -266,7 +266,6 @@ class NodalForces:
         """The facets of a boundary with points at ``places`` of the reference facet, shape (q, d - 1)."""
         entities = facet_entities(self.tagged.mesh, self.tagged.facets(boundary))
         vertices = basix.geometry(self._cell)
-        middle = self._table(vertices.mean(axis=0, keepdims=True))
         for side, corner in enumerate(basix.topology(self._cell)[self.dimension - 1]):
             cells = entities[entities[:, 1] == side, 0]
             if cells.size == 0:
@@ -274,14 +273,11 @@ class NodalForces:
             start, *ends = vertices[corner[: self.dimension]]
             along = np.array(ends) - start
             table = self._table(start + places @ along)
-            tangents = np.einsum("ikcq,tk->tcqi", self._jacobian(cells, table), along)
-            if self.dimension == 2:
-                normal = np.stack([tangents[0, :, :, 1], -tangents[0, :, :, 0]], axis=2)
-            else:
-                normal = np.cross(tangents[0], tangents[1])
-            corners = self._x[self._corners[cells]]
-            outward = table.place @ corners - middle.place @ corners
-            normal *= np.sign(np.sum(normal * outward, axis=2, keepdims=True))
+            across = np.array([along[0, 1], -along[0, 0]]) if self.dimension == 2 else np.cross(*along)
+            across *= np.sign(across @ (start - vertices.mean(axis=0)))
+            # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
+            adjugate, determinant = adjugates(self._jacobian(cells, table))
+            normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
             yield _Facets(cells, table, weight[:, None] * normal)
 
     def _positions(self, part: _Facets) -> Array:

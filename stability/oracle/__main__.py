@@ -29,7 +29,7 @@ from stability.oracle.units import same
 from stability.oracle.worker import MARK, TRIAL, Row, examined
 
 # Wall seconds for one scene; the first one of a process also compiles.
-_LIMIT, _START = 60.0, 180.0
+_LIMIT, _START = 180.0, 300.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

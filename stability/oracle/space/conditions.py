@@ -222,6 +222,11 @@ def deformation(body: Body, u: Array) -> float:
     return float(np.abs(u.ravel() - body.rigid @ motion).max())
 
 
+def round_off(body: Body, step: int) -> float:
+    """Displacements that the round-off of the loads may cause, a length: supports may take all that is more."""
+    return 1e3 * _EPS * float(np.abs(body.load(step)).max()) / (body.young * body.size)
+
+
 def violations(
     body: Body,
     contact: Contact,
@@ -250,7 +255,7 @@ def violations(
     # Equilibrium in every free direction, contact tractions included.
     inner, load = body.stiffness @ u.ravel(), body.load(step)
     taken = contact.forces(pressure, shear)
-    noise = 200 * _EPS * float((abs(body.stiffness) @ np.abs(u.ravel())).max())
+    noise = 200 * _EPS * max(float((abs(body.stiffness) @ np.abs(u.ravel())).max()), float(np.abs(load).max()))
     # Contact forces in supported directions have no effect, however large they are.
     felt = body.free.T @ taken
     force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0)))
@@ -270,7 +275,7 @@ def violations(
     )
     stress = max(acting, 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
-    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
+    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
     faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
     # What is added to the slip and the shear of the step before has their round-off.
     near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)

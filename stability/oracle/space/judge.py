@@ -40,6 +40,7 @@ from stability.oracle.space.conditions import (
     contact_of,
     deformation,
     displacement,
+    round_off,
     violations,
 )
 
@@ -83,7 +84,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         else:
             told = table["u_n"][:, None] * contact.normal + _vectors(table, "u_t")
             u = displacement(body, contact, number, said, told)
-        worse(_table(body, contact, table, u, origin))
+        worse(_table(body, contact, number, table, u, origin))
         law = _promised(body, answer, number, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if cvxopt is not None:
@@ -141,13 +142,16 @@ def _vectors(table: Mapping[str, Array], name: str) -> Array:
     return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
 
 
-def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:
+def _table(
+    body: Body, contact: Contact, step: int, table: Mapping[str, Array], u: Array, origin: Origin
+) -> dict[str, float]:
     """Columns of the contact table that say what the displacement and the scene say as well."""
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t
     # What loads and tractions make of the displacement has their round-off.
-    moved = max(float(np.abs(u).max()), 1e3 * deformation(body, u) if body.steps > 1 else 0.0, 1e-300)
+    moved = max(float(np.abs(u).max()), 1e9 * round_off(body, step), 1e-300)
+    moved = max(moved, 1e3 * deformation(body, u) if body.steps > 1 else 0.0)
     columns: dict[str, tuple[Array, float]] = {
         "u_n": (u_n, moved),
         "u_t": (np.linalg.norm(u_t, axis=1), moved),
