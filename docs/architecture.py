@@ -40,11 +40,11 @@ LAYERS = (
 )
 TOP_LEVEL = {
     "cli": ("__main__",),
-    "ground": ("compat", "csv_text", "display", "parallel", "petsc_start", "records", "scales", "tuned"),
+    "ground": ("attempts", "compat", "csv_text", "display", "parallel", "petsc_start", "records", "scales", "tuned"),
     "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Outcomes and records, ranks, the start of PETSc, versions of dolfinx, tuned constants.",
+    "ground": "Outcomes, records, the plan of attempts, ranks, start of PETSc, versions of dolfinx, tuned constants.",
     "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.

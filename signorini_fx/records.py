@@ -260,7 +260,6 @@ class History:
         events: decisions that a user should know about, such as a fall-back.
         observers: called with each new record or event, and when a load step begins, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
-        shared: whether several meshes share this limit, so that none of them gets its own.
         step: number of the load step that the solve is at, from 1.
         progress: where the solve is.
         watchers: called with it whenever it changes; on all ranks or on none.
@@ -271,7 +270,6 @@ class History:
     events: list[str] = field(default_factory=list)
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
-    shared: bool = False
     step: int = 1
     progress: Progress = field(default_factory=Progress)
     watchers: list[Callable[[Progress], object]] = field(default_factory=list)
@@ -284,10 +282,15 @@ class History:
         """Linear solves so far."""
         return len(self.iterations)
 
-    def allow(self, solves: int) -> None:
-        """Allow this many more linear solves, unless the limit is shared."""
-        if not self.shared:
-            self.limit = self.linear_solves + solves
+    @contextmanager
+    def at_most(self, solves: float) -> Iterator[None]:
+        """Allow this many linear solves inside the ``with`` block, and no more than a block around it allows."""
+        outer = self.limit
+        self.limit = min(outer, self.linear_solves + solves)
+        try:
+            yield
+        finally:
+            self.limit = outer
 
     def move(self, **changes: Any) -> None:
         """Note where the solve is, if anybody watches."""

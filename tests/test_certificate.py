@@ -18,7 +18,7 @@ from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import load_steps, one_mesh
 
 
 def wedge(**solver):
@@ -394,8 +394,8 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no resting place": (one_mesh, "from_rest", without_resting_place),
-    "rotation dropped": (one_mesh, "from_rest", with_turned_rest),
+    "no resting place": (load_steps, "from_rest", without_resting_place),
+    "rotation dropped": (load_steps, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
     "wrong weight": (one_mesh, "discretise", of_the_boundary(weight=at_one_node(0.001))),
     "wrong normals": (one_mesh, "discretise", of_the_boundary(normal=tilted)),

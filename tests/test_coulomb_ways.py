@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
+from signorini_fx import attempts
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver, strategy
+from signorini_fx.solving import strategy
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
@@ -139,8 +140,7 @@ def test_every_scene_ends(seed):
 
 def test_the_limit_is_an_end(monkeypatch):
     """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
-    monkeypatch.setattr(strategy, "PROBLEMS_PER_STEP", 1)
-    monkeypatch.setattr(solver, "PROBLEMS_PER_STEP", 1)
+    monkeypatch.setattr(attempts, "PROBLEMS_PER_STEP", 1)
     begin = time.process_time()
     solution = alone(capped(3), check=False)
     assert not solution.converged

@@ -7,6 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
+from signorini_fx import attempts
 from signorini_fx.algorithms import descent, fall_backs
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.body.discretisation import discretise
@@ -15,8 +16,9 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver, strategy, task
-from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving import solver, strategy
+from signorini_fx.solving.load_steps import from_rest
+from signorini_fx.solving.one_mesh import contact_task
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 
@@ -168,7 +170,7 @@ def test_damping(monkeypatch):
 @pytest.fixture
 def no_fall_backs(monkeypatch):
     """No help for single problems, so that what comes after is needed."""
-    monkeypatch.setattr(task, "try_fall_backs", lambda newton, data, sets, failed, measure: failed)
+    monkeypatch.setattr(fall_backs.FallBacks, "__call__", lambda self, newton, data, sets, failed, measure: failed)
 
 
 @pytest.mark.usefixtures("no_fall_backs")
@@ -183,9 +185,9 @@ def test_augmentation():
 @pytest.mark.usefixtures("no_fall_backs")
 def test_nested_iteration(monkeypatch):
     """When nothing else has helped, coarser meshes make the start."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
     ours = alone(jumping())
-    assert fall_backs_of(ours) == ["nested iteration on 2 coarser meshes"]
+    assert fall_backs_of(ours)[1:] == ["nested iteration on 2 coarser meshes"]
     assert len(ours.levels) == 3
     monkeypatch.undo()
     same(ours, alone(jumping()))
@@ -194,8 +196,8 @@ def test_nested_iteration(monkeypatch):
 @pytest.mark.usefixtures("no_fall_backs")
 def test_giving_up(monkeypatch):
     """At last the outcome is the one that the plain iteration had."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
-    monkeypatch.setattr(solver, "_from_coarser", lambda scene, comm, history, failed: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
+    monkeypatch.setattr(solver, "for_mesh", lambda **_: ())
     ours = alone(jumping(), check=False)
     assert ours.status is Status.CYCLING
 
@@ -204,24 +206,26 @@ def test_fall_backs_that_fail_restores_the_start(monkeypatch):
     """No half-way iterate is left for what comes after, nor the problem of a fall-back."""
     seen = []
 
-    def failing(newton, data, sets, failed, measure):
+    plain = fall_backs.FallBacks.__call__
+
+    def failing(self, newton, data, sets, failed, measure):
         before, sets_before = newton.x.getArray().copy(), newton.problem.sets
-        status = fall_backs.try_fall_backs(newton, data, sets, failed, measure)
+        status = plain(self, newton, data, sets, failed, measure)
         problem = newton.problem
         assert problem.data is data
         assert not problem.sets.changed(sets_before).any()
         seen.append((status, np.array_equal(before, newton.x.getArray())))
         return status
 
-    def no_help(newton, data, sets, measure):
+    def no_help(newton, data, sets, failed, measure):
         def softer():
             newton.solve_once(replace(data, gamma_n=1e-4 * data.gamma_n), None, measure)
             return Status.MAX_ITERATIONS
 
-        return iter([("nothing", softer)])
+        return {attempts.FULL_STEPS: lambda: failed, attempts.DESCENT: softer}
 
-    monkeypatch.setattr(task, "try_fall_backs", failing)
-    monkeypatch.setattr(fall_backs, "_in_order", no_help)
+    monkeypatch.setattr(fall_backs.FallBacks, "__call__", failing)
+    monkeypatch.setattr(fall_backs, "_ways", no_help)
     alone(jumping(), check=False)
     assert seen[0] == (Status.CYCLING, True)
 
@@ -229,7 +233,7 @@ def test_fall_backs_that_fail_restores_the_start(monkeypatch):
 @pytest.mark.usefixtures("no_fall_backs")
 def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
     """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, share=1.0: failed)
+    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
 
     def without(scene, levels):
         return [with_contact(scene, boundary="nowhere")] * (levels - 1)

@@ -19,7 +19,8 @@ from signorini_fx.linalg.mesh_levels import MeshLevel, reference_points
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.one_mesh import _begin_at_coarse, contact_task, from_rest
+from signorini_fx.solving.load_steps import from_rest
+from signorini_fx.solving.one_mesh import _begin_at_coarse, contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
 from signorini_fx.solving.sweep import _coarser, sweep
 

@@ -18,7 +18,8 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.load_steps import from_rest
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve
 
 WORLD = MPI.COMM_WORLD

@@ -242,9 +242,9 @@ def test_load_step_of_each_linear_solve(failed):
         numbers = [int(row["step"]) for row in table]
         assert numbers == sorted(numbers)
     for step, count in solves.items():
-        last = [int(row["solve"]) for row in iterations if int(row["step"]) == step][-count:]
-        assert len(last) == count
-        assert last == list(range(last[0], last[0] + count))
+        of_it = [int(row["solve"]) for row in iterations if int(row["step"]) == step]
+        last = of_it[len(of_it) - count :]
+        assert [number - last[0] for number in last] == list(range(count))
     for row in problems:
         of_it = [solve for solve in iterations if (solve["step"], solve["outer"]) == (row["step"], row["outer"])]
         assert len(of_it) == int(row["linear_solves"])

@@ -1,32 +1,32 @@
-"""What to try, in which order, if a regularised problem is not solved by full steps.
+"""What is tried if a regularised problem with a given friction bound is not solved by full steps, see ``attempts``.
 
-One fall-back after the other is tried, each recorded in the history, until one of them ends with a solution of the
-original problem:
-
-1. *through stick*: with a finite sigma, the same iteration with an infinite one, which lets no node jump from one slip
-   set to the other;
-2. *contact where the body rests*: for a body that only contact holds, the same from the nodes that touch when the load
-   has moved the rigid body to its resting place (``resting``);
-3. *smaller gamma*: continuation from a gamma at which there are hardly any constraints up to the given one, each
-problem
-   started from the previous one;
-4. *descent*: Newton steps whose length minimises the energy; they cannot cycle;
-5. both: the continuation of 3., with the steps of 4. for every stage that cycles.
-
-The friction bound of the problem must be given.  Further fall-backs (augmentation, other outer iterations, coarser
-meshes) do not concern a single regularised problem and are in ``strategy`` and ``solver``.
+Each attempt goes on from where the one before has ended.  If all of them have failed, the problem is most likely one
+that has no solution, such as one of a fixed-point iteration beyond a limit load.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.attempts import (
+    AT_REST,
+    BOTH,
+    DESCENT,
+    FULL_STEPS,
+    SMALLER_GAMMA,
+    THROUGH_STICK,
+    Attempt,
+    for_problem,
+    tried,
+)
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
 from signorini_fx.tuned import FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
@@ -34,57 +34,80 @@ from signorini_fx.tuned import FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
 # A gap below this share of the largest one is closed.
 _CLOSED = 1e-6
 
-FallBack = tuple[str, Callable[[], Status]]
+
+class FallBacks:
+    """The fall-backs for the problems of a load step.
+
+    Attributes:
+        exhausted: whether all of them have failed for one of its problems; then none is tried for the others.
+    """
+
+    def __init__(self) -> None:
+        self.exhausted = False
+
+    def __call__(
+        self,
+        newton: SemismoothNewton,
+        data: RegularisedData,
+        first_sets: ActiveSets | None,
+        failed: Status,
+        measure: Callable[[], float | None],
+    ) -> Status:
+        """The status of the first that solves the problem, else the original one, with the iterate that it left."""
+        if self.exhausted:
+            return failed
+        start = newton.checkpoint()
+        ways = _ways(newton, data, first_sets, failed, measure)
+        names = for_problem(finite_sigma=bool(np.isfinite(data.sigma)), eliminated=bool(np.isinf(data.gamma_n)))
+        statuses = tried(
+            ((name, ways[name]) for name in names if name in ways),
+            history=newton.history,
+            settled=lambda status: status is Status.CONVERGED,
+            told=lambda status: status.value,
+        )
+        if statuses[-1] is Status.CONVERGED:
+            return Status.CONVERGED
+        self.exhausted = len(statuses) > 1
+        newton.restore(start)
+        return failed
 
 
-def try_fall_backs(
+def _ways(
     newton: SemismoothNewton,
     data: RegularisedData,
     first_sets: ActiveSets | None,
     failed: Status,
     measure: Callable[[], float | None],
-) -> Status:
-    """Try the fall-backs in order; the status of the first that solves the problem, else the original one."""
-    start = newton.checkpoint()
-    reason = failed
-    for name, fall_back in _in_order(newton, data, first_sets, measure):
-        newton.history.add(f"{reason.value}: {name}")
-        status = fall_back()
-        if status is Status.CONVERGED:
-            return status
-        reason = status
-    newton.problem.set_data(data)  # not those of the last fall-back
-    newton.restore(start)
-    return failed
-
-
-def _in_order(
-    newton: SemismoothNewton,
-    data: RegularisedData,
-    first_sets: ActiveSets | None,
-    measure: Callable[[], float | None],
-) -> Iterator[FallBack]:
-    if np.isinf(data.gamma_n):  # elimination has no penalty to reduce, and no energy for a descent
-        return
+) -> dict[Attempt, Callable[[], Status]]:
+    """What each attempt does; contact where the body rests only where that can hold it."""
     through = replace(data, sigma=np.inf)
-    if np.isfinite(data.sigma):
-        yield "through stick", lambda: newton.solve_once(through, first_sets, measure)
-    touching = _touching(newton, data)
+    ways: dict[Attempt, Callable[[], Status]] = {
+        FULL_STEPS: lambda: failed,
+        THROUGH_STICK: lambda: newton.solve_once(through, first_sets, measure),
+        SMALLER_GAMMA: lambda: _path(newton, through, first_sets, measure, descend=False),
+        DESCENT: lambda: energy_descent(newton, through, measure),
+        BOTH: lambda: _path(newton, through, first_sets, measure, descend=True),
+    }
+    touching = None if np.isinf(data.gamma_n) else _touching(newton, data)
     if touching is not None:
-        yield "contact where the body rests", lambda: newton.solve_once(through, touching, measure)
-    yield "smaller gamma", lambda: _path(newton, through, first_sets, measure, descend=False)
-    yield "descent", lambda: energy_descent(newton, through, measure)
-    yield "smaller gamma with descent", lambda: _path(newton, through, first_sets, measure, descend=True)
+        ways[AT_REST] = lambda: newton.solve_once(through, touching, measure)
+    return ways
 
 
 def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
     """Contact and stick at the nodes without a gap, if these hold a body that supports do not; collective."""
-    comm, gap = newton.problem.system.comm, np.abs(data.gap)
-    closed = gap <= _CLOSED * parallel.global_max(comm, parallel.local_max(gap))
+    closed = touching_nodes(newton.problem.system.comm, data)
     sets = ActiveSets.of(closed, np.zeros_like(data.mu_hat))
     nothing = replace(sets, contact=np.zeros_like(closed), slip=np.ones_like(closed))
     loose = not newton.problem.holds(nothing, data)
     return sets if loose and newton.problem.holds(sets, data) else None
+
+
+def touching_nodes(comm: PETSc.Comm, data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """The nodes without a gap where displacements are counted from, shape (n,); collective."""
+    gap = np.abs(data.gap)
+    closed: npt.NDArray[np.bool_] = gap <= _CLOSED * parallel.global_max(comm, parallel.local_max(gap))
+    return closed
 
 
 def _path(

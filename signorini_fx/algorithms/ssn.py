@@ -37,6 +37,8 @@ FallBacks = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
     Status,
 ]
+# (x, sets, data) of an iterate; None before the first problem.
+Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
 
 
 class SemismoothNewton:
@@ -54,7 +56,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        try_fall_backs: called if this iteration does not solve a problem, see ``algorithms.fall_backs``; None: nothing.
+        try_fall_backs: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
 
     Attributes:
@@ -230,13 +232,16 @@ class SemismoothNewton:
             return not self._factorised
         return status is Status.CYCLING and self._loosened
 
-    def checkpoint(self) -> tuple[PETSc.Vec, ActiveSets]:
-        """The iterate and its sets, for ``restore``."""
-        return self.x.copy(), self.problem.sets
+    def checkpoint(self) -> Checkpoint:
+        """The iterate with its sets and its problem, for ``restore``."""
+        return self.x.copy(), self.problem.sets, getattr(self.problem, "data", None)
 
-    def restore(self, checkpoint: tuple[PETSc.Vec, ActiveSets]) -> None:
-        """Go back to an iterate and its sets."""
-        x, self.problem.sets = checkpoint
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to an iterate, its sets and its problem."""
+        x, sets, data = checkpoint
+        if data is not None:
+            self.problem.set_data(data)
+        self.problem.sets = sets
         x.copy(self.x)
 
     def begin_at(self, x: PETSc.Vec) -> None:

@@ -34,7 +34,7 @@ from signorini_fx.scene.model import MeshFile, Scene
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 2
+_FORMAT = 3
 _SCENE, _FIGURES, _NODES, _FIELD, _PART = "scene.json", "figures.json", "nodes.npz", "displacement.bin", ".part"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME = 1e-9

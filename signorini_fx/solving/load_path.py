@@ -2,79 +2,199 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from math import floor
 
+from signorini_fx.attempts import step_limit
 from signorini_fx.records import Status
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import EASY_STEP, ENCLOSED, LARGEST_INCREMENT, SMALLEST_INCREMENT
+from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP, LARGEST_INCREMENT, SMALLEST_INCREMENT
 
 # Outcomes that another increment of the load does not change, and those that it does not change if nothing has been
 # reached before.
 _HOPELESS, _HOPELESS_AT_FIRST = (Status.LINEAR_SOLVER,), (Status.NOT_HELD,)
+# Outcomes that are proved: no start of the iteration changes them.
+_PROVED = (Status.SLIDES, Status.OPEN)
+# A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
+_FEW_STEPS = 5
 # Places are rounded to these digits, so that ten tenths are one; those that differ by less are the same.
 _DIGITS, _SAME_PLACE = 12, 1e-9
+
+
+@dataclass(frozen=True)
+class Position:
+    """What a way through load steps has come to: all that decides about the rest of it.
+
+    Attributes:
+        reached: the place of the last load step with a solution; -1 before the first one.
+        increment: from there to the next one.
+        easy: how many of the last ones were easy.
+        failed: the lowest place beyond ``reached`` without a solution; None: there is none.
+        limit: whether that place is one that no other start leads to: it is proved, or has failed from two.
+        last: linear solves of the last load step with a solution.
+        done: those of all load steps with a solution.
+        wasted: those of all attempts without one.
+        hard: whether a load step was solved by fall-backs where no increment was small enough without them.
+    """
+
+    reached: float = -1.0
+    increment: float = 1.0
+    easy: int = 0
+    failed: float | None = None
+    limit: bool = False
+    last: int = 0
+    done: int = 0
+    wasted: int = 0
+    hard: bool = False
 
 
 class LoadPath:
     """Where a scene is on its way through its load steps; places are those of ``scene.load_steps``.
 
     Without a ramp every factor is a load step, and one without a solution ends the way.  In a ramp its increment is
-    halved, until the load is enclosed between one with and one without a solution.
+    halved, until the load is enclosed between one with and one without a solution, or the attempts without one have
+    taken as many linear solves as they may: the price of the end of a ramp is set by the way up to there.
 
     Args:
         scene: the scene.
 
     Attributes:
-        reached: the place of the last load step with a solution; -1 before the first one.
-        increment: from there to the next one.
+        at: where it is.
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._last = scene.steps - 1
+        self._last, self._time = scene.steps - 1, scene.time_at
+        self._iterations = scene.solver.max_iterations
+        self._most = step_limit(self._iterations)
         self._divided = scene.automatic_steps
         # The first of several factors is reached in one step, whose law is static.
-        self._divisible = self._divided is not None and scene.grows_from_nothing
-        self.reached = -1.0
+        self._from_nothing = scene.grows_from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
-        self.increment = self._nominal if scene.grows_from_nothing else 1.0
-        self._easy = 0
+        self.at = Position(increment=self._nominal if self._from_nothing else 1.0)
+
+    @property
+    def reached(self) -> float:
+        """The place of the last load step with a solution; -1 before the first one."""
+        return self.at.reached
 
     @property
     def ended(self) -> bool:
         """Whether the last load step has been solved."""
-        return self.reached >= self._last
+        return self.at.reached >= self._last
 
     @property
     def next(self) -> float:
-        """The place of the next load step; none goes beyond the next factor."""
-        station = floor(self.reached + _SAME_PLACE) + 1.0
-        place = round(self.reached + self.increment, _DIGITS)
-        return station if place > station - _SAME_PLACE else place
+        """The place of the next load step; none goes beyond the next factor.
+
+        Below a limit it is halfway there, and the limit itself only once it is enclosed: it has failed before.
+        """
+        at = self.at
+        station = floor(at.reached + _SAME_PLACE) + 1.0
+        place = round(at.reached + at.increment, _DIGITS)
+        place = station if place > station - _SAME_PLACE else place
+        if not at.limit or at.failed is None or place < at.failed - _SAME_PLACE:
+            return place
+        width = at.failed - at.reached
+        return at.failed if width <= self._enclosed else round(at.reached + width / 2, _DIGITS)
+
+    @property
+    def _divisible(self) -> bool:
+        return self._divided is not None and (self._from_nothing or self.at.reached >= 0)
+
+    @property
+    def _enclosed(self) -> float:
+        """The increment that is not divided any more."""
+        reached = self.at.reached
+        begun = reached - floor(reached + _SAME_PLACE) if reached >= 0 else reached + 1.0
+        return max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal)
+
+    @property
+    def allowed(self) -> int:
+        """Linear solves that the next load step may take."""
+        at = self.at
+        if not self._divisible:
+            return self._most
+        if self.without_fall_backs:
+            return min(self._step, self._ramp // 2 - at.wasted)
+        return self._ramp - at.wasted
+
+    @property
+    def without_fall_backs(self) -> bool:
+        """Whether only the methods themselves are tried at the next load step, because a smaller increment may do.
+
+        The last attempt of a ramp has all fall-backs: that at an increment which is not divided any more, or after half
+        of the linear solves that attempts without a solution may take.
+        """
+        at = self.at
+        small = self.next - at.reached <= self._enclosed
+        return self._divisible and not (at.hard or small or self._ramp // 2 - at.wasted < EASY_STEP)
+
+    @property
+    def _step(self) -> int:
+        """Linear solves that a load step may take before a smaller increment is tried."""
+        # One at which nothing changes takes two, which is no measure for one that fails.
+        return FAILED_STEP * (max(self.at.last, EASY_STEP) if self.at.done else self._iterations)
+
+    @property
+    def _ramp(self) -> int:
+        """Linear solves that the attempts without a solution may take together."""
+        least = EASY_STEP * max(self._divided or 1, _FEW_STEPS)
+        return FAILED_RAMP * max(self.at.done, least) if self.at.done else self._most
+
+    @property
+    def bracket(self) -> str | None:
+        """Between which loads a ramp has ended without a solution; None if there is no ramp."""
+        at = self.at
+        if not self._divisible or at.failed is None:
+            return None
+        held = "without any load" if at.reached < 0 else f"at time {self._time(at.reached):.6g}"
+        text = f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
+        closed = at.failed - at.reached <= self._enclosed
+        return text if closed else f"{text}; smaller increments would take more linear solves than they may"
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""
-        self.reached = self.next
-        if self._divided is None:
-            return
+        at, place = self.at, self.next
+        done = replace(at, reached=place, last=linear_solves, done=at.done + linear_solves)
+        if self._divided is not None and not self._divisible:
+            done = replace(done, increment=self._nominal)
+        elif self._divided is not None:
+            easy = at.easy + 1 if linear_solves <= EASY_STEP else 0
+            grows = easy > 1 and at.increment < LARGEST_INCREMENT * self._nominal
+            done = replace(done, increment=2 * at.increment if grows else at.increment, easy=0 if grows else easy)
+        if self._divisible and at.failed is not None and not self.without_fall_backs:
+            done = replace(done, hard=True, increment=self._nominal)
+        if at.failed is not None and place >= at.failed - _SAME_PLACE:
+            done = replace(done, failed=None, limit=False)
+        self.at = done
+
+    def resume(self, position: Mapping[str, float]) -> None:
+        """Go on from where an earlier run has come to, see ``stored``."""
+        self.at = Position(**position)  # type: ignore[arg-type]
+
+    def stored(self) -> dict[str, float]:
+        """What ``resume`` needs, as plain data."""
+        return asdict(self.at)
+
+    def shorten(self, status: Status, linear_solves: int = 0) -> bool:
+        """Whether a smaller increment is to be tried, because the next load step ended with ``status``.
+
+        Args:
+            status: how it ended.
+            linear_solves: that it took.
+        """
         if not self._divisible:
-            self._divisible, self.increment = True, self._nominal
-            return
-        self._easy = self._easy + 1 if linear_solves <= EASY_STEP else 0
-        if self._easy > 1 and self.increment < LARGEST_INCREMENT * self._nominal:
-            self.increment, self._easy = 2 * self.increment, 0
-
-    def resume(self, reached: float, increment: float) -> None:
-        """Go on from a place that an earlier run has reached."""
-        self.reached, self.increment = reached, increment
-        self._divisible = self._divided is not None
-
-    def shorten(self, status: Status) -> bool:
-        """Whether a smaller increment is to be tried, because the next load step ended with ``status``."""
-        if not self._divisible or status in _HOPELESS or (self.reached < 0 and status in _HOPELESS_AT_FIRST):
             return False
-        failed = self.next - self.reached
-        begun = self.reached - floor(self.reached + _SAME_PLACE) if self.reached >= 0 else self.reached + 1.0
-        if failed <= max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal):
+        at, place, with_all = self.at, self.next, not self.without_fall_backs
+        again = at.failed is not None and place >= at.failed - _SAME_PLACE
+        increment = place - at.reached
+        self.at = at = replace(
+            at, wasted=at.wasted + linear_solves, failed=place, limit=at.limit or again or status in _PROVED
+        )
+        if status in _HOPELESS or (at.reached < 0 and status in _HOPELESS_AT_FIRST):
             return False
-        self.increment, self._easy = failed / 2, 0
-        return True
+        if increment <= self._enclosed or (with_all and not at.hard):
+            return False
+        self.at = replace(at, increment=increment / 2, easy=0)
+        return self.allowed >= EASY_STEP

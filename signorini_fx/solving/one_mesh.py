@@ -8,20 +8,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.deformation import Deformation, deformation_of
+from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.contact.resting_place import Rest, resting_place
+from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.state import ContactState, functionals
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.choice import choose_system
@@ -30,16 +29,16 @@ from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Before, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import boundary_levels
 from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_steps import judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import Kept
-from signorini_fx.solving.strategy import run
 from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
@@ -122,43 +121,21 @@ def solve_contact(
     path = LoadPath(scene)
     steps: list[StepResult] = []
     last: Before | None = None
-    while True:
+    while not path.ended:
         marks = history.linear_solves, len(history.outer), len(history.events)
-        begun = task.iterate.newton.checkpoint()
-        recalled = None
+        step = None
         if kept is not None and kept.checkpoint.found:
-            with timings.phase("restart"):
-                recalled = kept.recall(discretisation, task, start)
-        if kept is not None and recalled is not None:
-            result = _certified(discretisation, task, recalled.start, recalled.outcome, last, timings)
-            if result.status is Status.CONVERGED:
-                recalled.accept(history, timings, path)
-                start, outcome = recalled.start, recalled.outcome
-            else:
-                history.add(f"restart: {result}: {result.status.value}: it is solved again")
-                kept.forget(start.step)
-                task.iterate.newton.restore(begun)
-                recalled = None
-        if recalled is None:
-            start = replace(start, place=path.next)
-            if scene.several_steps:
-                history.add(StepRecord(start.step + 1, scene.name_at(start.place), scene.time_at(start.place)))
-            history.move(step=start.step + 1, steps=scene.steps)
-            with timings.phase("iterate"):
-                outcome = run(task, start)
-            result = _certified(discretisation, task, start, outcome, last, timings)
-            if result.status is not Status.CONVERGED and path.shorten(result.status):
-                history.add(f"{result}: {result.status.value}: half the increment")
-                task.iterate.newton.restore(begun)
-                continue
-        result = replace(result, linear_solves=history.linear_solves - marks[0])
+            step = recalled_step(discretisation, task, start, last, timings, kept, path)
+        again = step is not None
+        step = step or load_step(discretisation, task, start, last, timings, path)
+        result, start, outcome = step.result, step.start, step.outcome
         steps.append(result)
         if result.status is Status.CONVERGED or len(steps) == 1:
             ended, law, data = outcome, task.promised(outcome), outcome.problem.data
         if result.status is not Status.CONVERGED:
             break
         after(discretisation, outcome, result)
-        if recalled is None:
+        if not again:
             path.advance(result.linear_solves)
             if kept is not None:
                 with timings.phase("checkpoint"):
@@ -191,67 +168,6 @@ def solve_contact(
         timings=timings,
     )
     return solution, ended
-
-
-def _certified(
-    discretisation: Discretisation, task: Task, start: Start, outcome: Outcome, last: Before | None, timings: Timings
-) -> StepResult:
-    """The result of a load step, with the certificate's verdict; its linear solves are not counted yet."""
-    scene = discretisation.scene
-    with timings.phase("certify"):
-        displacement = from_rest(discretisation, task.rest, outcome.displacement())
-        contact = task.contact(outcome, start)
-        certificate = certify(
-            scene,
-            discretisation.tagged,
-            displacement,
-            Tractions.of(contact),
-            law=task.promised(outcome),
-            step=start.place,
-            before=last,
-        )
-        deformation = deformation_of(discretisation, displacement)
-        status = _judged(outcome.status, certificate, deformation, scene)
-    return step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
-
-
-def step_result(
-    scene: Scene,
-    number: int,
-    place: float,
-    status: Status,
-    displacement: fem.Function,
-    contact: ContactState | None,
-    certificate: Certificate,
-    deformation: Deformation,
-    linear_solves: int = 0,
-) -> StepResult:
-    """The result of a load step; ``number``: of those before it."""
-    return StepResult(
-        step=number + 1,
-        place=place,
-        time=scene.time_at(place),
-        name=scene.name_at(place),
-        status=status,
-        displacement=displacement,
-        contact=contact,
-        certificate=certificate,
-        deformation=deformation,
-        strain_energy=certificate.strain_energy,
-        linear_solves=linear_solves,
-    )
-
-
-def _judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
-    """The status of an iteration after its result has been checked.
-
-    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
-    """
-    if status not in (Status.CONVERGED, Status.ROUND_OFF):
-        return status
-    if deformation.largest > scene.solver.largest_deformation:
-        return Status.TOO_LARGE
-    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
 
 
 def _findings(
@@ -298,16 +214,16 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=place)
             deformation = deformation_of(discretisation, displacement)
-            status = _judged(status, certificate, deformation, scene)
+            status = judged(status, certificate, deformation, scene)
         solves = int(status is not Status.NOT_HELD)
         step = step_result(scene, len(steps), place, status, displacement, None, certificate, deformation, solves)
         steps.append(step)
         if status is Status.CONVERGED:
             path.advance(solves)
-        elif not path.shorten(status):
-            break
-        else:
+        elif path.shorten(status, solves):
             steps.pop()
+        else:
+            break
     shown = next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
     return Solution(
         scene=discretisation.scene,
@@ -392,11 +308,3 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         return float(requested * np.sqrt(2 * forces.strain_energy(displacement)))
 
     return share
-
-
-def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
-    """A displacement that is counted from the resting place, converted to one from the initial position."""
-    function = discretisation.function(displacement)
-    if rest is not None:
-        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
-    return function

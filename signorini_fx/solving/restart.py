@@ -30,7 +30,7 @@ class Recalled:
     Attributes:
         outcome: how it ended, with the iterate in place.
         start: where it started, at its place.
-        increment: of the ramp after it.
+        path: the way through the load steps after it.
         iterations: its linear solves.
         outer: its regularised problems.
         events: its events.
@@ -39,7 +39,7 @@ class Recalled:
 
     outcome: Outcome
     start: Start
-    increment: float
+    path: dict[str, float]
     iterations: list[IterationRecord]
     outer: list[OuterRecord]
     events: list[str]
@@ -51,7 +51,7 @@ class Recalled:
         # The seconds of the earlier run are counted once, with the last step that was recalled from it.
         for phase, seconds in self.seconds.items():
             timings.earlier[phase] = seconds
-        path.resume(self.start.place, self.increment)
+        path.resume(self.path)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Kept:
         solves, problems, events = marks
         figures = {
             "place": start.place,
-            "increment": path.increment,
+            "path": path.stored(),
             "parameters": parameters,
             "exact": isinstance(problem, ExactProblem),
             "monolithic": outcome.monolithic,
@@ -148,7 +148,7 @@ class Kept:
             return None
         displacement, nodal = found
         start = replace(start, place=float(figures["place"]))
-        task.iterate.take_loads(start.place, start.scale)
+        task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
         x, tangents = d.unknowns(displacement), task.boundary.tangents
@@ -162,11 +162,11 @@ class Kept:
         newton = task.iterate.newton
         # The regularised problem is where the next load step begins, also where this one has no regularisation.
         newton.pose(given if figures["exact"] else solved, sets)
-        newton.restore((task.system.unknowns(x), sets))
+        newton.restore((task.system.unknowns(x), sets, newton.problem.data))
         if figures["exact"]:
             newton = task.iterate.exact_newton
             newton.pose(solved, sets)
-            newton.restore((newton.problem.system.unknowns(x), sets))
+            newton.restore((newton.problem.system.unknowns(x), sets, solved))
         outcome = Outcome(
             Status.CONVERGED,
             newton,
@@ -178,7 +178,7 @@ class Kept:
         return Recalled(
             outcome,
             start,
-            float(figures["increment"]),
+            figures["path"],
             [IterationRecord(**row) for row in figures["iterations"]],
             [OuterRecord(**row) for row in figures["outer"]],
             figures["events"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.state import ContactState
@@ -35,7 +36,7 @@ from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
-from signorini_fx.tuned import HELPING_MESHES, PROBLEMS_PER_STEP
+from signorini_fx.tuned import HELPING_MESHES
 
 
 def solve(
@@ -92,9 +93,7 @@ def solve(
 
         solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     elif not coarse:
-        solution, task, _ = solve_mesh(scene, comm, history, None, kept=None if stored is None else Kept(stored, 0))
-        if task is not None and scene.solver.fallbacks and task.gave_up(solution.status):
-            solution = _from_coarser(scene, comm, history, solution)
+        solution = _solve_alone(scene, comm, history, None if stored is None else Kept(stored, 0))
     else:
         solution = _solve_nested([*coarse, scene], comm, history, on_level, stored)
     if check and not solution.converged:
@@ -165,7 +164,7 @@ def _solve_nested(
         solution, state = solved.solution, None
         coarser = MeshLevel.of(solution.discretisation, coarser, solution.displacement)
         if solution.converged:
-            state = solution.contact
+            state = solution.steps[0].contact  # the next mesh begins with the same load step
             if number + 1 < len(scenes):
                 on_level(solution)
         if solved.level is not None:
@@ -210,20 +209,42 @@ def solve_level(
     return Solved(solution, task, outcome, level, errors)
 
 
-def _from_coarser(scene: Scene, comm: MPI.Comm, history: History, failed: Solution) -> Solution:
-    """The last fall-back: nested iteration, if the generator makes coarser meshes with all boundaries of the scene."""
-    if not isinstance(scene.mesh, MeshGenerator):
-        return failed
-    try:
-        coarse = coarser_scenes(scene, 1 + HELPING_MESHES)
-        history.add(f"{failed.status.value}: nested iteration on {HELPING_MESHES} coarser meshes")
-        history.allow(PROBLEMS_PER_STEP * scene.solver.max_iterations)
-        history.shared = True
-        solution = _solve_nested([*coarse, scene], comm, history)
-    except (SceneError, MeshError) as error:
-        history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
-        return failed
-    return solution if solution.converged else failed
+def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | None) -> Solution:
+    """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
+    task: Task | None = None
+    others = for_mesh(
+        generated=isinstance(scene.mesh, MeshGenerator),
+        ramp=scene.automatic_steps is not None,
+        fallbacks=scene.solver.fallbacks,
+    )
+
+    def mesh() -> Solution | None:
+        nonlocal task
+        solution, task, _ = solve_mesh(scene, comm, history, None, kept=kept)
+        return solution
+
+    def coarser() -> Solution | None:
+        with history.at_most(step_limit(scene.solver.max_iterations)):
+            try:
+                return _solve_nested([*coarser_scenes(scene, 1 + HELPING_MESHES), scene], comm, history)
+            except (SceneError, MeshError) as error:  # they lack something that the scene names
+                history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
+                return None
+
+    def attempts() -> Iterator[tuple[object, Callable[[], Solution | None]]]:
+        yield METHOD, mesh
+        yield from ((name, coarser) for name in others)
+
+    solutions = tried(
+        attempts(),
+        history=history,
+        # Coarser meshes give a start to the first load step, and to no other.
+        settled=lambda one: one is None or task is None or len(one.steps) > 1 or not task.gave_up(one.status),
+        told=lambda one: "" if one is None else one.status.value,
+    )
+    first, last = solutions[0], solutions[-1]
+    assert first is not None
+    return last if last is not None and last.converged else first
 
 
 def _is_shifted(data: RegularisedData, comm: MPI.Comm) -> bool:

@@ -9,7 +9,7 @@ pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monol
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -23,7 +23,18 @@ from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.attempts import (
+    AUGMENTED,
+    DAMPED,
+    FIXED_POINT,
+    METHOD,
+    MONOLITHIC,
+    Attempt,
+    for_coulomb,
+    step_limit,
+    tried,
+)
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.contact.statics import balance_exists
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.solving.task import Outcome, Start, Task
@@ -31,17 +42,21 @@ from signorini_fx.tuned import (
     AUGMENTED_SHARE,
     AUTOMATIC_GAMMA,
     CONTINUATION_SHARE,
-    DAMPING,
     LARGEST_GAMMA,
     LARGEST_GAMMA_RATIO,
-    PROBLEMS_PER_STEP,
     START_GAMMA,
 )
 
 
-def run(task: Task, start: Start) -> Outcome:
-    """Solve a load step; the iterates stay in ``task.iterate``."""
-    task.iterate.take_loads(start.place, start.scale)
+def run(task: Task, start: Start, most: int | None = None) -> Outcome:
+    """Solve a load step; the iterates stay in ``task.iterate``.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        most: linear solves allowed; None: those of ``step_limit``.
+    """
+    task.iterate.begin_step(start)
     if task.settings.algorithm == "alm":
         data = start.data
         enough = with_enough_digits(data, _natural(task))
@@ -52,38 +67,75 @@ def run(task: Task, start: Start) -> Outcome:
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
         return _stay(task, start)
-    task.history.allow(PROBLEMS_PER_STEP * task.settings.max_iterations)
-    outcome = _solve(task, start)
-    if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
-        task.history.add("all methods together have taken as many linear solves as they may")
+    with task.history.at_most(step_limit(task.settings.max_iterations) if most is None else most):
+        outcome = _solve(task, start)
+        if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+            task.history.add("all methods together have taken as many linear solves as they may")
     return outcome
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """The method of the scene, and the fall-backs if it fails."""
-    settings = task.settings
+    """The method of the scene, and augmentation if it fails."""
+
+    def attempts() -> Iterator[tuple[object, Callable[[], Outcome]]]:
+        first: Outcome
+
+        def method() -> Outcome:
+            nonlocal first
+            first = _by_method(task, start)
+            return first
+
+        yield METHOD, method
+        if task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs:
+            data = _softened(task, start, first)
+            yield f"{AUGMENTED} with gamma_n = {data.gamma_n:.3g}", lambda: _augmented(task, start, first, data)
+
+    outcomes = tried(
+        attempts(),
+        history=task.history,
+        settled=lambda outcome: not task.gave_up(outcome.status),
+        told=lambda outcome: outcome.status.value,
+    )
+    last = outcomes[-1]
+    return last if len(outcomes) == 1 or last.status is Status.CONVERGED else replace(last, status=outcomes[0].status)
+
+
+def _by_method(task: Task, start: Start) -> Outcome:
+    """The method of the scene, and the unregularised limit if it is to follow."""
     coulomb = start.law if task.has_coulomb else None
     outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
-    if settings.fallbacks and task.gave_up(outcome.status) and settings.algorithm != "alm":
-        return _augmented(task, start, outcome)
-    if settings.algorithm == "exact" and outcome.status is Status.CONVERGED:
-        limit = _exact(task, start, outcome)
-        if settings.fallbacks and task.gave_up(limit.status):  # but the problem with gamma was solved
-            return _augmented(task, start, limit, share=1.0)
-        return limit
-    return outcome
+    exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED
+    return _exact(task, start, outcome) if exact else outcome
 
 
-def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENTED_SHARE) -> Outcome:
-    """The last fall-back on one mesh: augmentation, whose small gamma makes the problems easiest; the limit is the same
-    for every gamma, and has no regularisation error.  The elastic slip of earlier load steps is then removed.
+def _softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
+    """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
+    easiest.  Where the problem with gamma was solved and only its limit was not, gamma stays.
     """
-    s, newton, given = task.settings, task.iterate.newton, failed.data
-    if start.elastic_slip is not None and given.slip_origin is not None:
-        given = replace(given, slip_origin=given.slip_origin - start.elastic_slip)
-    share = max(share, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
-    data = replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
-    task.history.add(f"{failed.status.value}: augmented Lagrangian with gamma_n = {data.gamma_n:.3g}")
+    given = replace(failed.data, slip_origin=_without_elastic_slip(start, failed.data))
+    solved = task.settings.algorithm == "exact" and failed.newton is not task.iterate.newton
+    share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
+    return replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
+
+
+def _without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
+    """Where slip counts from without the part of it in earlier load steps that is due to the regularisation."""
+    if start.elastic_slip is None or data.slip_origin is None:
+        return data.slip_origin
+    return data.slip_origin - start.elastic_slip
+
+
+def _augmented(task: Task, start: Start, failed: Outcome, data: RegularisedData) -> Outcome:
+    """The last fall-back on one mesh, which leaves no regularisation error, nor the elastic slip of earlier steps.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        failed: the outcome of the method of the scene.
+        data: the problem to begin with.
+    """
+    s, newton = task.settings, task.iterate.newton
+    given = replace(data, gamma_n=failed.data.gamma_n, gamma_t=failed.data.gamma_t)
     everywhere = ActiveSets.all_in_contact(*given.mu_hat.shape)
     if start.law is None or not task.has_coulomb:
         status = augmented_lagrangian(
@@ -110,7 +162,7 @@ def _augmented(task: Task, start: Start, failed: Outcome, share: float = AUGMENT
                 augmentation=Augmentation(newton, _natural(task), s.tolerance),
             )
     if status is not Status.CONVERGED:
-        return replace(failed, newton=newton, monolithic=False)
+        return replace(failed, status=status, newton=newton, monolithic=False)
     return Outcome(status, newton, given, augmented=True)  # no regularisation error of path-following remains
 
 
@@ -204,11 +256,11 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
         s.algorithm == "path-following" and start.regularisation_error is None
     )
     before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    lost = _no_balance(task, start.data, law)
+    if lost is not None:
+        return _without_contact(task, start.data, lost)
     if multipliers is None or finds_gamma:
         data = _coulomb_start(task, start.data)
-        lost = _no_balance(task, start.data, law) if data.bound is not None else None
-        if lost is not None:
-            return _without_contact(task, start.data, lost)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
             before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
         else:
@@ -248,11 +300,12 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
 
     started = s.coulomb == "auto" and start.multipliers is not None and start.step == 0 and s.algorithm != "alm"
     first = s.coulomb == "newton" or started
-    return _either_way(task, law, before, fixed, monolithic, monolithic_first=first)
+    return _either_way(task, start, law, before, fixed, monolithic, monolithic_first=first)
 
 
 def _either_way(
     task: Task,
+    start: Start,
     law: FrictionLaw,
     begun: Outcome,
     fixed: Callable[[float], Status],
@@ -264,6 +317,7 @@ def _either_way(
 
     Args:
         task: the contact problem.
+        start: where the load step starts.
         law: its friction law.
         begun: the outcome so far; its inner method holds the start of all of them.
         fixed: the fixed-point iteration with a given damping.
@@ -272,27 +326,35 @@ def _either_way(
     """
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
-    ways: list[tuple[str, Callable[[], Status]]] = [("fixed point", partial(fixed, 1.0))]
-    # The monolithic method allows neither for a cap nor for a pressure of either sign.
-    if law.cap is None and begun.data.bilateral is None:
-        ways.insert(0 if monolithic_first else 1, ("monolithic Newton", monolithic))
-    ways += [(f"fixed point damped by {damping:g}", partial(fixed, damping)) for damping in DAMPING]
-    # The fixed-point iteration is the documented fall-back of Newton's method, even without further fall-backs.
-    needed = ways[0][1] is monolithic
+    ways: dict[Attempt, Callable[[], Status]] = {
+        FIXED_POINT: partial(fixed, 1.0),
+        MONOLITHIC: monolithic,
+        **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
+    }
+    names = for_coulomb(
+        # The monolithic method allows neither for a cap nor for a pressure of either sign.
+        monolithic=law.cap is None and begun.data.bilateral is None,
+        first=monolithic_first,
+        fallbacks=s.fallbacks,
+        damped=not start.without_fall_backs,
+    )
 
-    def ended(way: Callable[[], Status]) -> Outcome:
-        status = _proved(task, begun.data, law, way())
-        return replace(begun, status=status, monolithic=way is monolithic)
+    def ended(name: Attempt) -> Outcome:
+        status = _proved(task, begun.data, law, ways[name]())
+        return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
-    outcome = ended(ways[0][1])
-    for place, (name, way) in enumerate(ways[1:], start=1):
-        settled = outcome.status in (Status.CONVERGED, Status.SINGULAR)
-        if settled or (place > needed and not (s.fallbacks and task.gave_up(outcome.status))):
-            break
-        task.history.add(f"{outcome.status.value}: {name} from the same start")
-        newton.restore(checkpoint)
-        outcome = ended(way)
-    return outcome
+    def settled(outcome: Outcome) -> bool:
+        if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
+            return outcome.status in (Status.CONVERGED, Status.SINGULAR)
+        return not task.gave_up(outcome.status)
+
+    return tried(
+        ((f"{name} from the same start", partial(ended, name)) for name in names),
+        history=task.history,
+        settled=settled,
+        restore=lambda: newton.restore(checkpoint),
+        told=lambda outcome: outcome.status.value,
+    )[-1]
 
 
 def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
@@ -361,4 +423,4 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
     def monolithic() -> Status:
         return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
 
-    return _either_way(task, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)
+    return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)

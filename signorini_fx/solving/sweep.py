@@ -26,7 +26,8 @@ from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import CoulombFriction, Friction, MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
-from signorini_fx.solving.one_mesh import contact_task, from_rest
+from signorini_fx.solving.load_steps import from_rest
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
 from signorini_fx.solving.strategy import run
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algorithms.fall_backs import try_fall_backs
+from signorini_fx.algorithms.fall_backs import FallBacks
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
@@ -47,6 +47,7 @@ class Start:
         scale: multiple of its loads and prescribed displacements.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
+        without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
     """
 
     data: RegularisedData
@@ -59,6 +60,7 @@ class Start:
     scale: float = 1.0
     regularisation_error: float | None = None
     elastic_slip: Nodal | None = None
+    without_fall_backs: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
@@ -216,6 +218,7 @@ class Iterate:
         self._settings, self._history = settings, history
         self._system, self._boundary, self._motions = system, boundary, motions
         self.x: PETSc.Vec = system.start.copy()
+        self._fall_backs = FallBacks()
 
     def _newton(self, problem: ContactProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
@@ -225,7 +228,7 @@ class Iterate:
             settings.max_iterations,
             self._history,
             symmetric=symmetric,
-            try_fall_backs=try_fall_backs if settings.fallbacks else None,
+            try_fall_backs=self._fall_backs if settings.fallbacks else None,
             limited=_limited(settings, "max_iterations"),
         )
 
@@ -251,8 +254,10 @@ class Iterate:
         exact = self.exact_newton
         return self._newton(exact.problem, exact.x, symmetric=False)
 
-    def take_loads(self, place: float, scale: float) -> None:
-        """Apply the loads and prescribed displacements of a load step, times ``scale``, to the current iterate."""
+    def begin_step(self, start: Start) -> None:
+        """Apply the loads and prescribed displacements of a load step, times its scale, to the current iterate."""
+        self._fall_backs.exhausted = start.without_fall_backs
+        place, scale = start.place, start.scale
         self._system.set_step(place, scale)
         if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._system:
             self.exact_newton.problem.system.set_step(place, scale)

@@ -1,0 +1,167 @@
+"""The plan of attempts: what a solve tries, in which order, and how many linear solves that may take.
+
+An attempt begins at a state and ends with an outcome; ``tried`` runs one after the other until one of them settles the
+matter.  Attempts nest: those at a mesh consist of load steps, those at a load step of problems with friction, and these
+of regularised problems with a given friction bound.  This module alone says which there are: the log and ``check`` call
+them by these names, and docs/outcomes.md lists them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from signorini_fx.records import History
+from signorini_fx.tuned import DAMPING, HELPING_MESHES, PROBLEMS_PER_STEP
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way to go on after another one has failed.
+
+    Attributes:
+        name: in the log and in ``check``.
+        what: what it does, for the documentation.
+    """
+
+    name: str
+    what: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+FULL_STEPS = Attempt("full steps", "the semi-smooth Newton method of the scene")
+EXACT_SOLVES = Attempt(
+    "exact linear solves",
+    "the same iteration again, where linear solves with an old factor or a loose tolerance failed",
+)
+THROUGH_STICK = Attempt("through stick", "if `sigma` is finite: the same iteration with an infinite one")
+AT_REST = Attempt(
+    "contact where the body rests",
+    "for a body that only contact holds: the same iteration, started from the nodes that touch at its resting place",
+)
+SMALLER_GAMMA = Attempt("smaller gamma", "continuation from 1e-4 gamma to gamma by powers of ten")
+DESCENT = Attempt("descent", "Newton steps whose length minimises the energy, which cannot cycle")
+BOTH = Attempt("smaller gamma with descent", "the continuation, with descent for each stage that cycles")
+FIXED_POINT = Attempt("fixed point", "Coulomb friction as a sequence of problems with given friction bounds")
+MONOLITHIC = Attempt(
+    "monolithic Newton", "Coulomb friction in one iteration, unless there is a cap or bilateral contact"
+)
+DAMPED = {
+    damping: Attempt(
+        f"fixed point damped by {damping:g}", f"the fixed point with {damping:g} of each change of the bound"
+    )
+    for damping in DAMPING
+}
+METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene")
+AUGMENTED = Attempt("augmented Lagrangian", "with a small gamma; its limit is the solution without regularisation")
+HALF = Attempt(
+    "half the increment",
+    "in a ramp, in place of the fall-backs: the same for half the increment of the load; the last attempt has them all",
+)
+COARSER = Attempt(
+    f"nested iteration on {HELPING_MESHES} coarser meshes",
+    "if the first load step has no solution, and a generator can make them; not in a ramp",
+)
+
+# What each attempt is an attempt at, from the inside out; the first of each is what is done if nothing goes wrong.
+PLAN: dict[str, tuple[Attempt, ...]] = {
+    "problem with given friction": (
+        FULL_STEPS,
+        EXACT_SOLVES,
+        THROUGH_STICK,
+        AT_REST,
+        SMALLER_GAMMA,
+        DESCENT,
+        BOTH,
+    ),
+    "Coulomb friction": (FIXED_POINT, MONOLITHIC, *DAMPED.values()),
+    "load step": (METHOD, AUGMENTED, HALF),
+    "mesh": (COARSER,),
+}
+
+
+def tried(
+    attempts: Iterable[tuple[object, Callable[[], T]]],
+    *,
+    history: History,
+    settled: Callable[[T], bool],
+    restore: Callable[[], object] = lambda: None,
+    told: Callable[[T], str] = str,
+) -> list[T]:
+    """Run attempts in order until one settles the matter, or the linear solves that are allowed have been used up.
+
+    Args:
+        attempts: names, and functions that begin at the current state; the next pair is asked for after a failure.
+        history: gets a line for each attempt but the first: how the one before has ended, and what comes next.
+        settled: whether an outcome leaves nothing to try.
+        restore: goes back to the state in which the first attempt began.
+        told: an outcome in the log.
+
+    Returns:
+        The outcomes, at least one; only the last may have settled the matter.
+    """
+    outcomes: list[T] = []
+    for name, attempt in attempts:
+        if outcomes:
+            if history.linear_solves >= history.limit:
+                break
+            history.add(f"{told(outcomes[-1])}: {name}")
+            restore()
+        outcomes.append(attempt())
+        if settled(outcomes[-1]):
+            break
+    return outcomes
+
+
+def step_limit(max_iterations: int) -> int:
+    """Linear solves that all attempts at a load step together may take.
+
+    Args:
+        max_iterations: those for one problem.
+    """
+    return PROBLEMS_PER_STEP * max_iterations
+
+
+def for_problem(*, finite_sigma: bool, eliminated: bool) -> tuple[Attempt, ...]:
+    """What is tried for one problem with a given friction bound.
+
+    Args:
+        finite_sigma: whether sigma is finite.
+        eliminated: whether constraints are eliminated: then there is no penalty to reduce, and no energy for a descent.
+    """
+    return tuple(
+        attempt
+        for attempt in PLAN["problem with given friction"]
+        if (finite_sigma or attempt is not THROUGH_STICK) and (not eliminated or attempt in (FULL_STEPS, EXACT_SOLVES))
+    )
+
+
+def for_coulomb(*, monolithic: bool, first: bool, fallbacks: bool, damped: bool = True) -> tuple[Attempt, ...]:
+    """What is tried for one problem with Coulomb friction.
+
+    Args:
+        monolithic: whether its monolithic form is to be had.
+        first: whether that is tried first; the fixed point is then its documented fall-back.
+        fallbacks: whether others are to be tried.
+        damped: whether damped fixed points are.
+    """
+    ways = [FIXED_POINT, *(DAMPED.values() if damped else ())]
+    if monolithic:
+        ways.insert(0 if first else 1, MONOLITHIC)
+    return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])
+
+
+def for_mesh(*, generated: bool, ramp: bool, fallbacks: bool) -> tuple[Attempt, ...]:
+    """What is tried if the first load step has no solution.
+
+    Args:
+        generated: whether the mesh comes from a generator.
+        ramp: whether the scene finds its increments itself.
+        fallbacks: whether others than the method of the scene are to be tried.
+    """
+    return PLAN["mesh"] if generated and fallbacks and not ramp else ()

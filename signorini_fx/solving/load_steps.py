@@ -1,0 +1,172 @@
+"""One load step: its attempts, what the checkpoint has of it, and the verdict of the certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx.attempts import HALF, METHOD, tried
+from signorini_fx.body.deformation import Deformation, deformation_of
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.state import ContactState
+from signorini_fx.records import Status, StepRecord, Timings
+from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.solution import StepResult
+from signorini_fx.scene.model import Scene
+from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.restart import Kept
+from signorini_fx.solving.strategy import run
+from signorini_fx.solving.task import Outcome, Start, Task
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """A load step, where it started, and how it ended."""
+
+    result: StepResult
+    start: Start
+    outcome: Outcome
+
+    def __str__(self) -> str:
+        return f"{self.result}: {self.result.status.value}"
+
+
+def load_step(
+    discretisation: Discretisation,
+    task: Task,
+    start: Start,
+    last: Before | None,
+    timings: Timings,
+    path: LoadPath,
+) -> LoadStep:
+    """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution."""
+    scene, history, newton = discretisation.scene, task.history, task.iterate.newton
+    begun = newton.checkpoint()
+    ended: list[LoadStep] = []
+
+    def attempt() -> LoadStep:
+        before = history.linear_solves
+        here = replace(start, place=path.next, without_fall_backs=path.without_fall_backs)
+        if scene.several_steps:
+            history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
+        history.move(step=here.step + 1, steps=scene.steps)
+        with timings.phase("iterate"):
+            outcome = run(task, here, path.allowed)
+        result = _certified(discretisation, task, here, outcome, last, timings)
+        ended.append(LoadStep(replace(result, linear_solves=history.linear_solves - before), here, outcome))
+        return ended[-1]
+
+    def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
+        yield METHOD, attempt
+        while path.shorten(ended[-1].result.status, ended[-1].result.linear_solves):
+            yield HALF, attempt
+
+    step = tried(
+        increments(),
+        history=history,
+        settled=lambda step: step.result.status is Status.CONVERGED,
+        restore=lambda: newton.restore(begun),
+    )[-1]
+    if step.result.status is not Status.CONVERGED and path.bracket is not None:
+        history.add(f"the ramp ends: {path.bracket}")
+    return step
+
+
+def recalled_step(
+    discretisation: Discretisation,
+    task: Task,
+    start: Start,
+    last: Before | None,
+    timings: Timings,
+    kept: Kept,
+    path: LoadPath,
+) -> LoadStep | None:
+    """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
+    begun = task.iterate.newton.checkpoint()
+    with timings.phase("restart"):
+        recalled = kept.recall(discretisation, task, start)
+    if recalled is None:
+        return None
+    result = _certified(discretisation, task, recalled.start, recalled.outcome, last, timings)
+    if result.status is not Status.CONVERGED:
+        task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
+        kept.forget(start.step)
+        task.iterate.newton.restore(begun)
+        return None
+    recalled.accept(task.history, timings, path)
+    result = replace(result, linear_solves=path.at.last)
+    return LoadStep(result, recalled.start, recalled.outcome)
+
+
+def _certified(
+    discretisation: Discretisation, task: Task, start: Start, outcome: Outcome, last: Before | None, timings: Timings
+) -> StepResult:
+    """The result of a load step, with the certificate's verdict; its linear solves are not counted yet."""
+    scene = discretisation.scene
+    with timings.phase("certify"):
+        displacement = from_rest(discretisation, task.rest, outcome.displacement())
+        contact = task.contact(outcome, start)
+        certificate = certify(
+            scene,
+            discretisation.tagged,
+            displacement,
+            Tractions.of(contact),
+            law=task.promised(outcome),
+            step=start.place,
+            before=last,
+        )
+        deformation = deformation_of(discretisation, displacement)
+        status = judged(outcome.status, certificate, deformation, scene)
+    return step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
+
+
+def step_result(
+    scene: Scene,
+    number: int,
+    place: float,
+    status: Status,
+    displacement: fem.Function,
+    contact: ContactState | None,
+    certificate: Certificate,
+    deformation: Deformation,
+    linear_solves: int = 0,
+) -> StepResult:
+    """The result of a load step; ``number``: of those before it."""
+    return StepResult(
+        step=number + 1,
+        place=place,
+        time=scene.time_at(place),
+        name=scene.name_at(place),
+        status=status,
+        displacement=displacement,
+        contact=contact,
+        certificate=certificate,
+        deformation=deformation,
+        strain_energy=certificate.strain_energy,
+        linear_solves=linear_solves,
+    )
+
+
+def judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
+    """The status of an iteration after its result has been checked.
+
+    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > scene.solver.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
+
+
+def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
+    """A displacement that is counted from the resting place, converted to one from the initial position."""
+    function = discretisation.function(displacement)
+    if rest is not None:
+        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
+    return function
