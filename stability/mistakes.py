@@ -2165,6 +2165,13 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/price_list",
+        "not uniform or grows_for_ever(levels[: index + 1])",
+        "grows_for_ever(levels[: index + 1])",
+        "largest pressure of adaptive meshes with the change from mesh to mesh for its error",
+        tests=("price_list",),
+    ),
+    Mutant(
+        "accuracy/price_list",
         "own.stop - own.start",
         "0",
         "a contact zone across the beginning of a closed boundary ends before it begins",

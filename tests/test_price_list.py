@@ -8,8 +8,10 @@ from signorini_fx.accuracy import price_list as prices
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.pressure_error import pressure_error
 from signorini_fx.contact.table import ContactTable
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
-from tests.scenes import example1
+from tests.scenes import alone, example1
 
 
 def table(s, pressure):
@@ -93,6 +95,30 @@ def test_pressure_error_of_known_profiles():
     assert estimated(64, parabola) / estimated(128, parabola) == pytest.approx(4.0, rel=0.05)
     assert estimated(64, kink) / estimated(256, kink) == pytest.approx(8.0, rel=0.05)
     assert pressure_error(table([0, 1, 2], [0, 0, 0])) is None
+
+
+def test_ends_of_zones_to_one_interval():
+    """The longer one of the intervals in which the contact ends, over the length in contact; whichever the pressure."""
+    s, pressure = [0.0, 1.0, 1.5, 2.0, 3.0, 3.3], [0.0, 0.0, 2.0, 9.0, 1.0, 0.0]
+    assert prices.ends_of_zones(table(s, pressure)) == pytest.approx(0.5 / 1.5)
+    assert prices.ends_of_zones(table(s, [0.0] * 6)) is None
+    assert prices.ends_of_zones(table(s, [1.0] * 6)) is None
+
+
+@pytest.mark.parametrize("of", ["energy", "pressure"])
+def test_meshes_divided_in_some_places(of):
+    """The estimate of the ends of the zone is no less than their error, and the largest pressure has none."""
+    scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
+    known = prices.zone_ends(alone(example1(bound=1.5, gamma="auto", nx=480, ny=160, algorithm="exact")).table)
+    solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
+    assert len(solution.levels) > 2
+    for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):
+        ends = prices.zone_ends(level.table)
+        assert np.abs(np.subtract(ends, known)).max() / (known[1] - known[0]) <= row.zone
+    assert {row.peak for row in solution.price_list} == {None}
+    assert "divided in some places" in prices.render(list(solution.price_list))
+    with pytest.raises(SceneError, match="largest pressure has no estimate"):
+        alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="peak", refinement="adaptive")}))
 
 
 def row_of(dofs, seconds, memory):

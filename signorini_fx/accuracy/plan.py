@@ -55,9 +55,13 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """How to refine the mesh of a scene.
 
     Raises:
-        SceneError: cells on arcs are to be divided, and would converge to the solution on a polygon.
+        SceneError: cells on arcs are to be divided, and would converge to the solution on a polygon; or the quantity
+            has no estimate on the meshes that are asked for.
         MeshError: the mesh cannot be refined.
     """
+    if goal.refinement == "adaptive" and goal.of == "peak":
+        message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):

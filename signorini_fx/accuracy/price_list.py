@@ -9,7 +9,7 @@ error by the dependence on gamma; that of the iteration by its last residual or 
 from __future__ import annotations
 
 import resource
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -179,7 +179,9 @@ def price_list(
         levels: the solved meshes; at least two.
         base_memory: memory before the first mesh, MB.
         rates: how the errors are expected to decrease with h.
-        uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.
+        uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
+            the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
+            zones are told to one interval, and the largest pressure has no estimate.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
@@ -198,7 +200,9 @@ def price_list(
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
-        if grows_for_ever(levels[: index + 1]):
+        elif not uniform:
+            errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
+        if not uniform or grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
@@ -289,6 +293,33 @@ def border_of(table: ContactTable) -> float | None:
     return float(surface.area[border].sum()) / 2 / area if area > 0 else None
 
 
+def ends_of_zones(table: ContactTable) -> float | None:
+    """In the plane: the longest interval in which the contact ends, relative to the length of the contact zones.
+
+    Pressures at nodes do not tell where in it.  None without contact, or if all of the boundary is in contact.
+    """
+    length = longest = 0.0
+    for s, _, start, stop in _zones(table):
+        length += s[stop] - s[start]
+        beyond = [k for k in (start - 1, stop) if 0 <= k < len(s) - 1]
+        longest = max([longest, *(float(s[k + 1] - s[k]) for k in beyond)])
+    return longest / length if length > 0 and longest > 0 else None
+
+
+def _zones(table: ContactTable) -> Iterator[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int, int]]:
+    """Arc length and pressure along the boundary of each contact zone, and where it starts and stops among them.
+
+    A closed boundary that is all in contact is none, as it has no ends.
+    """
+    pressure = table.columns["pressure"]
+    for path, first, last in table.runs(pressure > 0):
+        if is_closed(path) and (pressure[path] > 0).all():
+            continue
+        rows, s, own = table.unrolled(path)
+        start, stop = (own.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
+        yield s, pressure[rows], start, stop + (own.stop - own.start) * (stop < start)
+
+
 def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
     """A column of the coarse table at the nodes of the fine one, interpolated along each piece of the boundary."""
     if fine.facets is not None:
@@ -316,16 +347,8 @@ def zone_ends(table: ContactTable) -> list[float]:
     Between the last node in contact and the next one the pressure falls like the square root of the distance to the
     end, so its square is extrapolated linearly.
     """
-    pressure = table.columns["pressure"]
     ends: list[float] = []
-    for path, first, last in table.runs(pressure > 0):
-        if is_closed(path) and (pressure[path] > 0).all():
-            continue
-        rows, s, own = table.unrolled(path)
-        p = pressure[rows]
-        start, stop = (own.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
-        if stop < start:  # a run across the beginning of a closed path
-            stop += own.stop - own.start
+    for s, p, start, stop in _zones(table):
         ends += [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
     return ends
 
@@ -425,4 +448,8 @@ def render(rows: list[Price]) -> str:
         name = "next" if row.predicted else f"{row.level:4d}"
         effort = f"{row.h:9.2e} {row.dofs:8d} {row.linear_solves:7d} {row.seconds:9.2f} {row.memory:10.0f}"
         lines.append(f"{name:>5s} {effort} {errors}  |    {row.regularisation:9.1e}  {row.iteration:9.1e}")
+    if any(row.peak is None for row in rows[1:] if not row.predicted):
+        lines.append(
+            "   -: the largest pressure has no limit, or no estimate on meshes that are divided in some places only"
+        )
     return "\n".join(lines)
