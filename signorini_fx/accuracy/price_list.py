@@ -294,10 +294,7 @@ def border_of(table: ContactTable) -> float | None:
 
 
 def ends_of_zones(table: ContactTable) -> float | None:
-    """In the plane: the longest interval in which the contact ends, relative to the length of the contact zones.
-
-    Pressures at nodes do not tell where in it.  None without contact, or if all of the boundary is in contact.
-    """
+    """In the plane: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
     length = longest = 0.0
     for s, _, start, stop in _zones(table):
         length += s[stop] - s[start]
@@ -307,10 +304,7 @@ def ends_of_zones(table: ContactTable) -> float | None:
 
 
 def _zones(table: ContactTable) -> Iterator[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int, int]]:
-    """Arc length and pressure along the boundary of each contact zone, and where it starts and stops among them.
-
-    A closed boundary that is all in contact is none, as it has no ends.
-    """
+    """Arc length and pressure along the boundary of each contact zone with ends, and where among them these are."""
     pressure = table.columns["pressure"]
     for path, first, last in table.runs(pressure > 0):
         if is_closed(path) and (pressure[path] > 0).all():
