@@ -40,11 +40,14 @@ LAYERS = (
 )
 TOP_LEVEL = {
     "cli": ("__main__",),
-    "ground": ("attempts", "compat", "csv_text", "display", "parallel", "petsc_start", "records", "scales", "tuned"),
+    "ground": (
+        *("attempts", "compat", "csv_text", "display", "manifest", "parallel", "petsc_start", "records", "scales"),
+        "tuned",
+    ),
     "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Outcomes, records, the plan of attempts, ranks, start of PETSc, versions of dolfinx, tuned constants.",
+    "ground": "Outcomes, records, the plan of attempts, ranks, manifests, start of PETSc, versions, tuned constants.",
     "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.

@@ -565,7 +565,7 @@ def test_no_part_is_left(tmp_path_factory, error):
     path = COMM.bcast(tmp_path_factory.mktemp("results") if COMM.rank == 0 else None) / "out"
 
     def run():
-        with ResultFolder(COMM, path) as folder:
+        with ResultFolder(COMM, path, ()) as folder:
             assert folder.part.is_dir()
             COMM.barrier()
             raise error

@@ -22,6 +22,7 @@ from scenes import alone, example1
 from signorini_fx import parallel
 from signorini_fx.errors import OutputError, SceneError
 from signorini_fx.linalg import choice, full
+from signorini_fx.manifest import MANIFEST, PART
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.results import files
 from signorini_fx.results.folder import CHECKPOINT, ResultFolder
@@ -88,7 +89,7 @@ def test_killed_at_every_step(tmp_path, solutions):
         assert os.WTERMSIG(status) == signal.SIGKILL
     assert steps > 15
     assert seen == {7, None, 13}
-    assert not (tmp_path / "out" / ".part").exists()
+    assert not (tmp_path / "out" / PART).exists()
 
 
 @pytest.mark.parametrize("fields", [False, True])
@@ -114,14 +115,14 @@ def test_second_run_into_the_same_folder(tmp_path, solutions):
     files.write_results(first, tmp_path, fields=True, pictures=True)
     assert (tmp_path / "deformed.png").exists()
     (tmp_path / "notes.txt").write_text("mine")
-    mine = ResultFolder(SELF, tmp_path)
+    mine = ResultFolder(SELF, tmp_path, files.FILES)
     with pytest.raises(OutputError, match="another run"):
         files.write_results(second, tmp_path)
     assert whole(tmp_path) == 7
     files.write_results(second, mine, fields=False, pictures=False)
     assert whole(tmp_path) == 13
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt")
+        *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt", MANIFEST)
     }
 
 

@@ -439,7 +439,7 @@ def test_no_folder(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(ResultError, match="is no result folder"):
         report.write_report(tmp_path / "empty")
-    (tmp_path / "empty" / ".part").mkdir()
+    (tmp_path / "empty" / ".signorini_fx.part").mkdir()
     with pytest.raises(ResultError, match="half written"):
         report.write_report(tmp_path / "empty")
 

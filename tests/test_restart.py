@@ -14,6 +14,7 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
+from signorini_fx.manifest import MANIFEST
 from signorini_fx.records import StepRecord
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
@@ -328,6 +329,7 @@ def test_results_remove_the_checkpoint(tmp_path):
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     assert solution.history.events[0] == f"restart: nothing in {tmp_path / CHECKPOINT}"
     assert sorted(path.name for path in (tmp_path / CHECKPOINT).iterdir()) == [
+        MANIFEST,
         *(f"0-0000{step}" for step in range(6)),
         "scene.json",
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import textwrap
 from collections.abc import Callable
@@ -74,7 +75,7 @@ def solve(options: argparse.Namespace) -> int:
     # Watched on all ranks or on none, shown by the first.
     watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     try:
-        with ResultFolder(comm, path) as folder:
+        with ResultFolder(comm, path, files.FILES) as folder:
             try:
                 solution = solver.solve(
                     scene,
@@ -142,16 +143,16 @@ def work_precision(options: argparse.Namespace) -> int:
     scene = _read_scene(options)
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.studies.conclusions import advice
-    from signorini_fx.studies.files import write_study
+    from signorini_fx.studies.files import FILES, write_study
     from signorini_fx.studies.work_precision import run_study
 
-    with ResultFolder(comm, path) as folder:  # fail early if it cannot be written
+    with ResultFolder(comm, path, FILES) as folder:  # fail early if it cannot be written
         study = run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
         try:
             write_study(study, folder.part)
         except OSError as error:
             raise cannot_be_written(path, error) from None
-        folder.commit(())
+        folder.commit()
     lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in advice(study).split("\n")]
     parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
     return EXIT_OK
@@ -244,6 +245,9 @@ def mesh_file(options: argparse.Namespace) -> str:
     from signorini_fx.mesh.info import mesh_info, render
 
     if options.command == "convert":
+        for target in (options.target, options.target.with_suffix(".h5")):
+            if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
+                raise OutputError(f"{target}: already exists: give another name, or remove it")
         mesh = read_file(options.source, size=options.size)
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))

@@ -44,9 +44,9 @@ def parser() -> argparse.ArgumentParser:
     main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=after)
-    solve.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     solve.add_argument(
-        "--out", type=Path, metavar="DIR", help="result folder (default: results/NAME of the scene file)"
+        "--out", type=named_path, metavar="DIR", help="result folder (default: results/NAME of the scene file)"
     )
     solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
     solve.add_argument(
@@ -86,31 +86,36 @@ def parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
-    check.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     check.add_argument("--json", action="store_true", help="print JSON instead of a table")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
-    report.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
-    report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: report.html in the folder)")
+    report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
+    report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
     show = commands.add_parser("open", help="show the page of a result folder in the browser")
-    show.add_argument("folder", type=Path, metavar="FOLDER", help="result folder that solve wrote")
+    show.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     compare = commands.add_parser("compare", help="put two result folders side by side")
-    compare.add_argument("one", type=Path, metavar="FOLDER", help="result folder")
-    compare.add_argument("other", type=Path, metavar="OTHER", help="result folder to compare it with")
+    compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
+    compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
     study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
-    study.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
+    study.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
     study.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
+        "--out", type=named_path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
     )
     study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument(
-        "file", type=Path, metavar="FILE", nargs="?", default=Path("scene.toml"), help="the file (default: %(default)s)"
+        "file",
+        type=named_path,
+        metavar="FILE",
+        nargs="?",
+        default=Path("scene.toml"),
+        help="the file (default: %(default)s)",
     )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
-    convert.add_argument("source", type=Path, metavar="IN", help=f"mesh: {_READ}")
-    convert.add_argument("target", type=Path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
+    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}")
+    convert.add_argument("target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
     info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
-    info.add_argument("file", type=Path, metavar="FILE", help=f"mesh: {_READ}")
+    info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
     for one in (convert, info):
         one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
@@ -128,6 +133,13 @@ _BUDGETS = {
     **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
     **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
 }
+
+
+def named_path(text: str) -> Path:
+    """A path; an empty one, as of a variable of a shell that is not set, would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("a name is expected, got ''; the current folder is .")
+    return Path(text)
 
 
 def parsed_accuracy(text: str) -> float:

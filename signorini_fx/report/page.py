@@ -7,12 +7,13 @@ deformed body is the picture that ``solve`` drew.  What was found comes first, w
 from __future__ import annotations
 
 import contextlib
+import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from signorini_fx import __version__
-from signorini_fx.errors import ResultError, cannot_be_written
+from signorini_fx import __version__, manifest
+from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
@@ -20,6 +21,8 @@ from signorini_fx.report.markup import Markup, joined, tag
 from signorini_fx.report.reading import ResultFiles, in_space, read_summary
 
 PAGE = "report.html"
+# By this a page is known to be one of these.
+_MADE_BY = '<meta name="generator" content="signorini_fx'
 
 
 def page(folder: Path) -> str:
@@ -81,6 +84,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         tag(
             "head",
             tag("meta", charset="utf-8"),
+            tag("meta", name_="generator", content=f"signorini_fx {__version__}"),
             tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
             tag("title", f"{title}: {summary['status']}"),
             *(head() if 'class="plots' in found.get("Contact boundary", "") else []),
@@ -110,18 +114,31 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
 
     Raises:
         ResultError: the folder is not a result folder, or it is incomplete.
-        OutputError: the page cannot be written.
+        OutputError: the page cannot be written, or a file is in the way that is no such page.
     """
     folder = Path(folder)
-    file = folder / PAGE if file is None else Path(file)
     text = page(folder)
+    listed = file is None
+    file = Path(folder / PAGE if file is None else file)
+    if os.path.lexists(file) and not _is_page(file):
+        raise OutputError(f"{file}: already exists, and is no report: give another name, or remove it")
     part = file.parent / f".{file.name}.part"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+        if listed:
+            manifest.add(folder, [PAGE])
         part.replace(file)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         with contextlib.suppress(OSError, ValueError):
             part.unlink(missing_ok=True)
         raise cannot_be_written(file, error) from None
     return file
+
+
+def _is_page(file: Path) -> bool:
+    try:
+        with file.open(encoding="utf-8") as stream:
+            return _MADE_BY in stream.read(1000)
+    except (OSError, ValueError):
+        return False

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from signorini_fx.csv_text import as_name
 from signorini_fx.errors import ResultError
+from signorini_fx.manifest import PART
 from signorini_fx.records import Status
 
 Table = Mapping[str, npt.NDArray[Any]]
@@ -90,7 +91,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         what = "is a file" if os.path.exists(folder) else "is not there"
         raise ResultError(f"{folder}: {what}: give the folder that signorini-fx solve wrote, such as results/NAME")
     if not file.is_file():
-        begun = any((folder / name).exists() for name in (".part", "history.csv", "contact.csv"))
+        begun = any((folder / name).exists() for name in (PART, "history.csv", "contact.csv"))
         what = "is half written, it has no summary.json yet: let solve finish, or solve again"
         raise ResultError(f"{folder}: {what if begun else 'is no result folder, it has no summary.json'}")
     try:

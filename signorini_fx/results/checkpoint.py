@@ -24,9 +24,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx import parallel
+from signorini_fx import manifest, parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.errors import SceneError, cannot_be_written
+from signorini_fx.errors import OutputError, SceneError, cannot_be_written
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
 from signorini_fx.scene.model import MeshFile, Scene
@@ -35,7 +35,7 @@ Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
 _FORMAT = 3
-_SCENE, _FIGURES, _NODES, _FIELD, _PART = "scene.json", "figures.json", "nodes.npz", "displacement.bin", ".part"
+_SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME = 1e-9
 _ABSENT = "(absent)"
@@ -57,6 +57,7 @@ class Checkpoint:
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.
+        OutputError: there are files in its place that no run has written.
     """
 
     def __init__(self, comm: MPI.Comm, folder: str | Path, scene: Scene, *, restart: bool) -> None:
@@ -65,6 +66,7 @@ class Checkpoint:
         self._scene = scene
         self._complete: dict[tuple[int, int], Figures] = {}
         self._begun = False
+        parallel.on_root(comm, self._refuse_foreign)
         if restart:
             self._complete = parallel.on_root(comm, self._open)
             self._begun = bool(self._complete)
@@ -133,7 +135,7 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written.
         """
-        part = self.path / _PART
+        part = self.path / manifest.PART
         self._begin()
         reserve(self._comm, part, _size_of(displacement))
         error = None
@@ -158,6 +160,7 @@ class Checkpoint:
                 (part / _FIGURES).write_text(json.dumps(whole), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
+                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files(part)])
                 part.rename(target)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
@@ -167,18 +170,28 @@ class Checkpoint:
     def _folder(self, level: int, step: int) -> Path:
         return self.path / f"{level}-{step:05d}"
 
+    def _refuse_foreign(self) -> None:
+        try:
+            found = manifest.foreign(self.path.parent, [CHECKPOINT])
+        except OSError as reason:
+            raise cannot_be_written(self.path, reason) from None
+        if found:
+            raise OutputError(f"{self.path.parent}: {found[0]}: no earlier run lists this as its own: move it")
+
     def _begin(self) -> None:
         """Make room for a load step; before the first one, remove what an earlier run has left."""
 
         def make() -> None:
             try:
                 if not self._begun:
-                    shutil.rmtree(self.path, ignore_errors=True)
-                    self.path.mkdir(parents=True)
+                    if self.path.is_dir():
+                        manifest.remove(self.path)
+                    self.path.mkdir(parents=True, exist_ok=True)
+                    manifest.add(self.path, [_SCENE], alone=True)
                     told = {"format": _FORMAT, "scene": _described(self._scene)}
                     (self.path / _SCENE).write_text(json.dumps(told), encoding="utf-8")
-                shutil.rmtree(self.path / _PART, ignore_errors=True)
-                (self.path / _PART).mkdir()
+                shutil.rmtree(self.path / manifest.PART, ignore_errors=True)
+                (self.path / manifest.PART).mkdir()
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
 

@@ -31,8 +31,8 @@ from signorini_fx.scene.values import kind_of
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
-# Everything that a run may write, although some files are written by some runs only.  An older report is removed too.
-_FILES = (
+# Everything that a run may write, although some files are written by some runs only, and the report of its result.
+FILES = (
     *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
     *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
@@ -77,7 +77,8 @@ def write_results(
         ValueError: there is no such format of fields.
         InstallationError: dolfinx cannot write it.
         ValueError: a field in ``pictures`` is not known.
-        OutputError: something could not be written; an older result is still there, or there is no summary.json.
+        OutputError: something could not be written, or a file is in the way that is no result; an older result is still
+            there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
@@ -86,9 +87,9 @@ def write_results(
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := unknown(pictures):
             raise ValueError(f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(FIELDS)}")
-    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder) as claimed:
+    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
         summary = _write(solution, claimed, fields=kind, pictures=pictures)
-        claimed.commit(_FILES)
+        claimed.commit()
     return summary
 
 

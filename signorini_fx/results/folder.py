@@ -2,7 +2,8 @@
 
 Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
 a folder has a complete result if and only if it has summary.json.  A run that is killed leaves its hidden folder
-behind, which the next run removes.
+behind, which the next run removes.  Of what is in the folder only those files are replaced or removed that its manifest
+lists; if something else is in the way, the folder is refused from the beginning.
 """
 
 from __future__ import annotations
@@ -18,13 +19,12 @@ from typing import Self
 
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx import manifest, parallel
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
 
 SUMMARY = "summary.json"
 # The complete load steps of a run that has not ended.
 CHECKPOINT = "checkpoint"
-_PART = ".part"
 
 
 class ResultFolder:
@@ -36,18 +36,24 @@ class ResultFolder:
     Args:
         comm: the ranks of the run.
         path: made if it does not exist.
+        names: the files and folders that the run may write.
 
     Attributes:
         part: where to write what ``commit`` will move into place.
 
     Raises:
-        OutputError: the folder cannot be written, or another run is writing it.
+        OutputError: the folder cannot be written, another run is writing it, or there are files at these names that
+            no earlier run has written.
     """
 
-    def __init__(self, comm: MPI.Comm, path: str | Path) -> None:
+    def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str]) -> None:
+        if not str(path):
+            raise OutputError("a result folder has a name: '.' is the current folder")
         self._comm = comm
+        self._names = (SUMMARY, *names)
+        self._made = False
         self.path = Path(path)
-        self.part = self.path / _PART
+        self.part = self.path / manifest.PART
         self._lock: int | None = None
         parallel.on_root(comm, self._claim)
         self._claimed = True
@@ -71,33 +77,41 @@ class ResultFolder:
         """
         reserve(self._comm, self.part, size)
 
-    def commit(self, ours: Iterable[str]) -> None:
-        """Move what was written into place, the summary last, and release the folder.
+    def commit(self) -> None:
+        """Put what was written in the place of the results of earlier runs, the summary last, and release the folder.
 
-        Args:
-            ours: names of all files that a run may write: those of an earlier run are removed.
+        Raises:
+            OutputError: a file is in the way that no run has written, or something cannot be written.
         """
 
         def move() -> None:
             try:
+                new = manifest.files(self.part)
+                self._refuse_foreign(new)
+                # Listed before they are there: if this is interrupted, the next run knows them.
+                manifest.add(self.path, new)
                 (self.path / SUMMARY).unlink(missing_ok=True)
-                for name in ours:
-                    old = self.path / name
-                    if old.is_dir() and not old.is_symlink():
-                        shutil.rmtree(old)
-                    else:
-                        old.unlink(missing_ok=True)
-                for source in sorted(self.part.iterdir(), key=lambda path: path.name == SUMMARY):
-                    source.replace(self.path / source.name)
-                self.part.rmdir()
+                manifest.remove(self.path)
+                manifest.add(self.path, new, alone=True)
+                for name in sorted(new, key=lambda name: name == SUMMARY):
+                    (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+                    (self.part / name).replace(self.path / name)
             except OSError as error:
-                shutil.rmtree(self.part, ignore_errors=True)
                 raise cannot_be_written(self.path, error) from None
             finally:
+                shutil.rmtree(self.part, ignore_errors=True)
                 self._release()
 
         self._claimed = False
         parallel.on_root(self._comm, move)
+
+    def _refuse_foreign(self, names: Iterable[str]) -> None:
+        if found := manifest.foreign(self.path, names):
+            listed = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+            raise OutputError(
+                f"{self.path}: {listed}: no earlier run lists this as its own, so it stays: move it, or choose another "
+                "folder"
+            )
 
     def discard(self) -> None:
         """Remove what was written; older results stay."""
@@ -106,17 +120,23 @@ class ResultFolder:
 
     def _remove(self) -> None:
         shutil.rmtree(self.part, ignore_errors=True)
-        with contextlib.suppress(OSError):
-            self.path.rmdir()  # fails if there is something else in it
+        if self._made:
+            with contextlib.suppress(OSError):
+                self.path.rmdir()  # fails if there is something else in it
         self._release()
 
     def _claim(self) -> None:
         try:
+            self._made = not self.path.exists()
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             _lock(self._lock)
+            self._refuse_foreign(self._names)
             shutil.rmtree(self.part, ignore_errors=True)
             self.part.mkdir()
+        except OutputError:
+            self._release()
+            raise
         except BlockingIOError:
             self._release()
             message = "another run is writing it: wait for it, or choose another folder"

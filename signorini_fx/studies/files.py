@@ -16,6 +16,11 @@ from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness,
 from signorini_fx.studies.methods import FAMILIES
 from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
 
+# Everything that a study may write.
+FILES = (
+    *("work_precision.csv", "reference.csv", "advice.txt"),
+    *(f"work_precision_{quantity}.{kind}" for quantity in QUANTITIES for kind in ("png", "pdf")),
+)
 _COLOURS = ("#1a1a1a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#6b6b6b", "#8c6d1f")
 _MARKERS = "os^Dv<>PX"
 

@@ -1,0 +1,190 @@
+"""Result folders: only what an earlier run has written is replaced or removed, whatever else is there."""
+
+import shutil
+import tomllib
+
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx import manifest
+from signorini_fx.cli import main
+from signorini_fx.errors import OutputError
+from signorini_fx.report.page import write_report
+from signorini_fx.results import files
+from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import solver
+from signorini_fx.solving.solver import solve
+
+SELF = MPI.COMM_SELF
+SCENE = """
+mesh = { generator = "rectangle", parameters = { nx = 4, ny = 2 } }
+material = { young = 5000.0, poisson = 0.4 }
+solver = { levels = 2 }
+[[displacement]]
+boundary = "top"
+x = 0.0
+y = -0.01
+[[contact]]
+boundary = "bottom"
+"""
+
+
+def content(folder):
+    """All files and what is in them."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def solution():
+    """A small solution."""
+    return alone(example1(bound=1.5, nx=6, ny=2))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A file with a scene, and a folder for its results."""
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE)
+    (tmp_path / "out").mkdir()
+    return file
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["history.csv", "report.html", "vtu/a.txt", "checkpoint/deep/er.txt", "last_level/summary.json", "summary.json"],
+)
+def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
+    """They are named and stay, and nothing is solved."""
+    out = tmp_path / "out"
+    (out / name).parent.mkdir(parents=True, exist_ok=True)
+    (out / name).write_text("mine")
+    monkeypatch.setattr(solver, "solve", lambda *_, **__: pytest.fail("it was solved"))
+    before = content(out)
+    assert main(["solve", str(scene), "--out", str(out)]) == 2
+    assert f"{out}: {name}: no earlier run lists this as its own" in capsys.readouterr().err
+    assert content(out) == before
+
+
+def test_files_of_others_beside_ours(solution, tmp_path):
+    """Also where they stand in a folder that a run has made; once they are gone, the next run can write."""
+    files.write_results(solution, tmp_path, fields="vtu", pictures=False)
+    write_report(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    assert set(manifest.ours(tmp_path)) == set(content(tmp_path)) - {"notes.txt"}
+    (tmp_path / "vtu" / "mine.txt").write_text("mine")
+    before = content(tmp_path)
+    with pytest.raises(OutputError, match=r"vtu/mine\.txt: no earlier run"):
+        files.write_results(solution, tmp_path, fields=False, pictures=False)
+    assert content(tmp_path) == before
+    (tmp_path / "vtu" / "mine.txt").unlink()
+    files.write_results(solution, tmp_path, fields=False, pictures=False)
+    assert set(content(tmp_path)) == {
+        *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt", manifest.MANIFEST)
+    }
+    assert not (tmp_path / "vtu").exists()
+
+
+def test_a_file_that_appears_meanwhile(solution, tmp_path):
+    """What was not there when the run began is not replaced at its end."""
+    folder = ResultFolder(SELF, tmp_path, files.FILES)
+    (tmp_path / "history.csv").write_text("mine")
+    with pytest.raises(OutputError, match=r"history\.csv: no earlier run"):
+        files.write_results(solution, folder, fields=False, pictures=False)
+    assert content(tmp_path) == {"history.csv": b"mine"}
+
+
+@pytest.mark.parametrize("line", ["../mine.txt", "/{folder}/mine.txt", "link/mine.txt", "a/../../mine.txt", "vtu"])
+def test_a_manifest_of_others(solution, tmp_path, line):
+    """What a manifest says of places outside does not count; no folder is removed with what is in it."""
+    out = tmp_path / "out"
+    (out / "vtu").mkdir(parents=True)
+    (out / "link").symlink_to(tmp_path)
+    (tmp_path / "mine.txt").write_text("mine")
+    (out / manifest.MANIFEST).write_text(line.format(folder=tmp_path) + "\n")
+    if line == "vtu":
+        (out / "vtu" / "mine.txt").write_text("mine")
+        with pytest.raises(OutputError, match=r"vtu/mine\.txt"):
+            files.write_results(solution, out, fields=False, pictures=False)
+    else:
+        files.write_results(solution, out, fields=False, pictures=False)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (out / "link").is_symlink()
+
+
+def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
+    """Its checkpoint, its last mesh and its hidden folders are known to the next run, which removes them."""
+    scene, out = parse_scene(tomllib.loads(SCENE)), tmp_path / "out"
+    solution = solve(scene, SELF, checkpoint=out)
+    files.write_results(solution, out / files.LAST_LEVEL, fields=False, pictures=False)
+    (out / "checkpoint" / manifest.PART).mkdir()
+    (out / "checkpoint" / manifest.PART / "half").write_text("half")
+    (out / manifest.PART).mkdir()
+    assert Checkpoint(SELF, out, scene, restart=True).found == 2
+    monkeypatch.setattr(manifest, "remove", lambda _: 1 / 0)  # killed while the folder is put in order
+    with pytest.raises(ZeroDivisionError):
+        files.write_results(solution, out, fields=False, pictures=False)
+    monkeypatch.undo()
+    shutil.rmtree(out / manifest.PART, ignore_errors=True)
+    files.write_results(solution, out, fields=False, pictures=False)
+    tables = {f"{name}.csv" for name in ("contact", "history", "outer", "price_list")}
+    assert set(content(out)) == {"summary.json", manifest.MANIFEST, *tables}
+    assert not (out / "checkpoint").exists()
+
+
+def test_a_checkpoint_of_others(tmp_path):
+    """From Python too it is refused before anything is solved."""
+    (tmp_path / "checkpoint").mkdir()
+    (tmp_path / "checkpoint" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"checkpoint/mine\.txt: no earlier run"):
+        solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=tmp_path)
+    assert content(tmp_path) == {"checkpoint/mine.txt": b"mine"}
+
+
+def test_reports(solution, tmp_path):
+    """A report replaces a report, no other file."""
+    files.write_results(solution, tmp_path / "out", fields=False, pictures=False)
+    for file in (None, tmp_path / "mine.html"):
+        assert write_report(tmp_path / "out", file) == write_report(tmp_path / "out", file)
+        place = file or tmp_path / "out" / "report.html"
+        place.write_text("mine")
+        with pytest.raises(OutputError, match="already exists, and is no report"):
+            write_report(tmp_path / "out", file)
+        assert place.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["solve", "SCENE", "--out", ""], ["solve", ""], ["report", ""], ["report", "out", "--out", ""], ["new", ""]],
+)
+def test_empty_names(scene, tmp_path, monkeypatch, capsys, words):
+    """A variable of the shell that is not set does not mean the current folder."""
+    monkeypatch.chdir(tmp_path)
+    before = content(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main([word.replace("SCENE", str(scene)) for word in words])
+    assert ended.value.code == 2
+    assert "a name is expected, got ''" in capsys.readouterr().err
+    assert content(tmp_path) == before
+
+
+def test_empty_name_in_python(solution, tmp_path, monkeypatch):
+    """Nor does it in Python."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OutputError, match="a result folder has a name"):
+        files.write_results(solution, "")
+
+
+@pytest.mark.parametrize("name", ["body.msh", "body.xdmf", "body.vtu"])
+def test_converted_meshes(tmp_path, capsys, name):
+    """``convert`` replaces no file, nor the one with the data beside it."""
+    source = tmp_path / "body.inp"
+    source.write_text("*Node\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n*Element, type=CPE3\n1, 1, 2, 3\n*Nset, nset=a\n1, 2\n")
+    taken = tmp_path / name.replace("xdmf", "h5")
+    taken.write_text("mine")
+    assert main(["convert", str(source), str(tmp_path / name)]) == 2
+    assert f"{taken}: already exists" in capsys.readouterr().err
+    assert taken.read_text() == "mine"
+    assert main(["convert", str(source), str(tmp_path / f"other.{name.rpartition('.')[2]}")]) == 0
