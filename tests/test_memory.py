@@ -18,6 +18,7 @@ from spaces import block
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.results import files
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -147,3 +148,12 @@ def test_what_is_kept_is_counted(counted):
     assert np.isclose(vector.norm() ** 2, 4 * COMM.size)
     vector.destroy()
     assert counted() == before
+
+
+def test_tables_of_many_steps_are_on_the_first_rank():
+    """Of every load step there are columns, no rows, and none on the other ranks."""
+    tables = files._contact_by_step(solve(ramp(), COMM))
+    assert len(tables) == (3 if COMM.rank == 0 else 0)
+    for number, columns in enumerate(tables, start=1):
+        assert set(columns["step"].tolist()) == {number}
+        assert all(isinstance(column, np.ndarray) and column.shape == (7,) for column in columns.values())

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -131,7 +132,7 @@ def _write(
 
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
-                write_csv(part / "contact_steps.csv", along_steps)
+                write_csv(part / "contact_steps.csv", chain.from_iterable(map(_rows, along_steps)))
             if drawn is not None:
                 drawn.draw(solution, table, part)
             if drawn is not None and table is not None and len(steps) > 1:
@@ -181,13 +182,17 @@ def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T
     return cast(T, result)
 
 
-def _rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _rows(columns: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Columns of equal length as rows."""
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
 
 def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
-    """The contact boundary of each load step in turn, step number first; collective."""
+    """The columns of the contact boundary in each load step, its number first; collective.
+
+    Returns:
+        One dictionary for each load step on the first rank, none on the others.
+    """
     names = [effect.boundary for effect in solution.scene.contact]
     found: list[dict[str, Any]] = []
     for result in solution.shown_steps:
@@ -195,8 +200,9 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
             columns = contact_table(result.contact, names).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]
             rest = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
-            rows = _rows({name: columns[name] for name in (*first, *rest)})
-            found += [{"step": result.step, **row} for row in rows]
+            if parallel.is_root(solution.comm):
+                steps = np.full(len(columns["x"]), result.step)
+                found.append({"step": steps, **{name: columns[name] for name in (*first, *rest)}})
     return found
 
 
@@ -225,13 +231,15 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
     return getattr(value, "text", f"<{type(value).__name__}>")
 
 
-def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Rows with a header; numbers with all digits, and names as text that no spreadsheet takes for a formula."""
+    rows = iter(rows)
+    first = next(rows, None)
     with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
-        if rows:
-            writer = csv.DictWriter(file, rows[0].keys())
+        if first is not None:
+            writer = csv.DictWriter(file, first.keys())
             writer.writeheader()
-            writer.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
+            writer.writerows({key: _cell(value) for key, value in row.items()} for row in chain([first], rows))
 
 
 def _cell(value: Any) -> Any:
