@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 # Limits on messages on a terminal: a file name or an error may have any length, and there may be any number of them.
 _MOST_LINES, _LONGEST_LINE = 20, 1_000
 
@@ -47,6 +50,23 @@ class SceneError(SignoriniError):
     def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
         """Errors travel between ranks."""
         return type(self), (self.problems, self.source)
+
+
+def together(*checks: Callable[[], Any]) -> list[Any]:
+    """What independent checks return; the problems of all of them are raised at once.
+
+    Raises:
+        SceneError: at least one check has raised one.
+    """
+    results, problems = [], []
+    for check in checks:
+        try:
+            results.append(check())
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+    return results
 
 
 class MeshError(SignoriniError):

@@ -33,7 +33,7 @@ from signorini_fx.report import reading as result_files
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scene import magnitudes
-from signorini_fx.scene.reading import parse_scene_text
+from signorini_fx.scene.reading import parse_scene, parse_scene_text
 from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
@@ -730,3 +730,23 @@ def test_terminal_takes_any_text(capsys, monkeypatch):
     terminal.prepare()
     terminal.say("größe \udcff")
     assert stream.buffer.getvalue() == b"gr\\xf6\\xdfe \\udcff\n"
+
+
+def test_all_that_the_mesh_reveals_at_once():
+    """Names, dimension and elements are looked at together."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2, "cell": "triangle"}},
+            "element": {"volumetric": "reduced"},
+            "material": {"young": 1.0, "poisson": 0.3, "region": "steel"},
+            "displacement": [{"boundary": "above", "x": 0.0}, {"boundary": "top", "z": 0.0}],
+            "traction": {"boundary": "left", "x": "x[2]"},
+            "contact": {"boundary": "below", "direction": [0.0, 0.0, -1.0]},
+        }
+    )
+    with pytest.raises(SceneError) as caught:
+        solve(scene, COMM)
+    assert {path for path, _ in caught.value.problems} == {
+        *("element.volumetric", "material[0].region", "displacement[0].boundary", "displacement[1].z"),
+        *("traction[0].x", "contact[0].boundary", "contact[0].direction"),
+    }

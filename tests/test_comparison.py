@@ -1,5 +1,6 @@
 """Two result folders side by side."""
 
+import json
 import re
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, example1
+from spaces import block
 
 from signorini_fx.errors import ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.report.comparison import _interpolation, compare
+from signorini_fx.report.page import page
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 
@@ -74,7 +77,7 @@ def test_no_result(folders, tmp_path):
         compare(root / "coarse", tmp_path)
 
 
-def in_pieces(nx):
+def in_pieces(nx, solver=None, factors=None):
     """A block on two feet, the second of which carries more: one boundary of two pieces."""
     mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (3.0, 1.0)], (nx, nx // 3))
     feet = {"feet": lambda x: np.isclose(x[1], 0.0) & ((x[0] < 1.0 + 1e-9) | (x[0] > 2.0 - 1e-9))}
@@ -82,7 +85,8 @@ def in_pieces(nx):
         {
             "mesh": tag_boundaries(mesh, feet | {"top": lambda x: np.isclose(x[1], 1.0)}),
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.0, "y": "-0.01 * (1 + x[0])"},
+            "displacement": {"boundary": "top", "x": 0.0, "y": "-0.01 * (1 + x[0])", "factors": factors},
+            "solver": {"fallbacks": False, **(solver or {})},
             "contact": {"boundary": "feet", "friction": {"law": "tresca", "bound": 3.0}},
         }
     )
@@ -108,3 +112,32 @@ def test_values_between_nodes_on_every_piece(order):
     (one, expected), (other, values) = table((5, 9)), table((4, 3), order)
     take = _interpolation(one, np.full(14, True), other, np.full(7, True))
     np.testing.assert_allclose(take(values), expected, rtol=0, atol=1e-14)
+
+
+def nothing_computed(value, key=""):
+    """A summary after a solve that could compute no figure; times, and what the scene says, are known."""
+    if isinstance(value, dict):
+        return {
+            k: item if k in ("timings", "time", "scene") else nothing_computed(item, k) for k, item in value.items()
+        }
+    if isinstance(value, list):
+        return [nothing_computed(item, key) for item in value]
+    return None if isinstance(value, float) else value
+
+
+@pytest.mark.parametrize("where", ["plane", "space", "load steps"])
+def test_nothing_could_be_computed(where, tmp_path):
+    """Every number of a failed solve may be null: there is a report, and a comparison."""
+    limits = {"max_iterations": 1, "fallbacks": False}
+    scenes = {
+        "plane": lambda: example1(coefficient=0.3, nx=6, ny=2, **limits),
+        "space": lambda: block(3, coefficient=0.3, **limits),
+        "load steps": lambda: in_pieces(6, {"max_iterations": 1}, [0.5, 1.0]),
+    }
+    write_results(alone(scenes[where](), check=False), tmp_path, pictures=False, fields=False)
+    file = tmp_path / "summary.json"
+    summary = json.loads(file.read_text())
+    assert summary["status"] == "maximum iterations reached"
+    file.write_text(json.dumps(nothing_computed(summary)))
+    assert "maximum iterations reached" in page(tmp_path)
+    assert "maximum iterations reached" in compare(tmp_path, tmp_path)

@@ -364,9 +364,9 @@ steps = 2
     [
         ({"steps": 0}, "load_steps.steps"),
         ({"steps": 2.5}, "load_steps.steps"),
-        ({"names": ["one"]}, "load_steps.names has 1 entries, one for each of 2 factors"),
+        ({"names": ["one"]}, "load_steps.names: has 1 entries, one for each of 2 factors"),
         ({"times": [1.0, 1.0]}, "times must increase"),
-        ({"times": [0.0, 1.0, 2.0]}, "load_steps.times has 3 entries"),
+        ({"times": [0.0, 1.0, 2.0]}, "load_steps.times: has 3 entries"),
         ({"ramp": 3}, "load_steps.ramp"),
     ],
 )

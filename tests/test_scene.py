@@ -158,8 +158,8 @@ def test_one_table_instead_of_a_list():
         ("contact", [3], "contact[0]", "must be a table"),
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
         ("contact.0.kind", "glued", "contact[0].kind", "must be one of 'unilateral', 'bilateral', got 'glued'"),
-        ("contact", [{"boundary": "a"}, {"boundary": "a"}], "scene", "in contact twice"),
-        ("displacement", [{"boundary": "bottom", "normal": 0}], "scene", "in contact as well"),
+        ("contact", [{"boundary": "a"}, {"boundary": "a"}], "contact[1]", "in contact twice"),
+        ("displacement", [{"boundary": "bottom", "normal": 0}], "displacement[0]", "in contact as well"),
         ("solver.gamma_n", 0, "solver.gamma_n", "positive"),
         ("solver.gamma_t", "large", "solver.gamma_t", "auto"),
         ("solver.sigma", -1, "solver.sigma", "positive"),
@@ -176,6 +176,22 @@ def test_one_mistake(path, value, expected, message):
     found = problems(changed((path, value)))
     assert list(found) == [expected]
     assert message in found[expected]
+
+
+def test_entries_that_do_not_go_together():
+    """Each of them alone is fine; all of them are reported at once, at the later entry."""
+    two = {"young": 1.0, "poisson": 0.3}
+    found = problems(
+        changed(
+            ("material", [two, {**two, "hypothesis": "plane stress"}]),
+            ("contact", [{"boundary": "a"}, {"boundary": "b"}, {"boundary": "a"}]),
+            ("displacement", [{"boundary": "c", "x": 0}, {"boundary": "b", "normal": 0}]),
+            ("load_steps", {"names": ["one", "two"]}),
+        )
+    )
+    assert set(found) == {"material", "material[1]", "contact[2]", "displacement[1]", "load_steps.names"}
+    assert "own region" in found["material"]
+    assert "same hypothesis" in found["material[1]"]
 
 
 def test_several_mistakes():

@@ -33,9 +33,9 @@ from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid import RigidMotions, rigid_motions
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import MeshError, SceneError, together
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import PrescribedDisplacement, Scene
@@ -157,11 +157,14 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
             contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
-    facets = boundary_facets(scene, tagged)
+    facets, lame, reduced, _ = together(
+        partial(boundary_facets, scene, tagged),
+        partial(lame_coefficients, scene, tagged),
+        partial(reduced_degree, scene, tagged.mesh),
+        partial(check_fits, scene, tagged),
+    )
     pieces = find_pieces(tagged.mesh)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
-    lame = lame_coefficients(scene, tagged)
-    reduced = reduced_degree(scene, tagged.mesh)
     inventory = Inventory(list(_ELASTIC[: 1 if reduced is None else 2]))
     z = ufl.TestFunction(space)
     with timings.phase("compile"):
@@ -179,7 +182,6 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
             else inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
             for e in scene.contact
         ]
-        check_finite(tagged.mesh.comm, applied)
     with timings.phase("assemble"):
         parts = [
             contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction, turned)
@@ -187,8 +189,10 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         ]
         boundary = join(parts) if parts else None
         motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
-    if boundary is not None:
-        check_overlap(scene, boundary, facets, tagged)
+    together(
+        partial(check_finite, tagged.mesh.comm, applied),
+        lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
+    )
     return Body(
         scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory, turned
     )
@@ -294,7 +298,10 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     space = fem.functionspace(mesh, ("DG", 0))
     pair = fem.Function(space), fem.Function(space)
     covered = np.zeros(pair[0].x.array.size, dtype=np.int32)
-    for material in scene.material:
+    named = [material for material in scene.material if material.region in tagged.regions]
+    if len(named) < len(scene.material):  # which is reported elsewhere
+        return pair
+    for material in named:
         assert material.region is not None
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
         covered[dofs] += 1

@@ -144,8 +144,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names.
 
     Raises:
-        SceneError: unknown generator, or wrong parameters; linear elements on curved cells; keys of a scene
-            in the plane although the mesh is in space, or the other way round.
+        SceneError: unknown generator, or wrong parameters.
         MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     match scene.mesh:
@@ -160,14 +159,23 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         case _:
             raise TypeError(f"no mesh: {scene.mesh!r}")
     check_dimension(tagged)
+    return tagged
+
+
+def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
+    """Check the scene against dimension and shape of its mesh; collective.
+
+    Raises:
+        SceneError: keys of a scene in the plane although the mesh is in space, or the other way round; linear elements
+            on curved cells.
+    """
     problems = dimension_problems(scene, tagged.dimension)
-    if problems:
-        raise SceneError(problems)
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
-        raise SceneError([("element.degree", message)])
-    return tagged
+        problems.append(("element.degree", message))
+    if problems:
+        raise SceneError(problems)
 
 
 def check_dimension(tagged: TaggedMesh) -> None:

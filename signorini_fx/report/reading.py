@@ -104,7 +104,20 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
         raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
-    return summary
+    return {key: _numbers(value, key) for key, value in summary.items()}
+
+
+# Figures that are never null but after a failed solve; where others are null, there is nothing of the kind.
+_ALWAYS_NUMBERS = ("certificate", "functionals", "moment")
+
+
+def _numbers(value: Any, key: str) -> Any:
+    """A value with nan for what a failed solve could not compute: null in a list, or under certain keys."""
+    if isinstance(value, dict):
+        return {name: _numbers(item, key if key in _ALWAYS_NUMBERS else name) for name, item in value.items()}
+    if isinstance(value, list):
+        return [math.nan if item is None else _numbers(item, key) for item in value]
+    return math.nan if value is None and key in _ALWAYS_NUMBERS else value
 
 
 def seconds_of(summary: Mapping[str, Any]) -> float:

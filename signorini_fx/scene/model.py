@@ -11,7 +11,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -22,9 +22,11 @@ from pydantic import (
     Field,
     InstanceOf,
     Tag,
+    ValidationError,
     field_validator,
     model_validator,
 )
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
@@ -334,21 +336,34 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        problems = [
+            InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=place, input={})
+            for place, why in self._contradictions()
+        ]
+        if problems:
+            raise ValidationError.from_exception_data("Scene", problems)
+        return self
+
+    def _contradictions(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Entries that do not go together, each alone fine: the place of the later one, and why."""
         names = [effect.boundary for effect in self.contact]
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"boundary {name!r} is in contact twice: describe it in one [[contact]]")
-        for effect in self.displacement:
+        for place, name in enumerate(names):
+            if name in names[:place]:
+                yield ("contact", place), f"boundary {name!r} is in contact twice: describe it in one [[contact]]"
+        for place, effect in enumerate(self.displacement):
             if effect.boundary in names and (effect.normal is not None or None not in effect.components):
-                raise ValueError(f"boundary {effect.boundary!r} is prescribed, and in contact as well: choose one")
+                why = f"boundary {effect.boundary!r} is prescribed, and in contact as well: choose one"
+                yield ("displacement", place), why
         regions = [material.region for material in self.material]
         if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
-            raise ValueError("give one material, or several, each with the name of its own region")
-        if len({material.hypothesis for material in self.material}) > 1:
-            raise ValueError("all materials must have the same hypothesis")
+            yield ("material",), "give one material, or several, each with the name of its own region"
+        for place, material in enumerate(self.material):
+            if material.hypothesis != self.material[0].hypothesis:
+                yield ("material", place), "all materials must have the same hypothesis"
         if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
-            raise ValueError("solver.levels needs a mesh from a generator, which can make the coarser ones")
+            yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if self.accuracy is not None and not self.contact:
-            raise ValueError("accuracy needs a scene with contact")
+            yield ("accuracy",), "needs a scene with contact"
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
             places = [
@@ -358,16 +373,18 @@ class Scene(Table):
             ]
             given = [*places, ("body_force", self.body_force)]
             said = [f"{place} has {len(load.factors)}" for place, load in given if load is not None and load.factors]
-            raise ValueError(f"the lists of factors differ in length: {', '.join(said)}")
+            yield (), f"the lists of factors differ in length: {', '.join(said)}"
+            return  # how many load steps there are is not known
         for name in ("names", "times"):
             given = getattr(self.load_steps, name)
             if given is not None and len(given) != self.steps:
-                raise ValueError(
-                    f"load_steps.{name} has {len(given)} entries, one for each of {self.steps} factors is expected"
+                yield (
+                    ("load_steps", name),
+                    f"has {len(given)} entries, one for each of {self.steps} factors is expected",
                 )
-        if self.grows_from_nothing and self.time_at(0) <= 0:
-            raise ValueError("load_steps.times must be positive: without factors the loads begin to grow at time 0")
-        return self
+        times = self.load_steps.times
+        if self.grows_from_nothing and times is not None and times[0] <= 0:
+            yield ("load_steps", "times"), "must be positive: without factors the loads begin to grow at time 0"
 
     @property
     def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
