@@ -17,6 +17,7 @@ from signorini_fx.machine import signals
 from signorini_fx.problem import exact, regularised, tangent
 from signorini_fx.records import History
 from signorini_fx.results import files
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.solving import one_mesh, solver
 
 SCENE = """
@@ -65,7 +66,7 @@ PLACES = {
     "preconditioner is set up": (multigrid.ContactPreconditioner, "_truncate", (SOLID, KRYLOV)),
     "preconditioner": (multigrid._NodalBlocks, "split", (SOLID, KRYLOV)),
     "path": (solver, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
-    "certificate": (one_mesh, "certify", (SOLID, FULL)),
+    "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
     "writing": (files, "write_csv", (PLANE, FULL)),
 }
