@@ -33,6 +33,7 @@ class Status(Enum):
     CYCLING = "active sets cycle"
     NOT_HELD = "body not held"
     OPEN = "contact opens, no static equilibrium"
+    TIPS = "tips over, no static equilibrium"
     SLIDES = "slides, no static equilibrium"
     SINGULAR = "linear system singular"
     LINEAR_SOLVER = "linear solver failed"
@@ -63,6 +64,10 @@ _ADVICE = {
     Status.OPEN: (
         "the load moves the body off its foundation and nothing else holds it: check the direction of the loads and "
         "the gap, or prescribe a displacement"
+    ),
+    Status.TIPS: (
+        "the load turns the body about the edge of its contact, which no friction can prevent: lower the load, let it "
+        "act closer to the contact, or prescribe a displacement"
     ),
     Status.SLIDES: (
         "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "

@@ -19,7 +19,7 @@ from signorini_fx.results.solution import Solution
 from stability.case import CONVERGED, Case, Finding
 from stability.measure import found, solved
 
-_RIGHT = (CONVERGED, Status.OPEN.value, Status.SLIDES.value, Status.NOT_HELD.value)
+_RIGHT = (CONVERGED, Status.OPEN.value, Status.TIPS.value, Status.SLIDES.value, Status.NOT_HELD.value)
 _REFUSED = "scene refused"
 _REPORTED = (Status.CYCLING.value, Status.OUTER_MAX_ITERATIONS.value, Status.ROUND_OFF.value)
 _BATCH = 200

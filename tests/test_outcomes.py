@@ -138,6 +138,50 @@ def test_nothing_presses(gap):
     assert any("no load presses" in found.message for found in solution.findings)
 
 
+@pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize(("nx", "ny"), [(3, 2), (6, 3), (8, 2), (14, 3)])
+def test_loads_that_balance_each_other(friction, cell, nx, ny):
+    """A resultant of round-off is no load: nothing presses the body on, on any mesh and in any units."""
+    for length, force in ((1.0, 1.0), (1e-7, 1e9)):
+        parameters = {"length": 3.0 * length, "height": 1.1 * length, "nx": nx, "ny": ny, "cell": cell}
+        scene = parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": parameters},
+                "material": {"young": 1000.0 * force, "poisson": 0.3},
+                "traction": [
+                    {"boundary": "top", "y": f"{5.0 * force} * cos(2 * pi * x[0] / {1.5 * length})"},
+                    {"boundary": "left", "x": 3.0 * force},
+                    {"boundary": "right", "x": -3.0 * force},
+                ],
+                "contact": {
+                    "boundary": "bottom",
+                    "friction": {"law": "tresca", "bound": 0.3 * force} if "bound" in friction else friction,
+                },
+            }
+        )
+        solution = outcome(scene)
+        assert (solution.status, solution.history.linear_solves) == (Status.OPEN, 0)
+        assert any("no load presses" in found.message for found in solution.findings)
+
+
+@pytest.mark.parametrize(("push", "status"), [(4.05, Status.CONVERGED), (4.15, Status.TIPS), (6.1, Status.TIPS)])
+def test_a_block_that_tips_is_not_said_to_open(push, status):
+    """Weight 3 on a foot of length 3, a push at height 1.1: it tips over its toe at 4.5 / 1.1 = 4.09, slides at 6."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 2.2, "nx": 6, "ny": 4}},
+            "material": {"young": 1e5, "poisson": 0.3},
+            "body_force": {"y": -3.0 / 6.6},
+            "traction": {"boundary": "left", "x": push / 2.2},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 2.0}},
+        }
+    )
+    solution = outcome(scene)
+    assert solution.status is status
+    assert solution.converged or "tip it over: the rotation about (3, 0)" in solution.advice
+
+
 def test_squeezed_but_free_sideways():
     """What is squeezed without friction may still slip out sideways."""
     assert outcome(fitted((-0.01, -0.01), {"boundary": "left", "y": 0.0})).status is Status.NOT_HELD

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
-from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.body.rigid import RigidLoad, RigidMotions, total_work
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Inventory
@@ -63,18 +63,18 @@ class LoadCase:
         load: L minus the contribution of its prescribed displacements; the ``diagonal`` of their rows
             times their value there.
         start: zero, with its prescribed displacements inserted.
-        resultant: ``load`` on the rigid motions of each piece of the body, forces, shape (m pieces,).
+        resultant: L on the free rigid motions; forces that strains cause do no work on them.
     """
 
     factors: tuple[float, ...]
     load: PETSc.Vec
     start: PETSc.Vec
-    resultant: npt.NDArray[np.float64]
+    resultant: RigidLoad
 
 
-def load_resultant(cases: tuple[LoadCase, ...], step: float, size: int) -> npt.NDArray[np.float64]:
-    """The loads of a load step on the rigid motions of the pieces, shape (size,)."""
-    return sum((factor_at(case.factors, step) * case.resultant for case in cases), np.zeros(size))
+def load_resultant(cases: tuple[LoadCase, ...], step: float, count: int) -> npt.NDArray[np.float64]:
+    """The work of the loads of a load step on the free rigid motions, shape (count,), see ``rigid.total_work``."""
+    return total_work([(factor_at(case.factors, step), case.resultant) for case in cases], count)
 
 
 def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
@@ -217,7 +217,7 @@ def load_case(
         blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
         load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
     load.getArray()[fixed] = diagonal * applied.start[fixed]
-    return LoadCase(applied.factors, load, start, _resultant(load, motions, fixed))
+    return LoadCase(applied.factors, load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
 
 
 def turned_case(
@@ -238,18 +238,8 @@ def turned_case(
     rotation.multTranspose(load, force)
     free = np.where(fixed, 0.0, force.getArray(readonly=True))
     load.getArray()[:] = free
-    rotation.mult(load, force)
-    resultant = _resultant(force, motions, np.zeros_like(fixed))
     load.getArray()[fixed] = diagonal * start.getArray(readonly=True)[fixed]
-    return LoadCase(applied.factors, load, start, resultant)
-
-
-def _resultant(load: PETSc.Vec, motions: RigidMotions, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """A load on the rigid motions; only needed, and only computed, if one of them is free."""
-    if motions.free.shape[1] == 0:
-        return np.zeros(motions.free.shape[0])
-    forces = np.where(fixed, 0.0, load.getArray(readonly=True)).reshape(-1, motions.x.shape[1])
-    return motions.resultant(forces, load.comm.tompi4py())
+    return LoadCase(applied.factors, load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

@@ -7,7 +7,7 @@ where both must move together.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,12 +23,48 @@ from signorini_fx.body.turned_supports import TurnedNodes
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
+# Share of the sum of the magnitudes of all forces below which their resultant is round-off.
+_NO_LOAD = 1e-8
 # Share of a motion that is only round-off.
 _ROUND_OFF = 1e-10
 
 _Floats = npt.NDArray[np.float64]
 # The two axes of each rotation, which turns the first towards the second; in space the rotation about x[0] is first.
 ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
+
+
+@dataclass(frozen=True)
+class RigidLoad:
+    """A load on the free rigid motions, k of them.
+
+    Attributes:
+        work: on each motion, forces, shape (k,).
+        size: sum of the magnitudes of the nodal forces on the assembly that each motion moves, shape (k,).
+        assembly: number of that assembly, shape (k,).
+    """
+
+    work: _Floats
+    size: _Floats
+    assembly: npt.NDArray[np.int64]
+
+
+def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> _Floats:
+    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
+    each other to round-off.  This is the only place that decides whether a load acts on a rigid body.
+
+    Args:
+        loads: factors, and the loads.
+        count: k.
+    """
+    work, size = np.zeros(count), np.zeros(count)
+    for factor, load in loads:
+        work += factor * load.work
+        size += abs(factor) * load.size
+    if not loads or not count:
+        return work
+    assembly = loads[0][1].assembly
+    length = np.sqrt(np.bincount(assembly, work**2))[assembly]
+    return np.where(length > _NO_LOAD * size, work, 0.0)
 
 
 @dataclass(frozen=True)
@@ -74,13 +110,20 @@ class RigidMotions:
         moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
         return moved
 
-    def resultant(self, forces: _Floats, comm: MPI.Comm) -> _Floats:
-        """The work of forces at the owned nodes, shape (owned nodes, d), on the motions of each piece, shape (m p,);
-        collective.
+    def load_of(self, forces: _Floats, comm: MPI.Comm) -> RigidLoad:
+        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions; collective.
+
+        Forces on prescribed displacements do none.
         """
+        if self.free.shape[1] == 0:
+            return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
+        forces = forces.reshape(-1, self.x.shape[1])
         owned = slice(forces.shape[0])
         work = np.einsum("ij,ijk->ik", forces, self._modes(owned))
-        return parallel.sums_by(comm, self.piece[owned], work, self.pieces.count).ravel()
+        sizes = np.linalg.norm(forces, axis=1, keepdims=True)
+        total = parallel.sums_by(comm, self.piece[owned], np.hstack((work, sizes)), self.pieces.count)
+        of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
+        return RigidLoad(self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly], self.assembly)
 
     def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
         """The assemblies that can move: number, their columns of ``free`` and their rows."""

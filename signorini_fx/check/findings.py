@@ -19,9 +19,10 @@ from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import LOCKING_POISSON, Body
-from signorini_fx.check.equilibrium import MOST_LISTED, equilibrium, load_on, rounded
+from signorini_fx.body.motion_names import MOST_LISTED, rounded
+from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.contact.statics import ZERO
+from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
@@ -268,7 +269,9 @@ def _displacement_scale(body: Body, step: int) -> float:
     """Largest prescribed displacement, and the deflection of a beam of the body's outline under the loads, lengths."""
     owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
-    force = float(load_on(body, step)[1].sum())
+    loads = sum((load.factors[step] * load.forces for load in body.applied), np.zeros(body.fixed.size))
+    sizes = np.linalg.norm(np.reshape(loads, (-1, body.tagged.dimension)), axis=1)
+    force = float(parallel.global_sum(body.comm, sizes.sum()))
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
     softest = min(material.young for material in body.scene.material)

@@ -29,8 +29,7 @@ def hold(
     data: RegularisedData,
     boundary: ContactBoundary,
     motions: RigidMotions,
-    resultant: npt.NDArray[np.float64],
-    escaping: Callable[[], npt.NDArray[np.bool_]],
+    escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
     """Sets near ``following`` that hold the body, or the status if it moves away; collective.
 
@@ -42,8 +41,7 @@ def hold(
         data: the problem.
         boundary: the contact nodes.
         motions: rigid motions of the body.
-        resultant: the load on the rigid motions of the pieces, shape (m pieces,).
-        escaping: gives the assemblies that no admissible tractions can keep, see ``statics.unbalanced``.
+        escaping: how the body moves away whatever the sets are, see ``statics.no_balance``; None: it may stay.
 
     Returns:
         The sets, the status if there is no equilibrium, and whether the sets differ from ``following``.
@@ -58,12 +56,8 @@ def hold(
         return following, Status.NOT_HELD, False
     assembly = motions.assembly_of(boundary.nodes)
     leaving = escaping()
-    if leaving.any():
-        here = leaving[assembly]
-        pressed = parallel.global_sum(boundary.comm, np.dot(boundary.weight[here], pressure[here])) > 0
-        # Without a load a pressure is round-off.
-        pressing = pressed and resultant[np.repeat(leaving[motions.pieces.assembly], motions.each)].any()
-        return following, Status.SLIDES if data.has_friction and pressing else Status.OPEN, False
+    if leaving is not None:
+        return following, leaving, False
     # In space a slipping node, too, resists a change of its direction of slip.
     unresisted = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
     if not unresisted.any():

@@ -68,7 +68,7 @@ def resting_place(
         here = table[table[:, -1] == number]
         if len(here) and not here[:, -2].any():
             free = motions.free[:, columns]
-            moved = _rest_of(here[:, :-3][:, columns], here[:, -3], free.T @ resultant)
+            moved = _rest_of(here[:, :-3][:, columns], here[:, -3], resultant[columns])
             motion += 0.0 if moved is None else free @ moved
     if not motion.any():
         return None

@@ -1,243 +1,169 @@
-"""Statics of a body on its foundation: which loads admissible contact tractions can balance.
+"""Statics of a body on its foundation: which loads admissible contact tractions can balance, and how many times over.
 
-lambda >= 0, of any sign where the contact is bilateral, and |mu| <= g or <= F lambda, against the rigid motions that
-the supports leave free.  Whether there is a balance does not depend on the stiffness of the body.
+Whether the load W is in the set C of the resultants of admissible tractions (``reactions``) does not depend on the
+stiffness of the body.  The direction r from the nearest point of C to W is a motion, and both answers are checked by
+plain arithmetic:
 
-In space |mu| <= g is a disc, and the balance a second-order cone programme.  Here the disc is enclosed between two
-regular polygons, which lead to linear programmes: if the outer one has no solution, there is no equilibrium; if the
-inner one has a solution, there is one.  Between them, half a per cent of the friction, the iteration decides.  In the
-plane both are the interval.
+- tractions that leave nothing of W are a balance;
+- if W does more work on r than any admissible tractions can take, there is none, however the body deforms.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
-from scipy.optimize import linprog, lsq_linear
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.contact.laws import Nodal, RegularisedData
+from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.reactions import ZERO, Reactions, combination, most_work, nearest, reactions
+from signorini_fx.records import Status
 
-# Forces and motions below this share of their scale are round-off.
-ZERO = 1e-8
-# Sides of the polygons: the outer radius is 1 / cos(pi / 32) of the inner one, 1.005.
-_SIDES = 32
-# Friction above this is treated as unlimited.
-_ROUGH = 1e6
-
-
-def balance_exists(
-    data: RegularisedData,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
-    resultant: npt.NDArray[np.float64],
-) -> bool:
-    """Whether admissible contact tractions can balance the load on the free rigid motions; collective.
-
-    In space: whether it is not proved that they cannot.
-    """
-    return not unbalanced(data, boundary, motions, resultant).any()
-
-
-def unbalanced(
-    data: RegularisedData,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
-    resultant: npt.NDArray[np.float64],
-) -> npt.NDArray[np.bool_]:
-    """The assemblies whose load no admissible contact tractions can balance, shape (assemblies,); collective.
-
-    lambda >= 0 (any sign where contact is bilateral) and |mu| <= F g, or <= F lambda, with the resultant of the load on
-    the free rigid motions: a linear programme for each assembly, with as many equations as it has free motions.
-    Where it has no solution there is no static equilibrium, whatever the body's shape and stiffness.  Its unknowns are
-    nodal forces over the size of the resultant, because the tolerances of the programme are absolute.
-    In space the outer polygon replaces the disc of |mu|.
-    """
-    zero = np.zeros(boundary.size)
-    bound, coupling = (zero if values is None else values for values in (data.bound, data.coupling))
-    every = reactions(boundary, motions, bound, coupling, data.bilateral)
-    leaving = np.zeros(int(motions.pieces.assembly.max()) + 1, dtype=bool)
-    for number, columns, rows in motions.assemblies():
-        here, load = every.of(number, columns), resultant[rows]
-        if not here.given.size:
-            leaving[number] = True
-        elif load.any():
-            leaving[number] = not _balances(here, motions.free[:, columns].T @ resultant, load)
-        else:
-            # If nothing presses the body on, all positions off the foundation are equivalent.
-            leaving[number] = not squeezed(data, boundary, every, number, columns)
-    return leaving
-
-
-def squeezed(
-    data: RegularisedData, boundary: ContactBoundary, every: Reactions, number: int, columns: npt.NDArray[np.bool_]
-) -> bool:
-    """Whether one assembly is held by its foundation without a load, as in an interference fit; collective.
-
-    Args:
-        data: the problem.
-        boundary: the contact nodes.
-        every: their reactions, on all ranks.
-        number: of the assembly.
-        columns: its free motions.
-    """
-    gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[every.assembly == number, 0]
-    return _interferes(every.of(number, columns), gap)
+# A node that moves by less than this share of the others stays where it is.
+_STILL = 1e-6
+# Bounds of a multiple that are tried, and by how much less than the last one the multiple itself is tried.
+_BOUNDS, _SHORT = 100, (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 
 
 @dataclass(frozen=True)
-class Reactions:
-    """The reactions of the n contact nodes of all ranks to k motions; the same on every rank.
+class Escape:
+    """How an assembly moves away because no admissible contact tractions balance its load.
 
     Attributes:
-        normal: each motion along the normal of each node, shape (n, k).
-        tangential: along its tangents, shape (n, d - 1, k).
-        given: given part of the friction bound, a force, shape (n,).
-        coefficient: F where the bound depends on the pressure, shape (n,).
-        bilateral: whether the contact cannot open, shape (n,).
-        assembly: number of the assembly that the node is in, shape (n,).
+        status: ``SLIDES``: it would be held if friction had no limit; ``TIPS``: it turns about nodes that stay where
+            they are; ``OPEN``: it leaves the foundation; ``NOT_HELD``: nothing resists a motion.
+        assembly: its number.
+        motion: that the load drives, as coefficients of the free motions, shape (k,); its size means nothing.
     """
 
-    normal: Nodal
-    tangential: Nodal
-    given: Nodal
-    coefficient: Nodal
-    bilateral: npt.NDArray[np.bool_]
-    assembly: npt.NDArray[np.int64]
-
-    def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
-        """The nodes and the motions of one assembly."""
-        here = self.assembly == number
-        return Reactions(
-            normal=self.normal[here][:, columns],
-            tangential=self.tangential[here][:, :, columns],
-            given=self.given[here],
-            coefficient=self.coefficient[here],
-            bilateral=self.bilateral[here],
-            assembly=self.assembly[here],
-        )
+    status: Status
+    assembly: int
+    motion: Nodal
 
 
-def reactions(
+def no_balance(
+    law: FrictionLaw | None,
+    bilateral: npt.NDArray[np.bool_] | None,
     boundary: ContactBoundary,
     motions: RigidMotions,
-    bound: Nodal,
-    coefficient: Nodal,
-    bilateral: npt.NDArray[np.bool_] | None,
-) -> Reactions:
-    """The reactions that friction bounds (stresses, and shares of the pressure) allow; collective."""
-    modes = motions.at(boundary)
-    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
-    two_sided = np.zeros(boundary.size) if bilateral is None else bilateral
-    laws = np.column_stack((boundary.weight * bound, coefficient, two_sided, motions.assembly_of(boundary.nodes)))
-    _, tangents, k = tangential.shape
-    flat = tangential.reshape(boundary.size, tangents * k)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, flat, laws)))
-    given, shares, sides, assembly = table[:, (1 + tangents) * k :].T
-    sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
-    return Reactions(table[:, :k], sideways, given, shares, sides > 0, assembly.astype(np.int64))
+    load: Nodal,
+    gap: Nodal | None = None,
+) -> Escape | None:
+    """A proof that a contact problem has no solution, to be asked before anything is tried; collective.
 
-
-def corners(tangents: int, *, outer: bool) -> Nodal:
-    """Corners of the polygon that replaces the unit disc of R^(d - 1), shape (m, d - 1); in R^1 the interval's ends.
+    It holds for any number of contacts, for frictionless contact, Tresca and Coulomb friction with or without a cap, in
+    the plane and in space, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
+    nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one of elastic bodies.
 
     Args:
-        tangents: d - 1.
-        outer: whether it is around the disc, or within it.
+        law: the friction law itself, not the bound of an iterate; stresses; None without friction.
+        bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
+        boundary: the contact nodes of this rank.
+        motions: of the body.
+        load: the work of the loads on the free motions, zero where it is round-off (``ElasticSystem.resultant``),
+            shape (k,).
+        gap: lengths, shape (n,): a body without a load, and not squeezed by its foundation, then counts as one that
+            leaves it; None: only if it can move off without touching, because strains may press it on otherwise.
+
+    Returns:
+        How the first assembly moves away that does; None if that is not proved of any of them.
     """
-    if tangents == 1:
-        return np.array([[1.0], [-1.0]])
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
-    radius = 1 / np.cos(np.pi / _SIDES) if outer else 1.0
-    return radius * np.column_stack((np.cos(angle), np.sin(angle)))
+    if not load.size:
+        return None
+    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    able = ~everywhere if law is None else (law.given > 0) | (law.coefficient > 0)
+    unheld = motions.unheld(boundary, everywhere, able)
+    every = reactions(boundary, motions, law, bilateral)
+    gaps = None if gap is None else parallel.gather_rows(boundary.comm, gap[:, None])[:, 0]
+    for number, columns, _ in motions.assemblies():
+        here, work = every.of(number, columns), load[columns]
+        found: tuple[Status, Nodal] | None = None
+        if unheld[number] or not here.given.size:
+            found = Status.NOT_HELD if unheld[number] else Status.OPEN, work
+        elif work.any():
+            found = escape(here, work)
+        elif separable(here) or (gaps is not None and not squeezed(here, gaps[every.assembly == number])):
+            found = Status.OPEN, work
+        if found is not None:
+            motion = np.zeros(load.size)
+            motion[columns] = found[1]
+            return Escape(found[0], number, motion)
+    return None
 
 
-def _balances(
-    here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64], *, outer: bool = True
-) -> bool:
-    """The linear programme of one assembly: mu is a combination of the corners of the polygon, with non-negative shares
-    that sum up to no more than the bound.
+def escape(here: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
+    """How a load moves one assembly away, and the motion that it drives, shape (k,); None: not proved.
 
     Args:
-        here: its contact nodes.
-        work: the work of the load on its free motions, shape (k,).
-        load: the same on all motions of its pieces, free or not: its size is the unit of force.
-        outer: which polygon.
+        here: the reactions of the assembly.
+        load: its work on the motions, shape (k,), not zero.
     """
-    n, given, coupling = here.given.size, here.given, here.coefficient
-    ends = corners(here.tangential.shape[1], outer=outer)
-    pulls = np.einsum("ct,itk->cik", ends, here.tangential).reshape(-1, work.size)
-    # The shares of a node sum up to given + coupling lambda at most; an infinite bound is no row.
-    finite = np.isfinite(given)
-    own = sparse.identity(n, format="csr")[finite]
-    rows = sparse.hstack([-sparse.diags(coupling).tocsr()[finite], *[own] * len(ends)])
-    scale = max(float(np.abs(load).max()), 1e-300)
-    result = linprog(
-        np.zeros(n + len(pulls)),
-        A_ub=rows,
-        b_ub=given[finite] / scale,
-        A_eq=np.hstack((here.normal.T, pulls.T)),
-        b_eq=work / scale,
-        bounds=[(None if sign else 0.0, None) for sign in here.bilateral] + [(0.0, None)] * len(pulls),
+    near = nearest(here, load)
+    if not near.unbalanced:
+        return None
+    if here.friction.any():
+        rough = nearest(here.rough, load)
+        if not rough.unbalanced:
+            return Status.SLIDES, along_contact(here, near.motion, near.pressed)
+        near = rough
+    if not near.pressed.size:
+        return Status.OPEN, near.motion
+    motion = along_contact(here, near.motion, near.pressed)
+    at_nodes = np.concatenate((here.normal[:, None], here.tangential), axis=1) @ motion
+    still = np.abs(at_nodes[near.pressed]).max() <= _STILL * np.abs(at_nodes).max()
+    return (Status.TIPS if still else Status.OPEN), motion
+
+
+def along_contact(here: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
+    """A motion that keeps pressed nodes in contact, shape (k,).
+
+    Where friction follows the pressure, the motion on which tractions can do no more work lifts slipping nodes off; the
+    body does not.  The motion is returned as it is if nothing else is left of it.
+    """
+    rows = here.normal[pressed]
+    kept: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=ZERO)[0] if len(rows) else motion
+    return kept if np.linalg.norm(kept) > ZERO * np.linalg.norm(motion) else motion
+
+
+def separable(here: Reactions) -> bool:
+    """Whether one assembly can move off its foundation at all nodes at once, without slip where friction is given.
+
+    Then no pressures are in balance: without a load there are none, and nothing says where the body is.
+    """
+    if here.bilateral.any():
+        return False
+    none = np.zeros_like(here.given)
+    given = np.where(here.given > 0, np.inf, 0.0)
+    with_distance = replace(
+        here,
+        normal=np.column_stack((here.normal, none + 1.0)),
+        tangential=np.concatenate((here.tangential, np.zeros_like(here.tangential[:, :, :1])), axis=2),
+        given=given,
+        cap=np.full_like(given, np.inf),
     )
-    return bool(result.status == 0)
+    return nearest(with_distance, np.eye(here.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
 
 
-def _interferes(here: Reactions, gap: Nodal) -> bool:
-    """Whether the contact nodes of one assembly overlap with the foundation wherever it is.
+def squeezed(here: Reactions, gap: Nodal) -> bool:
+    """Whether one assembly is held by its foundation without a load, as in an interference fit.
+
+    Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that is negative.
 
     Args:
         here: its contact nodes.
         gap: at these nodes, length, shape (n,).
     """
-    size = float(np.abs(gap).max())
+    size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
         return False
-    # The motion with the largest clearance, in units of the largest gap.
-    rows = np.vstack((here.normal, -here.normal[here.bilateral]))
-    limits = np.concatenate((gap, -gap[here.bilateral])) / size
-    unknowns = np.append(np.zeros(rows.shape[1]), -1.0)
-    result = linprog(
-        unknowns,
-        A_ub=np.column_stack((rows, np.ones(len(rows)))),
-        b_ub=limits,
-        bounds=[(None, None)] * rows.shape[1] + [(None, 0.0)],
-    )
-    return bool(result.status == 0 and -result.fun < -ZERO)
-
-
-def certainly_balances(here: Reactions, work: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> bool:
-    """Whether one assembly is in equilibrium for certain: with the inner polygon; see ``_balances``."""
-    return _balances(here, work, load, outer=False)
-
-
-def cone(contact: Reactions | None, count: int) -> tuple[Nodal, Nodal, Nodal]:
-    """Contact reactions against this number of motions, one per row.
-
-    Returns:
-        Generators, of length 1, of a cone that contains all loads that pressure and Coulomb friction can balance (a cap
-        is not counted); the most that Tresca friction balances in each direction of the tangents, shape
-        (n, d - 1, count); the directions in which there is any reaction.
-    """
-    if contact is None:
-        none = np.empty((0, count))
-        return none, none[:, None], none
-    c, share = contact, contact.coefficient[:, None]
-    pulls = [np.einsum("t,itk->ik", end, c.tangential) for end in corners(c.tangential.shape[1], outer=True)]
-    edges = [*(c.normal + share * pull for pull in pulls), c.normal]
-    rough = c.coefficient > _ROUGH
-    edges += [*(pull[rough] for pull in pulls), *(-edge[c.bilateral] for edge in edges)]
-    cone = np.concatenate(edges)
-    sizes = np.linalg.norm(cone, axis=1)
-    acting = c.tangential[(c.coefficient > 0) | (c.given > 0)]
-    directions = np.concatenate([c.normal, acting.reshape(-1, count)])
-    return cone[sizes > ZERO] / sizes[sizes > ZERO, None], c.given[:, None, None] * c.tangential, directions
+    rows = np.column_stack((here.normal, gap / size + ZERO))
+    rows = np.concatenate((rows, -np.column_stack((here.normal, gap / size - ZERO))[here.bilateral]))
+    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), ZERO)
+    _, rest = combination(rows, -np.eye(rows.shape[1])[-1], [])
+    return bool(np.linalg.norm(rest) <= ZERO)
 
 
 def null_space(rows: Nodal) -> Nodal:
@@ -247,15 +173,67 @@ def null_space(rows: Nodal) -> Nodal:
     return null
 
 
-def left_over(generators: Nodal, load: Nodal) -> Nodal:
-    """The remainder of a load that the cone cannot balance: load minus its projection onto the cone.
+@dataclass(frozen=True)
+class Limit:
+    """The largest multiple of a load that admissible tractions balance.
 
-    The remainder r satisfies generators r <= 0: a motion that no reaction opposes.  (``scipy.optimize.nnls`` of SciPy
-    1.15 is wrong for one random cone in forty.)
+    Attributes:
+        factor: no larger multiple can be balanced; infinite: every multiple can.
+        found: the largest multiple for which tractions were found; equal to ``factor`` but for round-off.
+        motion: the motion that the load drives beyond, shape (k,); None: there is none.
+        pressed: the nodes that are pressed in this motion, shape (m,).
     """
-    scale = float(np.linalg.norm(load))
-    if scale == 0.0 or not len(generators):
-        return load.copy()
-    found = lsq_linear(generators.T, load / scale, (0.0, np.inf), method="bvls", tol=1e-14)
-    rest: Nodal = load - scale * (found.x @ generators)
-    return rest
+
+    factor: float
+    found: float
+    motion: Nodal | None
+    pressed: npt.NDArray[np.int64]
+
+
+def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
+    """The largest multiple of the live load that admissible tractions balance together with the dead load.
+
+    Each motion on which a load does more work than tractions can bounds the multiple from above; the motion of the load
+    at that bound gives the next bound.  The bounds fall until there is a balance: Newton's method for a convex function
+    of one variable.
+
+    Args:
+        here: the reactions of one assembly.
+        dead: the work of the other loads on its motions, shape (k,).
+        live: that of the load, shape (k,), not zero.
+
+    Returns:
+        The multiple; None if no multiple of the load is balanced.
+    """
+    near, factor = nearest(here, live, unlimited=True), np.inf
+    unit_of_force = float(np.linalg.norm(live))
+    motion, pressed = None, near.pressed
+    for _ in range(_BOUNDS):
+        if near.balanced or not near.unbalanced:
+            break
+        power = near.motion @ live / unit_of_force
+        if power <= 0:
+            return None
+        motion, pressed = near.motion, near.pressed
+        forces = float(np.linalg.norm(dead)) + (factor if np.isfinite(factor) else 1.0) * unit_of_force
+        most = most_work(here, motion, unit_of_force, forces)
+        bound = float((most - motion @ dead / unit_of_force) / power)
+        if bound >= factor * (1 - 1e-15):
+            break
+        factor = bound
+        whole = dead + factor * live
+        if not whole.any():
+            break
+        near = nearest(here, whole)
+    if factor * unit_of_force < -ZERO * np.linalg.norm(dead):
+        return None
+    factor = max(factor, 0.0)
+    if np.isinf(factor):
+        return Limit(factor, factor, motion, pressed) if _balanced(here, dead + live) else None
+    tried = (factor * (1 - share) for share in (0.0, *_SHORT))
+    found = next((multiple for multiple in tried if _balanced(here, dead + multiple * live)), None)
+    return None if found is None else Limit(factor, found, motion, pressed)
+
+
+def _balanced(here: Reactions, load: Nodal) -> bool:
+    return not load.any() or nearest(here, load).balanced

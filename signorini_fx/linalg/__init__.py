@@ -36,8 +36,8 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """The load of the current load step on the rigid motions of each piece of the body, the same on all ranks,
-        shape (m pieces,).
+        """The work of the loads of the current load step on the free rigid motions, the same on all ranks, shape (k,);
+        zero for an assembly whose loads balance each other to round-off.
         """
 
     @property

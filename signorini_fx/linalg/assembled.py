@@ -37,7 +37,7 @@ class AssembledSystem:
         contact = ContactMap.of_points(d.boundary, None, d.fixed, d.stiffness)
         if d.rotation is not None:
             contact = contact.turned(d.rotation, d.fixed)
-        resultant = np.zeros(d.motions.free.shape[0])
+        resultant = np.zeros(d.motions.free.shape[1])
         system = cls(
             d.tagged.mesh.comm, contact.admitted(d.stiffness), load, start, resultant, d.fixed, contact, d.cases
         )

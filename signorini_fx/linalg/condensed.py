@@ -68,7 +68,7 @@ class CondensedSystem:
             matrix,
             load,
             start,
-            np.zeros(d.motions.free.shape[0]),
+            np.zeros(d.motions.free.shape[1]),
             fixed,
             contact,
             d.cases,

@@ -15,6 +15,7 @@ from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.holding_sets import fewest_constraints, hold
 from signorini_fx.contact.laws import (
     ActiveSets,
+    FrictionLaw,
     Nodal,
     RegularisedData,
     classify,
@@ -25,7 +26,7 @@ from signorini_fx.contact.laws import (
     tangent,
     trial_pressure,
 )
-from signorini_fx.contact.statics import unbalanced
+from signorini_fx.contact.statics import Escape, no_balance
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.problem.tangent import contact_tangent
@@ -156,7 +157,7 @@ class ProblemState(ABC):
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``."""
         self.data = data
-        self._escaping: Any = None
+        self._escaping: tuple[Escape | None] | None = None
         self._forced_first = first_sets is not None
         if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
             self.sets = self.sets.sticking(np.isinf(data.bound))
@@ -230,14 +231,15 @@ class ProblemState(ABC):
             self.next = NextSets(trial, trial)
             return
 
-        def escaping() -> Any:
+        def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
-                self._escaping = unbalanced(self.data, boundary, motions, resultant)
-            return self._escaping
+                data, none = self.data, np.zeros(boundary.size)
+                law = FrictionLaw(*(none if part is None else part for part in (data.bound, data.coupling)))
+                self._escaping = (no_balance(law, data.bilateral, boundary, motions, resultant, data.gap),)
+            (found,) = self._escaping
+            return None if found is None else found.status
 
-        sets, escapes, repaired = hold(
-            trial, self.sets, pressure, shear, self.data, boundary, motions, resultant, escaping
-        )
+        sets, escapes, repaired = hold(trial, self.sets, pressure, shear, self.data, boundary, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:

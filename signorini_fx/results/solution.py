@@ -23,6 +23,9 @@ from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
+# A body that moves away although nothing would let it do so without a load.
+_LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
+
 
 @dataclass(frozen=True, repr=False)
 class StepResult:
@@ -128,9 +131,11 @@ class Solution:
 
     @property
     def advice(self) -> str:
-        """What to do about the outcome; of a body that is not held, the warning that names the free motion."""
-        named = (found.message for found in self.findings if (found.level, found.path) == ("warning", "displacement"))
-        return next(named, self.status.advice) if self.status is Status.NOT_HELD else self.status.advice
+        """What to do about the outcome; of a body that moves away, the warning that names its motion."""
+        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, "traction, body_force")
+        wanted = ("warning", path.get(self.status))
+        named = (found.message for found in self.findings if (found.level, found.path) == wanted)
+        return next(named, self.status.advice)
 
     @property
     def last_step(self) -> StepResult:

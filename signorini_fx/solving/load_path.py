@@ -15,7 +15,7 @@ from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP, LA
 # reached before.
 _HOPELESS, _HOPELESS_AT_FIRST = (Status.LINEAR_SOLVER,), (Status.NOT_HELD,)
 # Outcomes that are proved: no start of the iteration changes them.
-_PROVED = (Status.SLIDES, Status.OPEN)
+_PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
 _FEW_STEPS = 5
 # Places are rounded to these digits, so that ten tenths are one; those that differ by less are the same.

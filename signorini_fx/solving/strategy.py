@@ -35,7 +35,7 @@ from signorini_fx.attempts import (
     tried,
 )
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
-from signorini_fx.contact.statics import balance_exists
+from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import (
@@ -67,6 +67,9 @@ def run(task: Task, start: Start, most: int | None = None) -> Outcome:
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
         return _stay(task, start)
+    lost = no_balance(start.law, start.data.bilateral, task.boundary, task.motions, task.system.resultant)
+    if lost is not None:
+        return _without_contact(task, start.data, lost.status)
     with task.history.at_most(step_limit(task.settings.max_iterations) if most is None else most):
         outcome = _solve(task, start)
         if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
@@ -256,9 +259,6 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
         s.algorithm == "path-following" and start.regularisation_error is None
     )
     before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
-    lost = _no_balance(task, start.data, law)
-    if lost is not None:
-        return _without_contact(task, start.data, lost)
     if multipliers is None or finds_gamma:
         data = _coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
@@ -363,28 +363,12 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
     fixed-point iteration has failed, and another method may find it.
     """
-    if status not in (Status.SLIDES, Status.OPEN) or data.bilateral is not None:
+    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN) or data.bilateral is not None:
         return status
-    if _no_balance(task, data, law) is not None:
+    if no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap) is not None:
         return status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
     return Status.OUTER_MAX_ITERATIONS
-
-
-def _no_balance(task: Task, data: RegularisedData, law: FrictionLaw) -> Status | None:
-    """How a body that needs friction moves away, whatever friction the law allows for; None: it does not."""
-    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
-    held = task.motions.held_by(task.boundary, everywhere, everywhere)
-    if data.bilateral is not None or task.motions.free.shape[1] == 0 or not held:
-        return None  # a body that nothing holds has its own status, which the iteration reports
-
-    def balanced(data: RegularisedData) -> bool:
-        return balance_exists(data, task.boundary, task.motions, task.system.resultant)
-
-    if balanced(replace(data, bound=law.given, coupling=law.coefficient)):
-        return None
-    rough = replace(data, bound=np.full(task.boundary.size, np.inf))
-    return Status.SLIDES if balanced(rough) else Status.OPEN
 
 
 def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -393,9 +377,8 @@ def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
     frictionless = replace(data, bound=None)
     held = task.motions.held_by(boundary, everywhere, ~everywhere)
-    if held and (
-        task.motions.free.shape[1] == 0 or balance_exists(frictionless, boundary, task.motions, task.system.resultant)
-    ):
+    resultant = task.system.resultant
+    if held and no_balance(None, data.bilateral, boundary, task.motions, resultant, data.gap) is None:
         return frictionless
     return replace(data, bound=np.full(boundary.size, np.inf))
 

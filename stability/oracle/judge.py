@@ -39,7 +39,8 @@ FAILURES = (UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
 
 CONVERGED = "converged"
 NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium", "slides, no static equilibrium"
-NO_EQUILIBRIUM = (NOT_HELD, OPEN, SLIDES)
+TIPS = "tips over, no static equilibrium"
+NO_EQUILIBRIUM = (NOT_HELD, OPEN, TIPS, SLIDES)
 NOT_CERTIFIED = "certificate does not hold"
 
 # Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with

@@ -1,0 +1,71 @@
+"""Names of motions without strain, for messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.body.rigid import RigidMotions
+
+_Rows = npt.NDArray[np.float64]
+# Number of pieces that a message lists.
+MOST_LISTED = 4
+# A piece that moves by less than this share of another one is at rest.
+_SLIGHT = 1e-6
+# A rotation about a point that is so many lengths of the piece away moves it like a translation.
+_FAR_AXIS = 30.0
+
+
+def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
+    """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one per column."""
+    found = []
+    for piece in members:
+        own = moved[motions.each * piece : motions.each * (piece + 1)]
+        vectors, values, _ = np.linalg.svd(own, full_matrices=False)
+        own = own if members.size == 1 else vectors[:, values > _SLIGHT * np.abs(moved).max()]
+        if own.shape[1]:
+            names = names_of_piece(own, motions.centre[piece], float(motions.length[piece]))
+            found.append(names if members.size == 1 else f"{motions.pieces.describe(int(piece))} in {names}")
+    more = f", and {len(found) - MOST_LISTED} more pieces" if len(found) > MOST_LISTED else ""
+    return ", ".join(found[:MOST_LISTED]) + more
+
+
+def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:
+    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column."""
+    dim = centre.size
+    _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
+    turning = int(np.count_nonzero(values > 1e-6))
+    shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
+    if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > _FAR_AXIS * np.linalg.norm(motions[dim:]):
+        along = motions[:dim, 0] / np.linalg.norm(motions[:dim])
+        return f"the translation along ({_point(along)}) with a slight rotation"
+    names = []
+    if shifts.shape[1] == dim:
+        names.append("translations")
+    elif shifts.shape[1] == 1:
+        along = shifts[:, 0] / np.linalg.norm(shifts[:, 0])
+        along = along * np.sign(along[np.argmax(np.abs(along))]) if motions.shape[1] > 1 else along
+        names.append(f"the translation along ({_point(along)})")
+    elif shifts.shape[1] == 2:
+        across = np.linalg.svd(shifts.T)[2][-1]
+        names.append(f"the translations across ({_point(across * np.sign(across[np.argmax(np.abs(across))]))})")
+    if turning and motions.shape[1] > 1:
+        names.append("rotations")
+    elif turning and dim == 2:
+        shift_x, shift_y, angle = motions[:, 0]
+        names.append(f"the rotation about ({_point(centre + length / angle * np.array([-shift_y, shift_x]))})")
+    elif turning:
+        shift, turn = motions[:dim, 0], motions[dim:, 0] / length
+        through = centre + np.cross(turn, shift) / np.dot(turn, turn)
+        axis = turn / np.linalg.norm(turn)
+        names.append(f"the rotation about the axis through ({_point(through)}) along ({_point(axis)})")
+    return " and ".join(names)
+
+
+def _point(x: _Rows) -> str:
+    return ", ".join(map(rounded, x))
+
+
+def rounded(value: float) -> str:
+    """A number of a message, to four digits."""
+    return f"{round(float(value), 6) + 0.0:.4g}"

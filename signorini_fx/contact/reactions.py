@@ -1,0 +1,270 @@
+"""The resultants of admissible contact tractions on rigid motions, and the one that is nearest to a load.
+
+Admissible are lambda >= 0, of any sign where contact is bilateral, and |mu| <= min(g + F lambda, cap).  Their
+resultants on the rigid motions that the supports leave free form a convex set C, the sum of a cone and of a bounded
+set.
+
+The nearest point of C is found by the active-set method of Lawson and Hanson (*Solving Least Squares Problems*, chapter
+23), whose columns are not listed beforehand: each motion says which tractions work most against it, in closed form, the
+disc of |mu| included.  Nothing is replaced by polygons, and there is no status of a solver to be trusted: what a
+direction proves is checked by inserting it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import FrictionLaw, Nodal, length, unit
+
+# Forces and motions below this share of their scale are round-off.
+ZERO = 1e-8
+# Coulomb friction above this is treated as unlimited.
+_ROUGH = 1e6
+# Contact forces beyond this multiple of the loads balance nothing.
+_LARGEST = 1e4
+# Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
+_STATIONARY = 1e-15
+# Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
+_COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """What the n contact nodes of all ranks can do against k rigid motions; the same on every rank.
+
+    Attributes:
+        normal: each motion along the normal of each node, shape (n, k); zero at a node that cannot press.
+        tangential: along its tangents, shape (n, d - 1, k).
+        given: given part of the friction bound, a force, shape (n,); may be infinite.
+        coefficient: F where the bound depends on the pressure, shape (n,).
+        cap: the largest bound, a force, shape (n,); infinite where there is none.
+        bilateral: whether the contact cannot open, shape (n,).
+        assembly: number of the assembly that the node is in, shape (n,).
+    """
+
+    normal: Nodal
+    tangential: Nodal
+    given: Nodal
+    coefficient: Nodal
+    cap: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    assembly: npt.NDArray[np.int64]
+
+    def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
+        """The nodes and the motions of one assembly."""
+        here = self.assembly == number
+        return Reactions(
+            normal=self.normal[here][:, columns],
+            tangential=self.tangential[here][:, :, columns],
+            given=self.given[here],
+            coefficient=self.coefficient[here],
+            cap=self.cap[here],
+            bilateral=self.bilateral[here],
+            assembly=self.assembly[here],
+        )
+
+    @property
+    def friction(self) -> npt.NDArray[np.bool_]:
+        """The nodes with friction, shape (n,)."""
+        return np.asarray((self.given > 0) | (self.coefficient > 0))
+
+    @property
+    def rough(self) -> Reactions:
+        """The same with unlimited friction wherever there is any."""
+        given = np.where(self.friction, np.inf, 0.0)
+        return replace(self, given=given, coefficient=np.zeros_like(given), cap=np.full_like(given, np.inf))
+
+    def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, npt.NDArray[np.int64], Nodal]:
+        """The tractions that do most work on a motion of shape (k,).
+
+        Returns:
+            Edges of the cone, one per row, the resultants of unlimited tractions; the node that each of them presses,
+            shape (m,), -1 for friction without pressure; and the resultant of limited tractions that does the most
+            work, shape (k,), in the given unit.
+        """
+        away, slip = self.normal @ motion, self.tangential @ motion
+        along = unit(slip)
+        pull = np.einsum("it,itk->ik", along, self.tangential)
+        stick = np.isinf(self.given)
+        capped = np.isfinite(self.cap) & (self.coefficient > 0)
+        share = np.where(stick | capped, 0.0, self.coefficient)
+        side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
+        edges = np.concatenate((side[:, None] * self.normal + share[:, None] * pull, pull[stick]))
+        node = np.concatenate((np.arange(away.size), np.full(np.count_nonzero(stick), -1)))
+        # Up to its cap, friction grows with the pressure.
+        lift = np.zeros_like(away)
+        lift[capped] = (self.cap[capped] - self.given[capped]) / self.coefficient[capped]
+        lift[away + self.coefficient * length(slip) <= 0] = 0.0
+        bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
+        return edges, node, bound @ pull + (lift / unit_of_force) @ self.normal
+
+
+def reactions(
+    boundary: ContactBoundary,
+    motions: RigidMotions,
+    law: FrictionLaw | None,
+    bilateral: npt.NDArray[np.bool_] | None,
+    pressing: npt.NDArray[np.bool_] | None = None,
+) -> Reactions:
+    """What contact can do against the free rigid motions; collective.
+
+    Args:
+        boundary: the contact nodes.
+        motions: of the body.
+        law: of friction, stresses; None without.
+        bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
+        pressing: nodes at which the foundation can press, shape (n,); None: all.  Given friction acts at all nodes.
+    """
+    modes = motions.at(boundary)
+    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
+    tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
+    zero = np.zeros(boundary.size)
+    law = FrictionLaw(zero, zero) if law is None else law
+    sides = zero if bilateral is None else bilateral
+    able = np.ones(boundary.size) if pressing is None else pressing
+    cap = np.full(boundary.size, np.inf) if law.cap is None else boundary.weight * law.cap
+    laws = (boundary.weight * law.given, law.coefficient, cap, sides, able, motions.assembly_of(boundary.nodes))
+    _, tangents, k = tangential.shape
+    flat = tangential.reshape(boundary.size, tangents * k)
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, flat, *laws)))
+    given, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
+    sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
+    # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
+    unlimited = (share > 0) & ((sides > 0) | (share > _ROUGH))
+    return Reactions(
+        normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
+        tangential=sideways,
+        given=np.where(unlimited & (able > 0), cap, np.minimum(given, cap)),
+        coefficient=np.where(unlimited | (able == 0), 0.0, share),
+        cap=cap,
+        bilateral=sides > 0,
+        assembly=assembly.astype(np.int64),
+    )
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The admissible tractions of one assembly whose resultant is nearest to a load.
+
+    Attributes:
+        motion: what they leave of the load, in units of force: the motion that it drives, shape (k,).
+        pressed: the nodes that they press with a force that no bound limits, shape (m,).
+        balanced: whether nothing but round-off is left.
+        unbalanced: whether it is proved that no admissible tractions balance the load.
+    """
+
+    motion: Nodal
+    pressed: npt.NDArray[np.int64]
+    balanced: bool
+    unbalanced: bool
+
+
+def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest:
+    """The tractions nearest to a load.
+
+    A limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1).
+
+    Args:
+        here: the reactions of one assembly.
+        load: W, its work on the motions, shape (k,); its size is the unit of force.
+        unlimited: whether tractions with a given bound are left out: how many times the load acts does then not matter.
+    """
+    size = float(np.linalg.norm(load))
+    target = np.append(load / size, 0.0 if unlimited else 1.0)
+    columns, pressing = np.eye(target.size)[-1:], np.array([-1])
+    passive: list[int] = []
+    before, stalled = np.inf, 0
+    for _ in range(_ROUNDS):
+        passive, rest = combination(columns, target, passive)
+        left = float(np.linalg.norm(rest))
+        stalled = stalled + 1 if left > (1 - 1e-13) * before else 0
+        if left <= ZERO**1.5 or stalled > _PATIENCE:
+            break
+        before = left
+        edges, node, bounded = here.against(rest[:-1], size)
+        lengths = np.linalg.norm(edges, axis=1)
+        real = lengths > ZERO
+        rows = np.column_stack((edges[real] / lengths[real, None], np.zeros(np.count_nonzero(real))))
+        if not unlimited:
+            rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node[real], -1)
+            rows[-1] /= np.linalg.norm(rows[-1])
+        else:
+            node = node[real]
+        work = rows @ rest
+        most = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
+        most = most[work[most] > _STATIONARY]
+        if not most.size:
+            break
+        columns, pressing = np.concatenate((columns, rows[most])), np.concatenate((pressing, node[most]))
+    motion = rest[:-1]
+    gained = motion @ target[:-1] - most_work(here, motion, size, size, unlimited=unlimited)
+    pressed = np.unique(pressing[passive])
+    return Nearest(
+        motion=motion,
+        pressed=pressed[pressed >= 0],
+        balanced=bool(left <= ZERO),
+        unbalanced=bool(gained > ZERO * np.linalg.norm(motion)),
+    )
+
+
+def most_work(here: Reactions, motion: Nodal, size: float, forces: float, *, unlimited: bool = False) -> float:
+    """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
+    far as round-off of the motion lets them, whose sum is at most ``_LARGEST`` times ``forces``.
+    """
+    edges, _, bounded = here.against(motion, size)
+    lengths = np.linalg.norm(edges, axis=1)
+    real = lengths > ZERO
+    beyond = float(np.max(edges[real] @ motion / lengths[real], initial=0.0))
+    return (0.0 if unlimited else float(bounded @ motion)) + _LARGEST * forces / size * beyond
+
+
+def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal]:
+    """The combination of columns of length 1 with non-negative coefficients that is nearest to the target.
+
+    Args:
+        columns: one per row, shape (m, K).
+        target: shape (K,).
+        passive: rows that had positive coefficients with fewer columns.
+
+    Returns:
+        The rows with positive coefficients, and what is left of the target.
+    """
+    passive = list(passive)
+    values = _solve(columns[passive], target)
+    banned: list[int] = []
+    rest = target - values @ columns[passive]
+    for _ in range(10 * target.size + len(columns)):
+        gain = columns @ rest
+        gain[passive + banned] = -np.inf
+        best = int(np.argmax(gain)) if gain.size else -1
+        if best < 0 or gain[best] <= _STATIONARY:
+            break
+        passive, values = [*passive, best], np.append(values, 0.0)
+        while True:
+            wanted = _solve(columns[passive], target)
+            low = wanted <= 0
+            if not low.any():
+                values = wanted
+                break
+            if low[-1] and values[-1] == 0.0:
+                banned.append(passive.pop())
+                values = values[:-1]
+                break
+            step = np.min(values[low] / (values[low] - wanted[low]))
+            values = values + step * (wanted - values)
+            kept = ~(low & (values <= 1e-15 * np.abs(values).max(initial=0.0)))
+            passive = [row for row, keep in zip(passive, kept, strict=True) if keep]
+            values = values[kept]
+        rest = target - values @ columns[passive]
+    return passive, rest
+
+
+def _solve(columns: Nodal, target: Nodal) -> Nodal:
+    """The coefficients of the columns, one per row, that come nearest to the target."""
+    return np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0]) if len(columns) else np.zeros(0)

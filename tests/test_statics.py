@@ -1,0 +1,171 @@
+"""Which loads admissible contact tractions balance: against linear programmes, and known limits of rigid bodies."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.optimize import linprog
+
+from signorini_fx.body.rigid import ROTATIONS, rigid_modes
+from signorini_fx.contact.reactions import Reactions, nearest
+from signorini_fx.contact.statics import escape, largest_multiple, separable, squeezed
+from signorini_fx.records import Status
+
+KINDS = ("coulomb", "tresca", "mixed", "capped")
+
+
+def reactions(points, normals, given=0.0, coefficient=0.0, cap=np.inf):
+    """Those of single points of one body."""
+    count, dim = points.shape
+    modes = rigid_modes(points, np.zeros(dim), np.array(1.0))
+    tangents = np.linalg.svd(normals[:, None])[2][:, 1:].transpose(0, 2, 1)
+    per_node = [np.broadcast_to(np.asarray(value, dtype=float), (count,)).copy() for value in (given, coefficient, cap)]
+    return Reactions(
+        np.einsum("ij,ijk->ik", normals, modes),
+        np.einsum("ijt,ijk->itk", tangents, modes),
+        *per_node,
+        np.zeros(count, dtype=bool),
+        np.zeros(count, dtype=np.int64),
+    )
+
+
+def anything(rng, kind, count, dim, *, flat):
+    """Contact at random points, on one plane or in random directions."""
+    points = rng.uniform(-1.0, 1.0, (count, dim))
+    normals = rng.normal(size=(count, dim))
+    if flat:
+        points[:, -1] = -1.0
+        normals = np.broadcast_to(-np.eye(dim)[-1], (count, dim))
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    coefficient, given, cap = rng.uniform(0.0, 0.8, count), rng.uniform(0.0, 2.0 / count, count), np.inf
+    match kind:
+        case "coulomb":
+            given = 0.0
+        case "tresca":
+            coefficient = 0.0
+        case "capped":
+            given, cap = 0.0, rng.uniform(0.0, 3.0 / count, count)
+    return reactions(points, normals, given, coefficient, cap)
+
+
+def largest_by_programme(here, dead, live, *, outer, sides=64):
+    """The largest multiple by a linear programme, with a polygon around or within the disc of the shear; None: none."""
+    count, tangents, _ = here.tangential.shape
+    ends = np.array([[1.0], [-1.0]])
+    if tangents == 2:
+        angle = 2 * np.pi * np.arange(sides) / sides
+        radius = 1 / np.cos(np.pi / sides) if outer else 1.0
+        ends = radius * np.column_stack((np.cos(angle), np.sin(angle)))
+    pulls = np.einsum("ct,itk->cik", ends, here.tangential).reshape(-1, live.size)
+    own, none = sparse.identity(count, format="csr"), sparse.csr_matrix((count, 1))
+    bounded = sparse.hstack([-sparse.diags(here.coefficient), *[own] * len(ends), none]).tocsr()
+    capped = sparse.hstack([0 * own, *[own] * len(ends), none]).tocsr()[np.isfinite(here.cap)]
+    result = linprog(
+        np.append(np.zeros(count + len(pulls)), -1.0),
+        A_ub=sparse.vstack([bounded, capped]),
+        b_ub=np.append(here.given, here.cap[np.isfinite(here.cap)]),
+        A_eq=np.hstack((here.normal.T, pulls.T, -live[:, None])),
+        b_eq=dead,
+    )
+    assert result.status in (0, 2, 3)
+    return {0: lambda: -result.fun, 2: lambda: None, 3: lambda: np.inf}[result.status]()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_balance_against_linear_programmes(kind, dim):
+    """What is called unbalanced has no tractions within the polygon, what is called balanced has some in the outer."""
+    rng = np.random.default_rng(dim)
+    seen = set()
+    for _ in range(12):
+        here = anything(rng, kind, int(rng.choice([3, 10, 40])), dim, flat=rng.random() < 0.6)
+        load = 0.3 * rng.normal(size=here.normal.shape[1])
+        load[dim - 1] -= 1.0
+        near = nearest(here, load)
+        assert near.balanced != near.unbalanced
+        none = np.zeros_like(load)
+        inner, outer = (largest_by_programme(here, load, none, outer=side) is not None for side in (False, True))
+        assert outer if near.balanced else not inner
+        seen.add(near.balanced)
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_largest_multiple_against_linear_programmes(kind, dim):
+    """It is between those of the two polygons, and known to one part in 10,000."""
+    rng = np.random.default_rng(10 + dim)
+    for _ in range(5):
+        here = anything(rng, kind, int(rng.choice([4, 20])), dim, flat=True)
+        live, dead = 0.1 * rng.normal(size=here.normal.shape[1]), np.zeros(here.normal.shape[1])
+        dead[dim - 1] = -1.0
+        low, high = (largest_by_programme(here, dead, live, outer=outer) for outer in (False, True))
+        limit = largest_multiple(here, dead, live)
+        if limit is None:
+            assert low is None
+            continue
+        assert limit.found == pytest.approx(limit.factor, rel=2e-4)
+        assert limit.found <= high * (1 + 1e-7)
+        assert limit.factor >= low * (1 - 1e-7)
+
+
+FOOT = np.array([(x, -0.5) for x in np.linspace(-1.0, 1.0, 9)])
+DOWN = np.broadcast_to([0.0, -1.0], FOOT.shape)
+
+
+@pytest.mark.parametrize("units", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize(("friction", "factor", "status"), [(0.3, 0.3, Status.SLIDES), (5.0, 1.0, Status.TIPS)])
+def test_a_block_slides_or_tips(units, friction, factor, status):
+    """A weight and a horizontal force of the same size at height 1 above a foot of length 2."""
+    here = reactions(FOOT, DOWN, coefficient=friction)
+    dead, live = units * np.array([0.0, -1.0, 0.0]), units * np.array([1.0, 0.0, -0.5])
+    limit = largest_multiple(here, dead, live)
+    assert limit.factor == pytest.approx(factor, rel=1e-8)
+    assert limit.found == pytest.approx(factor, rel=1e-8)
+    assert escape(here, dead + 0.9999 * factor * live) is None
+    how, motion = escape(here, dead + 1.0001 * factor * live)
+    assert how is status
+    expected = [1.0, 0.0, 0.0] if status is Status.SLIDES else [0.5, 1.0, -1.0]  # about the end of the foot
+    np.testing.assert_allclose(
+        motion / np.linalg.norm(motion), np.array(expected) / np.linalg.norm(expected), atol=1e-7
+    )
+
+
+def test_no_friction_no_push():
+    """Without friction no multiple of a push is balanced, and a weight that pulls is balanced by none."""
+    here = reactions(FOOT, DOWN)
+    push = np.array([1.0, 0.0, -0.5])
+    assert largest_multiple(here, np.array([0.0, -1.0, 0.0]), push).factor == pytest.approx(0.0, abs=1e-9)
+    assert largest_multiple(here, np.array([0.0, 1.0, 0.0]), push) is None
+
+
+def test_a_block_is_lifted():
+    """Without anything that pulls, a force upwards is not balanced at all."""
+    how, motion = escape(reactions(FOOT, DOWN, coefficient=0.3), np.array([0.1, 1.0, 0.0]))
+    assert how is Status.OPEN
+    assert motion[1] > 0
+
+
+@pytest.mark.parametrize(("gap", "held"), [(-0.01, True), (0.0, False), (0.01, False)])
+def test_squeezed(gap, held):
+    """A body between two foundations is held without a load only where it overlaps with them."""
+    points = np.array([(-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (-1.0, 1.0), (1.0, 1.0)])
+    normals = np.where(points[:, 1:] > 0.5, [[0.0, 1.0]], [[0.0, -1.0]])
+    assert squeezed(reactions(points, normals), np.full(5, gap)) is held
+    assert squeezed(reactions(points, normals), gap + 0.3 * np.array([-1.0, 0.0, 1.0, 1.0, -1.0])) is held  # turned
+    assert not squeezed(reactions(points[:3], normals[:3]), np.full(3, gap))
+
+
+@pytest.mark.parametrize("friction", [{}, {"coefficient": 0.3}, {"given": 0.1}])
+def test_separable(friction):
+    """A foot can be lifted, a body between two walls cannot, and one in a groove only against little friction."""
+    assert separable(reactions(FOOT, DOWN, **friction))
+    walls = np.where(FOOT[:, :1] > 0, [[1.0, 0.0]], [[-1.0, 0.0]])
+    assert not separable(reactions(FOOT, walls, **friction))
+    groove = np.where(FOOT[:, :1] > 0, [[0.8, -0.6]], [[-0.8, -0.6]])
+    assert separable(reactions(FOOT, groove, **friction)) is ("given" not in friction)
+    assert not separable(reactions(FOOT, groove, coefficient=0.8))
+
+
+def test_rotations_have_the_order_of_the_modes():
+    """The tests above count a positive turn from x[0] to x[1]."""
+    assert ROTATIONS[2] == ((0, 1),)
