@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, Self, cast, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.validation import problems_of
@@ -57,3 +58,12 @@ class Table(BaseModel, metaclass=_OwnErrors):
             if get_origin(fields[key].annotation) is tuple and isinstance(value, list | BaseModel):
                 changes[key] = tuple(value) if isinstance(value, list) else (value,)
         return super().model_copy(update=changes, deep=deep)
+
+
+def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:
+    """The error of a validator that has found several, each with its place in the table."""
+    details = [
+        InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=place, input={})
+        for place, why in problems
+    ]
+    return ValidationError.from_exception_data(table, details)

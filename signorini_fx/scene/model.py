@@ -22,13 +22,11 @@ from pydantic import (
     Field,
     InstanceOf,
     Tag,
-    ValidationError,
     field_validator,
     model_validator,
 )
-from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from signorini_fx.scene.base import Table
+from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.scene.values import (
@@ -336,12 +334,8 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        problems = [
-            InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=place, input={})
-            for place, why in self._contradictions()
-        ]
-        if problems:
-            raise ValidationError.from_exception_data("Scene", problems)
+        if problems := list(self._contradictions()):
+            raise refused("Scene", problems)
         return self
 
     def _contradictions(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -352,8 +346,7 @@ class Scene(Table):
                 yield ("contact", place), f"boundary {name!r} is in contact twice: describe it in one [[contact]]"
         for place, effect in enumerate(self.displacement):
             if effect.boundary in names and (effect.normal is not None or None not in effect.components):
-                why = f"boundary {effect.boundary!r} is prescribed, and in contact as well: choose one"
-                yield ("displacement", place), why
+                yield ("displacement", place), f"{effect.boundary!r} is prescribed, and in contact as well: choose one"
         regions = [material.region for material in self.material]
         if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
             yield ("material",), "give one material, or several, each with the name of its own region"
@@ -366,24 +359,18 @@ class Scene(Table):
             yield ("accuracy",), "needs a scene with contact"
         lengths = {len(load.factors) for load in self.loads if load.factors is not None}
         if len(lengths) > 1:
-            places = [
-                (f"{name}[{k}]", load)
-                for name in ("displacement", "traction")
-                for k, load in enumerate(getattr(self, name))
-            ]
+            lists = {"displacement": self.displacement, "traction": self.traction}
+            places = [(f"{name}[{k}]", load) for name, loads in lists.items() for k, load in enumerate(loads)]
             given = [*places, ("body_force", self.body_force)]
             said = [f"{place} has {len(load.factors)}" for place, load in given if load is not None and load.factors]
             yield (), f"the lists of factors differ in length: {', '.join(said)}"
             return  # how many load steps there are is not known
         for name in ("names", "times"):
-            given = getattr(self.load_steps, name)
-            if given is not None and len(given) != self.steps:
-                yield (
-                    ("load_steps", name),
-                    f"has {len(given)} entries, one for each of {self.steps} factors is expected",
-                )
-        times = self.load_steps.times
-        if self.grows_from_nothing and times is not None and times[0] <= 0:
+            entries = getattr(self.load_steps, name)
+            if entries is not None and len(entries) != self.steps:
+                wanted = f"one for each of {self.steps} factors is expected"
+                yield ("load_steps", name), f"has {len(entries)} entries, {wanted}"
+        if self.grows_from_nothing and self.time_at(0) <= 0:
             yield ("load_steps", "times"), "must be positive: without factors the loads begin to grow at time 0"
 
     @property
