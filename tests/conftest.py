@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import faulthandler
 import io
+import os
 import sys
 import time
+
+# Read where MPI starts: ranks that wait let others have the core.
+os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
 import pytest
 from _pytest.config import create_terminal_writer
