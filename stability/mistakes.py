@@ -2414,6 +2414,20 @@ MUTANTS = (
         tests=("units::test_the_size_of_the_forces",),
     ),
     Mutant(
+        "mesh/grid",
+        "2.0 ** np.floor(np.log2(ends))",
+        "np.ones(3)",
+        "units: small boxes are refused",
+        tests=("units::test_a_box_of_any_size",),
+    ),
+    Mutant(
+        "motion_names",
+        "round(float(value) / size, 6) * size",
+        "round(float(value), 6)",
+        "units: places in messages rounded to six digits",
+        tests=("check::test_a_rotation_about_a_point_far_away",),
+    ),
+    Mutant(
         "schur",
         "2.0 ** np.round(np.log2(np.abs(matrix.getDiagonal().getArray(readonly=True)).max()))",
         "1.0",

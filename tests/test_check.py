@@ -352,6 +352,8 @@ def test_a_rotation_about_a_point_far_away():
     assert far == "the translation along (0.6, 0.8) with a slight rotation"
     near = rigid_motion_names(np.array([[0.6], [0.8], [0.1]]), np.zeros(2), 2.0)
     assert near == "the rotation about (-16, 12)"
+    tiny = rigid_motion_names(np.array([[0.6], [0.8], [0.1]]), np.zeros(2), 2e-9)
+    assert tiny == "the rotation about (-1.6e-08, 1.2e-08)"
 
 
 def test_factors_that_differ_in_number():

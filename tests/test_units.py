@@ -15,7 +15,7 @@ from scenes import alone
 from spaces import CELLS
 
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
@@ -366,3 +366,16 @@ def test_not_a_number_in_an_iterate(element):
     newton = contact_task(d, d.boundary, History()).iterate.newton
     newton.x.set(np.nan)
     assert newton.solve(contact_task(d, d.boundary, History()).start.data) is Status.SINGULAR
+
+
+@pytest.mark.parametrize("exponent", [-50, -20, 50])
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_a_box_of_any_size(cell, exponent):
+    """The same nodes, to the last bit where the unit is a power of two."""
+    unit = 2.0**exponent
+    counts = {"nx": 3, "ny": 2, "nz": 2, "cell": cell}
+    here, there = (
+        generate_mesh("box", {"length": 3.1 * size, "width": 0.7 * size, "height": 1.3 * size, **counts}, MPI.COMM_SELF)
+        for size in (1.0, unit)
+    )
+    np.testing.assert_array_equal(there.mesh.geometry.x, unit * here.mesh.geometry.x)

@@ -53,19 +53,19 @@ def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:
         names.append("rotations")
     elif turning and dim == 2:
         shift_x, shift_y, angle = motions[:, 0]
-        names.append(f"the rotation about ({_point(centre + length / angle * np.array([-shift_y, shift_x]))})")
+        names.append(f"the rotation about ({_point(centre + length / angle * np.array([-shift_y, shift_x]), length)})")
     elif turning:
         shift, turn = motions[:dim, 0], motions[dim:, 0] / length
         through = centre + np.cross(turn, shift) / np.dot(turn, turn)
         axis = turn / np.linalg.norm(turn)
-        names.append(f"the rotation about the axis through ({_point(through)}) along ({_point(axis)})")
+        names.append(f"the rotation about the axis through ({_point(through, length)}) along ({_point(axis)})")
     return " and ".join(names)
 
 
-def _point(x: _Rows) -> str:
-    return ", ".join(map(rounded, x))
+def _point(x: _Rows, size: float = 1.0) -> str:
+    return ", ".join(rounded(value, size) for value in x)
 
 
-def rounded(value: float) -> str:
-    """A number of a message, to four digits."""
-    return f"{round(float(value), 6) + 0.0:.4g}"
+def rounded(value: float, size: float = 1.0) -> str:
+    """A number of a message, to four digits; 0 where it is round-off beside a number of this size."""
+    return f"{round(float(value) / size, 6) * size + 0.0:.4g}"

@@ -29,7 +29,10 @@ def create_box(comm: MPI.Comm, ends: npt.NDArray[np.float64], counts: tuple[int,
     """
     blocks = _blocks(comm.size, counts)
     if comm.size == 1 or (np.array(blocks) > counts).any():
-        return dmesh.create_box(comm, [np.zeros(3), ends], list(counts), dmesh.CellType[cell])
+        unit = 2.0 ** np.floor(np.log2(ends))  # dolfinx refuses lengths below a number that has no unit
+        mesh = dmesh.create_box(comm, [np.zeros(3), ends / unit], list(counts), dmesh.CellType[cell])
+        mesh.geometry.x[:] *= unit
+        return mesh
     nodes = np.array(counts) + 1
     own = np.stack(np.unravel_index(_share(comm, int(np.prod(counts))), counts[::-1]), axis=1)[:, ::-1]
     cells = _number(own[:, None] + _CORNERS, nodes)
