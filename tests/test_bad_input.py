@@ -306,6 +306,17 @@ def test_right_options(petsc):
 
 
 @pytest.mark.mpi
+def test_options_that_crash(petsc):
+    """Eigenvalues that are estimated in no step: PETSc ends with a segmentation fault, which a small process takes."""
+    petsc["sfx_ksp_rtol"] = "1e-9"
+    petsc["sfx_mg_levels_ksp_max_it"] = "2"
+    options.refuse_mistyped(COMM)
+    petsc["sfx_mg_levels_esteig_ksp_max_it"] = "0"
+    with pytest.raises(OptionsError, match=r"^PETSc option -sfx_mg_levels_esteig_ksp_max_it 0: PETSc crashes with it$"):
+        options.refuse_mistyped(COMM)
+
+
+@pytest.mark.mpi
 def test_solve_looks_at_options_first(petsc):
     """In Python too."""
     petsc["sfx_snes_rtol"] = "5"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,10 +15,12 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.errors import OptionsError
+from signorini_fx.machine.launcher import environment_of_no_rank
 
 PREFIX = "sfx_"
 
 
+_PATIENCE = 60.0  # seconds
 # These only show something.
 _WATCHING = ("monitor", "view", "converged_reason")
 
@@ -61,6 +65,8 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
     if not given:
         return
     quiet = {name: value for name, value in given.items() if not _watches(name)}
+    if any("mg_" in name for name in quiet):
+        parallel.on_root(comm, lambda: _check_crash(quiet))
     for name in given:
         options.delValue(name)
     try:
@@ -111,6 +117,27 @@ def _check_files(watching: Mapping[str, str]) -> None:
             fits = False
         if not fits or Path(file).is_dir():
             raise OptionsError(f"PETSc option -{name} {value}: {file!r} cannot be written")
+
+
+def _check_crash(trial: Mapping[str, str]) -> None:
+    """Refuse options of multigrid with which PETSc crashes, which is tried in a process of its own.
+
+    The message names one of them if it crashes alone.
+    """
+    if _crashes(trial):
+        culprit = next(({name: value} for name, value in trial.items() if _crashes({name: value})), trial)
+        raise OptionsError(f"PETSc option {_spelt(culprit)}: PETSc crashes with it")
+
+
+def _crashes(trial: Mapping[str, str]) -> bool:
+    program = [sys.executable, str(Path(__file__).with_name("options_trial.py"))]
+    words = [word for name, value in trial.items() for word in (f"-{name}", value) if word]
+    with suppress(OSError, subprocess.TimeoutExpired):  # then nothing is known
+        ended = subprocess.run(
+            [*program, *words], env=environment_of_no_rank(), capture_output=True, timeout=_PATIENCE, check=False
+        )
+        return ended.returncode < 0
+    return False
 
 
 def _complaint(comm: MPI.Comm, trial: Mapping[str, str], *, solve: bool = True) -> str | None:
