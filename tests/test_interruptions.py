@@ -1,10 +1,12 @@
 """Ctrl-C, SIGTERM and exceptions at every moment of a solve: they arrive, and are never taken for numerics."""
 
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from scenes import example1
@@ -152,6 +154,28 @@ def test_a_signal_ends_a_linear_solve(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         solver.solve(written(tmp_path / "scene.toml", SOLID, KRYLOV))
     assert len(applied) == 2
+
+
+def test_a_signal_between_two_results(older, tmp_path, monkeypatch):
+    """While the new result takes the place of the older one: it is there as a whole."""
+    out = tmp_path / "out"
+    shutil.copytree(older, out)
+    replace, moved = Path.replace, []
+
+    def interrupted(self, target):
+        moved.append(target)
+        if len(moved) == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return replace(self, target)
+
+    solution = solver.solve(example1(bound=1.5, nx=12, ny=4))
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_results(solution, out, fields=False, pictures=False)
+    assert len(moved) > 1
+    assert json.loads((out / "summary.json").read_text())["contact_nodes"] == 13
+    assert len((out / "contact.csv").read_text().splitlines()) == 14
+    assert not (out / ".part").exists()
 
 
 MANY = """

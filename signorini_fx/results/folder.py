@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import manifest, parallel
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
+from signorini_fx.machine import signals
 
 SUMMARY = "summary.json"
 # The complete load steps of a run that has not ended.
@@ -103,7 +104,8 @@ class ResultFolder:
                 self._release()
 
         self._claimed = False
-        parallel.on_root(self._comm, move)
+        with signals.deferred():  # the older result goes and the new one comes as a whole
+            parallel.on_root(self._comm, move)
 
     def _refuse_foreign(self, names: Iterable[str]) -> None:
         if found := manifest.foreign(self.path, names):
