@@ -142,7 +142,7 @@ def _counts(title: str, kinds: Sequence[str], order: Iterable[str], groups: Sequ
     lines = [f"| {title} | all | {' | '.join(names)} |", "|---" * (len(names) + 2) + "|"]
     for kind in order:
         if kind in kinds:
-            cells = [sum(count[kind, name] for name in names), *(count[kind, name] for name in names)]
+            cells = [kinds.count(kind), *(count[kind, name] for name in names)]
             lines.append(f"| {kind} | {' | '.join(map(str, cells))} |")
     total = [len(kinds), *(sum(group == name for group in groups) for name in names)]
     return "\n".join([*lines, f"| all | {' | '.join(map(str, total))} |"])

@@ -54,7 +54,8 @@ class Row:
 
 
 # What the documentation says is refused; the scenes contain nothing else that is.
-_NO_EXACT, _OVERLAP = "exact cannot be used here", "prescribes the normal displacement on"
+_NO_EXACT = "exact cannot be used here"
+_REASONS = ("prescribes the normal displacement on", "initial_contact: holds no contact node")
 
 
 def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
@@ -67,7 +68,8 @@ def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
             if _NO_EXACT in message and drawn.scene["solver"]["algorithm"] == "exact":
                 # As documented; the message names this method.
                 return examined(replace(drawn, scene=drawn.scene | {"solver": {"algorithm": "alm"}}))
-            return Verdict(REFUSED if _OVERLAP in message else REFUSED_WRONGLY, type(error).__name__, note=message), {}
+            kind = REFUSED if any(reason in message for reason in _REASONS) else REFUSED_WRONGLY
+            return Verdict(kind, type(error).__name__, note=message), {}
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
             text = f"{type(error).__name__} in {where.filename.rsplit('/', 1)[-1]}:{where.lineno}: {error}"
