@@ -262,7 +262,19 @@ def _piece(dice: Dice, nx: int, cell: str) -> Mesh:
         # Along the bottom too, so that contact nodes stand for different lengths.
         foot = (points[:, 1] < 1e-9) & (points[:, 0] > 1e-9) & (points[:, 0] < 1 - 1e-9)
         points[foot, 0] += 0.3 / nx * dice.random.uniform(-1, 1, int(foot.sum()))
-    return Mesh(_shape(dice)(points), cells, boundaries)
+    shape = _shape(dice)
+    if _folded(shape(points)[cells]):
+        points, *_ = grid(nx, ny, cell)
+    return Mesh(shape(points), cells, boundaries)
+
+
+def _folded(corners: Array) -> bool:
+    """Whether a cell with these corners, shape (cells, 3 or 4, 2), is not convex."""
+    around = [0, 1, 3, 2] if corners.shape[1] == 4 else [0, 1, 2]
+    edges = np.roll(corners[:, around], -1, axis=1) - corners[:, around]
+    following = np.roll(edges, -1, axis=1)
+    turns = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]
+    return bool((turns.min(axis=1) * turns.max(axis=1) <= 0).any())
 
 
 def _beside(mesh: Mesh, other: Mesh) -> Mesh:
