@@ -1,14 +1,18 @@
-"""Boundaries of a mesh of one's own, and a session of gmsh that is open already."""
+"""Meshes of one's own: their boundaries, a session of gmsh that is open already, drawings, what is no mesh."""
 
 import gmsh
+import meshio
 import numpy as np
 import pytest
-from dolfinx import mesh
+import ufl
+from dolfinx import fem, mesh
 from mpi4py import MPI
 from scenes import alone
 
+from signorini_fx.compat import geometry_degree
+from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.tagged import generate_mesh, gmsh_mesh, tag_boundaries
+from signorini_fx.mesh.tagged import generate_mesh, gmsh_mesh, load_mesh, tag_boundaries
 from signorini_fx.scene.reading import parse_scene
 
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -136,3 +140,80 @@ def test_options_of_the_user_in_files(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("GMSH_HOME", str(tmp_path))
     np.testing.assert_array_equal(generate_mesh("punch", {}, SELF).mesh.geometry.x, before)
+
+
+# --- drawings --------------------------------------------------------------------------------------------------------
+
+DISK = """
+Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Point(3) = {0, 1, 0, 0.5};
+Line(1) = {1, 2}; Circle(2) = {2, 1, 3}; Line(3) = {3, 1}; Curve Loop(1) = {1:3}; Plane Surface(1) = {1}; MORE
+Physical Curve("low") = {1}; Physical Curve("left") = {3}; Physical Curve("arc") = {2};
+"""
+
+
+@pytest.mark.parametrize(
+    "more",
+    ["", "Mesh.ElementOrder = 1;", "Mesh.ElementOrder = 2; Mesh.SecondOrderIncomplete = 1; Recombine Surface{1};"],
+)
+def test_curved_scripts(tmp_path, more):
+    """Elements of degree 2 get curved cells on the curves of a script, whatever order it names; others do not."""
+    file = tmp_path / "disk.geo"
+    file.write_text(DISK.replace("MORE", more))
+    data = {"mesh": {"file": file}, "material": {"young": 1.0, "poisson": 0.3}, "contact": {"boundary": "low"}}
+    curved = load_mesh(parse_scene(data | {"element": {"degree": 2}}), SELF)
+    assert geometry_degree(curved.mesh) == 2
+    one = fem.Constant(curved.mesh, 1.0)
+    assert fem.assemble_scalar(fem.form(one * ufl.dx)) == pytest.approx(np.pi / 4, rel=2e-4)
+    if "2" not in more.partition(";")[0]:
+        straight = load_mesh(parse_scene(data), SELF)
+        assert geometry_degree(straight.mesh) == 1
+
+
+def test_straight_scripts_stay_straight(tmp_path):
+    """Nodes between the corners are only for curves: without any the cells can still be divided one by one."""
+    file = tmp_path / "triangle.geo"
+    file.write_text(DISK.replace("Circle(2) = {2, 1, 3}", "Line(2) = {2, 3}").replace("MORE", ""))
+    data = {"mesh": {"file": file}, "material": {"young": 1.0, "poisson": 0.3}, "contact": {"boundary": "low"}}
+    assert geometry_degree(load_mesh(parse_scene(data | {"element": {"degree": 2}}), SELF).mesh) == 1
+
+
+def test_curved_cells_that_are_folded(tmp_path):
+    """A cell whose curved side crosses another one has no area there: it is refused, also in the plane."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.6, 0], [0.5, 0.5, 0], [0, 0.5, 0]]
+    meshio.write(tmp_path / "body.vtu", meshio.Mesh(points, [("triangle6", [list(range(6))])]))
+    with pytest.raises(MeshError, match="1 cells are folded"):
+        read_file(tmp_path / "body.vtu")
+
+
+def test_cells_without_end(tmp_path):
+    """A size that no memory holds is refused at once, with the number of cells."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "box.step"))
+    finally:
+        gmsh.finalize()
+    for size, count in ((1e-9, r"1\.3e\+31"), (1e-200, "inf")):
+        with pytest.raises(MeshError, match=f"cells of size {size:g} would be about {count}, too many for the memory"):
+            read_file(tmp_path / "box.step", size=size)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_positions_that_are_not_finite(value):
+    """A mesh of one's own is checked before anything is computed."""
+    own = mesh.create_unit_square(SELF, 3, 3)
+    own.geometry.x[5, 0] = value
+    data = {"mesh": tag_boundaries(own, {"low": "x[1] < 1e-9"}), "material": {"young": 1.0, "poisson": 0.3}}
+    with pytest.raises(MeshError, match="coordinates that are not finite"):
+        load_mesh(parse_scene(data | {"contact": {"boundary": "low"}}), SELF)
+
+
+def test_second_order_cells_beside_their_facets_in_xdmf(tmp_path):
+    """meshio cannot read what it has written; the message names the kind of the cells, not a number."""
+    x = np.vstack((np.eye(4)[:, :3], [[0.5, 0, 0]] * 6))
+    cells = [("tetra10", [list(range(10))]), ("triangle6", [[0, 1, 2, 4, 5, 6]])]
+    meshio.write(tmp_path / "body.xdmf", meshio.Mesh(x, cells))
+    with pytest.raises(MeshError, match="cells of kind tetra10 in a topology of type Mixed"):
+        read_file(tmp_path / "body.xdmf")

@@ -12,9 +12,9 @@ from mpi4py import MPI
 from signorini_fx import compat
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
+from signorini_fx.mesh.files.shape import STRAIGHT
 from signorini_fx.mesh.refinement import check_divisible
 from signorini_fx.mesh.tagged import (
-    STRAIGHT,
     curvature,
     curved_parameters,
     generated_cell,

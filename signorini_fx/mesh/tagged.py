@@ -27,18 +27,15 @@ from signorini_fx.mesh.distribution import from_root
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations
 from signorini_fx.mesh.files.cells import CELLS
-from signorini_fx.mesh.files.gmsh_reader import CAD
+from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.raw import rows_of
-from signorini_fx.mesh.files.shape import Ints
+from signorini_fx.mesh.files.shape import STRAIGHT, Ints
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of
-
-# Midside nodes farther off than this share of the body's size make a side curved.
-STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,8 +148,8 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         case TaggedMesh():
             tagged = scene.mesh
         case MeshFile():
-            # A CAD drawing gets curved cells if the degree of the elements permits.
-            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in CAD
+            # A drawing gets curved cells if the degree of the elements permits.
+            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in DRAWN
             tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
@@ -179,11 +176,13 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
 
 
 def check_dimension(tagged: TaggedMesh) -> None:
-    """Check that cells and points have the same dimension, 2 or 3; collective.
+    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3; collective.
 
     Raises:
-        MeshError: they do not; the message says what the mesh is.
+        MeshError: they are not; the message says what the mesh is.
     """
+    if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
+        raise MeshError("a node of the mesh has coordinates that are not finite")
     cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
     if cells == points and cells in (2, 3):
         return

@@ -24,7 +24,7 @@ from signorini_fx.mesh.files.gmsh_reader import CAD
 from signorini_fx.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.files.reading import read_separately
-from signorini_fx.mesh.files.shape import Floats, Ints
+from signorini_fx.mesh.files.shape import Floats, Ints, is_straight
 from signorini_fx.mesh.halving import halved, straightened
 
 # Name of a boundary or region -> its tags.
@@ -51,8 +51,8 @@ def read_file(
         regions: the same for parts of the body.
         data: the cell data that numbers refer to.
         halvings: how often the sides of all cells are halved.
-        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well; None: as the
-            file has it, 1 for a drawing of a CAD program.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
+            curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
 
     Raises:
@@ -73,7 +73,9 @@ def read_file(
         )
     if file.suffix.lower() in gmsh_files.DRAWN:
         raw = gmsh_files.read_gmsh(file, halvings, degree, size)
-        return from_raw(raw, str(file), boundaries, regions, data)
+        drawn = from_raw(raw, str(file), boundaries, regions, data)
+        # Nodes between the corners are for curves.
+        return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
     mesh = from_raw(reader(file), str(file), boundaries, regions, data)
     if degree == 1:
         mesh = straightened(mesh)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from signorini_fx.mesh.files.shape import Ints
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
+# The size of a triangle and of a tetrahedron, of those of length 1; and what a cell takes at least until it is solved.
+_SHARE, _BYTES_PER_CELL = {2: 0.43, 3: 0.075}, 1000.0
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
@@ -110,6 +113,13 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
         raise ValueError("it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
+    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top)]
+    with np.errstate(over="ignore"):
+        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _SHARE[dim] for mass, dim in sizes)
+    if _BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
+        raise ValueError(
+            f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
+        )
     # Cells are smaller where the surface is curved, this many to a full turn, but not by more than this factor.
     gmsh.option.setNumber("Mesh.MeshSizeMax", length)
     gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
@@ -129,8 +139,9 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
 
 def _mesh(gmsh: Any, halvings: int, degree: int) -> None:
     """Mesh the drawing."""
-    if degree and halvings:  # a script's own order would interfere with the division
+    if degree:  # a script's own order would interfere with the division, and with the kinds of cells
         gmsh.option.setNumber("Mesh.ElementOrder", 1)
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
     top = 3 if gmsh.model.getEntities(3) else 2
     gmsh.model.mesh.generate(top)
     for _ in range(halvings):

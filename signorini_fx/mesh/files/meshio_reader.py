@@ -78,7 +78,15 @@ def _read(file: Path, kind: str) -> RawMesh:
             _check_hdf5(path)
     if kind == "xdmf" and (several := _grids(file)):
         return _read_grids(file, several)
-    found = importlib.import_module(f"meshio.{kind}").read(str(file))
+    try:
+        found = importlib.import_module(f"meshio.{kind}").read(str(file))
+    except KeyError as error:
+        names = importlib.import_module("meshio.xdmf.common").xdmf_idx_to_meshio_type if kind == "xdmf" else {}
+        if error.args[0] not in names:
+            raise
+        raise ValueError(
+            f"cells of kind {names[error.args[0]]} in a topology of type Mixed; write .vtu or .msh, or one kind alone"
+        ) from None
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in found.cells]
     raw = RawMesh(np.asarray(found.points), blocks)
     for name, arrays in found.cell_data.items():

@@ -14,6 +14,8 @@ _Truths = npt.NDArray[np.bool_]
 
 # A corner whose sine is below this has no angle; the same holds for the volume that three sides span.
 _FLAT = 1e-12
+# Midside nodes farther off than this share of the body's size make a side curved.
+STRAIGHT = 1e-9
 # Gauss points on [0, 1], exact for degree 5: volumes of curved cells are integrated exactly.
 _GAUSS = np.polynomial.legendre.leggauss(3)
 # Number of cells that are processed at once.
@@ -62,13 +64,22 @@ def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
     return np.einsum("qkj,mkd->mqdj", gradient, points[nodes])
 
 
+def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
+    """Whether all nodes between corners are where those of straight cells would be."""
+    limit = STRAIGHT * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return all(
+        bool((np.abs(points[cells[:, k]] - points[cells[:, list(own)]].mean(axis=1)) <= limit).all())
+        for k, own in enumerate(cell.nodes)
+    )
+
+
 def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
     """Refuse cells that are flat or folded.
 
     Raises:
         MeshError: with how many there are and where the first one is.
     """
-    find = _spoilt_in_plane if cell.dim == 2 else _spoilt
+    find = _spoilt_in_plane if cell.dim == 2 and cell.degree == 1 else _spoilt
     parts = [find(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
     flat, folded = (np.concatenate(found) for found in zip(*parts, strict=True))
     for bad, what in (
@@ -89,7 +100,7 @@ def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, 
 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
-    """Which cells in space are flat at a corner, and which are inverted between two of their nodes."""
+    """Which curved or solid cells are flat at a corner, and which are inverted between two of their nodes."""
     x = np.array([np.mean([cell.corners[c] for c in own], axis=0) for own in cell.nodes])
     jacobian = _jacobian(points, cells, cell, x)
     size = np.linalg.det(jacobian)
