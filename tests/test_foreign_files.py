@@ -81,8 +81,9 @@ def test_nothing_of_the_user_is_in_a_translation(tmp_path):
 def test_texts_that_are_no_names(tmp_path, text):
     """Those that gmsh could end early, or that cannot be read in a list of names."""
     file = tmp_path / "script.geo"
-    file.write_text(f'Physical Point("{text}") = {{1}};\n')
-    assert "line 1:" in refusal(file)
+    for command in (f'Physical Point("{text}") = {{1}};\n', f'SetFactory("{text}");\n'):
+        file.write_text(command)
+        assert "line 1:" in refusal(file)
 
 
 @pytest.mark.skipif("seccomp" not in sandbox.available(), reason="the system has no seccomp")
