@@ -29,7 +29,7 @@ from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, load_steps, markup
 from signorini_fx.report import page as report
-from signorini_fx.report.digits import estimated_errors, figure
+from signorini_fx.report.digits import between, estimated_errors, figure
 from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.reading import read_csv, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
@@ -572,7 +572,7 @@ def test_powers_of_ten_in_text():
 
 
 def test_errors_of_figures():
-    """A friction force is as uncertain as the contact force; a stress is by its difference from the recovered one."""
+    """A friction force is as uncertain as the contact force; the stress at a point has no estimate."""
     rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
     summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "price_list": rows}
     found = estimated_errors(summary)
@@ -582,9 +582,10 @@ def test_errors_of_figures():
     assert figure(summary["friction_force"], found["friction_force"]) == "(0, 0)"
     assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
     stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
-    assert estimated_errors({"stress": stress}) == pytest.approx({"von_mises": 0.05})
-    assert estimated_errors({"stress": stress | {"recovered": None}}) == {}
-    assert estimated_errors({}) == {}
+    assert estimated_errors({"stress": stress}) == estimated_errors({}) == {}
+    assert between(stress) == pytest.approx(0.05)
+    assert between(stress | {"recovered": {"von_mises": {"value": 25.0}}}) == pytest.approx(0.2)
+    assert between(stress | {"recovered": None}) is None
 
 
 # --- curves to zoom into ---------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 
 from signorini_fx.display import clean, results_of
 from signorini_fx.records import Status
-from signorini_fx.report.digits import estimated_errors, figure, percent
+from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.interactive import plots
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
@@ -54,9 +54,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
         if key in summary and (slides or key not in ("friction_force", "max_shear"))
     ]
     if "stress" in summary:
-        most = summary["stress"]["von_mises"]
-        error = errors.get("von_mises")
-        cards.insert(-3, _card("largest von Mises stress", figure(most["value"], error), error))
+        cards.insert(-3, _stress_card(summary["stress"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
     measure = "what" if in_space(summary) else "per unit thickness, and what"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
@@ -68,6 +66,19 @@ def _card(label: str, value: str, error: float | None) -> Markup:
     told = percent(error) if error and error < 1 else ""
     estimate = [tag("small", f"error {'' if told.startswith('below') else 'about '}{told}")] if told else []
     return tag("div", tag("dt", label), tag("dd", value, *estimate), class_="wide" if value.startswith("(") else "")
+
+
+def _stress_card(stress: dict[str, Any]) -> Markup:
+    """The larger one of the raw and the recovered von Mises stress, and what it is worth."""
+    values = {"raw": stress["von_mises"]["value"]}
+    if stress.get("recovered"):
+        values["recovered"] = stress["recovered"]["von_mises"]["value"]
+    shown = {name: figure(value, between(stress)) for name, value in values.items()}
+    told = ", ".join(f"{name} {value}" for name, value in shown.items())
+    if stress.get("no_limit"):
+        told = f"no limit as the mesh is refined: {stress['no_limit']} ({told})"
+    label = tag("dt", "largest von Mises stress")
+    return tag("div", label, tag("dd", shown[max(values, key=lambda name: values[name] or 0.0)], tag("small", told)))
 
 
 def _findings(summary: dict[str, Any], level: str) -> list[Markup]:

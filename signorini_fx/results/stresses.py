@@ -21,6 +21,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
+from signorini_fx.results.no_limit import why_no_limit
 from signorini_fx.results.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
@@ -208,13 +209,15 @@ class Stresses(StressFields):
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
 
-        The stress out of the plane is among them in plane strain.
+        With them why the largest von Mises stress has no limit, if it is known to have none, see ``no_limit``.  The
+        stress out of the plane is among them in plane strain.
         """
         found: dict[str, Any] = self._extremes()
         finite = not parallel.any_rank(self.discretisation.comm, not np.isfinite(self.displacement.x.array).all())
         return found | {
             "recovered": self.recovered._extremes() if finite else None,
             "error": self.error if finite else None,
+            "no_limit": why_no_limit(self.discretisation, self.largest().place) if finite else None,
         }
 
     @property

@@ -21,7 +21,7 @@ from signorini_fx.contact.table import ContactTable
 from signorini_fx.display import clean, results_of
 from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
-from signorini_fx.report.digits import estimated_errors, figure, percent
+from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
 
@@ -346,14 +346,14 @@ def _labelled(label: str, told: list[str]) -> list[str]:
 
 
 def _largest(summary: dict[str, Any]) -> str:
-    """The largest von Mises stress with the digits that its error allows, raw and recovered, and the error."""
-    stress, there = summary["stress"], estimated_errors(summary).get("von_mises")
-    raw, recovered = stress["von_mises"], stress["recovered"]
-    told = f"{_digits(raw['value'], there)} at most, at {_point(raw['place'])}"
-    if recovered is not None and there is not None:
-        value = recovered["von_mises"]["value"]
-        digits = _digits(value, there * raw["value"] / value if value else None)
-        told += f"; recovered {digits}, a difference of {percent(there)}"
+    """The largest von Mises stress, raw and recovered, with the digits that both have; or why it has no limit."""
+    stress = summary["stress"]
+    raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
+    told = f"{_digits(raw['value'], apart)} at most, at {_point(raw['place'])}"
+    if recovered is not None and apart is not None:
+        told += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
+    if stress.get("no_limit") is not None:
+        told += f"; it has no limit as the mesh is refined: {stress['no_limit']}"
     return told if stress["error"] is None else f"{told}; estimated error in the mean {percent(stress['error'])}"
 
 
