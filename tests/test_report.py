@@ -63,7 +63,7 @@ def two_boundaries():
     tagged = rectangle(nx=24, ny=8)
     sides = {
         "<a&b>": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.5 + 1e-9),
-        "$c$": lambda x: np.isclose(x[1], 0.0),
+        "$c$": lambda x: np.isclose(x[1], 0.0) & (x[0] > 1.5 - 1e-9),
         "left": lambda x: np.isclose(x[0], 0.0),
         "right": lambda x: np.isclose(x[0], 3.0),
         "top": lambda x: np.isclose(x[1], 1.0),
