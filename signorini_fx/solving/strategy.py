@@ -21,6 +21,7 @@ from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
+from signorini_fx.algorithms.fall_backs import touching_nodes
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.attempts import (
@@ -358,12 +359,16 @@ def _either_way(
 
 
 def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body slides with the bound of one Tresca problem proves nothing.
+    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing.
 
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
     fixed-point iteration has failed, and another method may find it.
     """
-    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN) or data.bilateral is not None:
+    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD) or data.bilateral is not None:
+        return status
+    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
+    rough = law.given + law.coefficient > 0
+    if status is Status.NOT_HELD and not task.motions.held_by(task.boundary, everywhere, rough):
         return status
     if no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap) is not None:
         return status
@@ -372,7 +377,11 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
 
 
 def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick."""
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
+
+    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then only
+    where it touches at its resting place.
+    """
     boundary = task.boundary
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
     frictionless = replace(data, bound=None)
@@ -380,7 +389,11 @@ def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     resultant = task.system.resultant
     if held and no_balance(None, data.bilateral, boundary, task.motions, resultant, data.gap) is None:
         return frictionless
-    return replace(data, bound=np.full(boundary.size, np.inf))
+    stick = everywhere
+    if task.motions.held_by(boundary, ~everywhere, everywhere):
+        touching = touching_nodes(boundary.comm, data)
+        stick = touching if task.motions.held_by(boundary, everywhere, touching) else everywhere
+    return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
 def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:

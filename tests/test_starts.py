@@ -1,0 +1,107 @@
+"""Where Coulomb friction starts: bodies that nothing touches yet, and bodies that need friction although walls hold."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+RADIUS, ARM = 1.0, 4.0  # of the pin, and of the load at the end of the lug
+
+
+def lug(slope, friction=0.3, **solver):
+    """A plate with a hole that a pin with clearance holds, pulled at its end; nothing else holds it."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "plate_with_hole", "parameters": {"contact_size": 0.2, "size": 0.8}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": [{"boundary": "right", "x": 1.0, "y": slope}],
+            "contact": {
+                "boundary": "hole",
+                "gap": 0.02,
+                "friction": {"law": "coulomb", "coefficient": friction},
+            },
+            "solver": solver,
+        }
+    )
+
+
+def ring(slope, **solver):
+    """The same in space: a ring around the pin, loaded all around, which may turn but not tilt."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "ring", "parameters": {"height": 0.5, "nr": 2, "nt": 3, "nz": 1}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", "z": 0.0},
+            "traction": {"boundary": "outer", "x": f"1 - {slope} * x[1]", "y": f"{slope} * x[0]"},
+            "contact": {"boundary": "inner", "gap": 0.02, "friction": {"law": "coulomb", "coefficient": 0.1}},
+            "solver": solver,
+        }
+    )
+
+
+def friction_circle(friction):
+    """The largest distance from the middle of the pin at which a load passes that friction at one point can hold."""
+    return RADIUS * np.sin(np.arctan(friction))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
+def test_a_lug_on_a_pin_with_clearance(method):
+    """Nothing touches at first, and normals do not hold it: friction must, where the lug comes to touch the pin."""
+    slope = 0.06
+    assert ARM * slope / np.hypot(1, slope) < friction_circle(0.3)
+    solution = solve(lug(slope, **method))
+    normal, tangential = solution.contact.forces
+    np.testing.assert_allclose(normal + tangential, [-4.0, -4.0 * slope], atol=1e-6)
+    touching = solution.table.columns["pressure"] > 0
+    assert 0 < np.count_nonzero(touching) < touching.size / 4
+
+
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_a_ring_on_a_pin_with_clearance(slope, method):
+    """In space."""
+    solution = alone(ring(slope, **method))
+    normal, tangential = solution.contact.forces
+    perimeter = 12 * 2 * 2.0 * np.sin(np.pi / 12)  # of the polygon that replaces the outer circle
+    np.testing.assert_allclose((normal + tangential)[:2], [-0.5 * perimeter, 0.0], atol=1e-6)
+    assert 0 < np.count_nonzero(solution.contact.pressure > 0) < solution.contact.pressure.size
+
+
+def test_a_lug_beyond_the_friction_circle():
+    """What friction does not hold is no solution, and the outcome does not ask for friction that is there."""
+    slope = 0.12
+    assert ARM * slope / np.hypot(1, slope) > 1.5 * friction_circle(0.3)
+    solution = alone(lug(slope), check=False)
+    assert solution.status in (Status.OUTER_MAX_ITERATIONS, Status.CYCLING, Status.SLIDES)
+    assert "add friction" not in solution.advice
+
+
+@pytest.mark.parametrize("walls", [("bottom", "left"), ("bottom", "left", "right")])
+def test_a_block_that_friction_keeps_in_its_corner(walls):
+    """Pushed off a wall, it would open without friction: the start is not the problem without it."""
+    contacts = [{"boundary": wall, "friction": {"law": "coulomb", "coefficient": 0.3}} for wall in walls]
+    if len(walls) > 2:
+        contacts[2]["gap"] = 1.0
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 9, "ny": 3}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": [{"boundary": "top", "x": 3.0, "y": -20.0}],
+            "contact": contacts,
+        }
+    )
+    solution = alone(scene)
+    normal, tangential = solution.contact.forces
+    np.testing.assert_allclose(normal + tangential, [-9.0, 60.0], atol=1e-6)
+
+
+@pytest.mark.mpi
+def test_the_start_is_the_same_on_every_number_of_ranks():
+    ours, theirs = solve(lug(0.06), MPI.COMM_WORLD), alone(lug(0.06))
+    assert ours.history.linear_solves == theirs.history.linear_solves
+    np.testing.assert_allclose(ours.contact.forces, theirs.contact.forces, rtol=0, atol=1e-8)
