@@ -22,6 +22,7 @@ from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP
 
 
 def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps=None, **solver):
@@ -62,6 +63,7 @@ def test_limit_load(push, method):
     solution = solve(ramp(push, nx=18, **method), check=False)
     assert solution.status is Status.SLIDES
     last, failed = solution.last_step, solution.steps[-1]
+    assert failed.linear_solves == 0  # statics proves it
     assert 0.99 / push <= last.time <= 1 / push < failed.time <= 1.01 / push
     assert friction_force(last.contact) == pytest.approx(last.time * push * LIMIT, rel=1e-8)
     assert solution.certificate.holds
@@ -169,6 +171,76 @@ def test_without_a_ramp_every_factor_is_a_step():
     path = LoadPath(ramp(1.0, None, factors=(0.0, 0.2, 1.0, 0.5)))
     assert walk(path, 9.0) == [0.0, 1.0, 2.0, 3.0]
     assert not path.shorten(Status.SLIDES)
+
+
+def end_of(path, limit, solves, wasted, *, proved=False):
+    """How many linear solves a ramp takes below a limit and beyond it, where each attempt beyond takes ``wasted``."""
+    below = beyond = 0
+    for _ in range(200):
+        if path.next <= limit:
+            below += solves
+            path.advance(solves)
+            continue
+        used = 0 if proved else min(wasted, path.allowed)
+        beyond += used
+        if not path.shorten(Status.SLIDES if proved else Status.CYCLING, used):
+            return below, beyond
+    raise AssertionError("no end")
+
+
+@pytest.mark.parametrize("wasted", [40, 400, 10**6])
+@pytest.mark.parametrize("limit", [0.0101, 0.3, 0.55555, 0.97])
+def test_the_end_of_a_ramp_has_a_price(limit, wasted):
+    """Where nothing proves that a load is too large, the attempts beyond the limit take no more than four times what
+    the load steps up to it have taken, and the bracket says whether it was enough.
+    """
+    path = LoadPath(ramp(1.0))
+    below, beyond = end_of(path, limit, 15, wasted)
+    assert beyond <= FAILED_RAMP * max(below, 10 * EASY_STEP)
+    enclosed = path.at.failed - path.reached <= ENCLOSED * path.reached
+    assert path.bracket.endswith("than they may") is not enclosed
+    if wasted == 40 and limit > 0.1:
+        assert path.at.failed <= 1.01 * path.reached
+
+
+def test_what_is_proved_has_no_price():
+    """Nor does it need the fall-backs."""
+    path = LoadPath(ramp(1.0))
+    assert end_of(path, 0.3, 15, 10**6, proved=True)[1] == 0
+    assert path.reached >= 0.99 * 0.3
+
+
+def test_the_last_attempt_of_a_ramp_has_all_fall_backs():
+    """Before it smaller increments are cheaper; if it finds a solution the others are not trusted any more."""
+    path = LoadPath(ramp(1.0))
+    assert not path.without_fall_backs  # the first factor is reached in one step
+    path.advance(15)
+    tried = []
+    while True:
+        tried.append(path.without_fall_backs)
+        if not path.shorten(Status.CYCLING, 1):
+            break
+    assert tried == [True] * (len(tried) - 1) + [False]
+    again = LoadPath(ramp(1.0))
+    again.advance(15)
+    while again.without_fall_backs:
+        assert again.shorten(Status.CYCLING, 1)
+    again.advance(100)
+    assert not again.without_fall_backs
+    assert again.next - again.reached == pytest.approx(0.1)
+
+
+def test_a_place_that_has_failed_twice_is_a_limit():
+    """From two starts; a place that has failed once is tried again from half the way."""
+    path = LoadPath(ramp(1.0))
+    path.advance(15)
+    assert path.shorten(Status.CYCLING, 1)
+    path.advance(15)
+    assert path.next == pytest.approx(0.1)
+    assert path.shorten(Status.CYCLING, 1)
+    path.advance(15)
+    assert path.reached == pytest.approx(0.075)
+    assert path.next == pytest.approx(0.0875)
 
 
 # --- names, times, counting -------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,12 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.manifest import MANIFEST
-from signorini_fx.records import StepRecord
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import load_steps, one_mesh, strategy
 from signorini_fx.solving.solver import solve
 
 PUSHED = """
@@ -91,6 +93,7 @@ METHODS = {
     "path-following": {"algorithm": "path-following"},
     "full": {"linear_algebra": "full"},
     "krylov": {"linear_algebra": "krylov"},
+    "two gammas": {"gamma_n": 1e7, "gamma_t": 2e6},
 }
 
 
@@ -187,6 +190,113 @@ def test_in_space(tmp_path, method):
     interrupted(given, MPI.COMM_WORLD, folder, 3)
     solution = solve(given, checkpoint=folder, restart=True)
     assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert_same(solution, solve(given))
+
+
+def a_ramp(push, **solver):
+    """Pressed in full, then pushed up to so many times what friction can hold, in eight increments to begin with."""
+    text = PUSHED.replace("x = 4.0", f"x = {push * 6.0}").replace("[0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", "[0.0, 1.0]")
+    data = tomllib.loads(text)
+    return parse_scene({**data, "solver": solver, "load_steps": {"steps": 8}})
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("push", [0.9, 1.3])
+@pytest.mark.parametrize("method", [{"gamma_n": 1e7, "gamma_t": 2e6}, {"algorithm": "alm"}])
+def test_a_ramp(tmp_path, push, method):
+    """It takes the load steps that it would have taken, with the same linear solves, and ends at the same load."""
+    folder, given = shared(tmp_path), a_ramp(push, **method)
+    for step in (3, 5):
+        if MPI.COMM_WORLD.rank == 0:
+            with pytest.raises(Killed):
+                solve(given, MPI.COMM_SELF, checkpoint=folder, restart=step > 3, observers=[until(step)])
+        MPI.COMM_WORLD.barrier()
+    solution, reference = solve(given, checkpoint=folder, restart=True, check=False), solve(given, check=False)
+    assert solution.status is reference.status
+    for one, other in zip(solution.steps, reference.steps, strict=True):
+        assert (one.step, one.place, one.status) == (other.step, other.place, other.status)
+        assert one.linear_solves == other.linear_solves
+        ours, theirs = one.contact.forces, other.contact.forces
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7 * np.abs(theirs).max())
+    assert solution.parameters == pytest.approx(reference.parameters)
+
+
+@pytest.mark.parametrize("where", [4, 6])
+def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monkeypatch):
+    """A restart counts every linear solve of the run before once, also those that led nowhere."""
+    plain, seen = strategy.run, []
+
+    def fails_now_and_then(task, start, most=None):
+        outcome = plain(task, start, most)
+        if start.step not in (2, 4) or start.step in seen:
+            return outcome
+        seen.append(start.step)
+        return replace(outcome, status=Status.CYCLING)
+
+    monkeypatch.setattr(load_steps, "run", fails_now_and_then)
+    given = a_ramp(0.9)
+    reference = solve(given, MPI.COMM_SELF)
+    assert any("half the increment" in event for event in reference.history.events)
+    seen.clear()
+    interrupted(given, MPI.COMM_SELF, tmp_path, where)
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    own = solution.history.events[1:]
+    assert own == reference.history.events
+    ours, theirs = (
+        [(row.step, row.solve, row.outer, row.iteration, row.changed) for row in one.history.iterations]
+        for one in (solution, reference)
+    )
+    assert ours == theirs
+    ours, theirs = (
+        [(row.step, row.outer, row.linear_solves, row.status) for row in one.history.outer]
+        for one in (solution, reference)
+    )
+    assert ours == theirs
+
+
+def test_after_augmentation(tmp_path, monkeypatch):
+    """A load step that augmentation has solved promises the law itself, also to the steps after a restart."""
+    given = scene(PUSHED)
+    plain = strategy._coulomb
+
+    def fails_at_third(task, start, law):
+        outcome = plain(task, start, law)
+        return replace(outcome, status=Status.CYCLING) if start.step == 2 else outcome
+
+    monkeypatch.setattr(strategy, "_coulomb", fails_at_third)
+    reference = solve(given, MPI.COMM_SELF)
+    assert not reference.steps[2].certificate.law.regularised
+    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
+    monkeypatch.undo()
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert not any("solved again" in event for event in solution.history.events)
+    assert not solution.steps[2].certificate.law.regularised
+    assert_same(solution, reference)
+
+
+@pytest.mark.mpi
+def test_load_steps_on_several_meshes(tmp_path):
+    """Each mesh begins with the first load step, from that of the coarser mesh, and a restart goes on from there."""
+    data = tomllib.loads(PUSHED)
+    given = parse_scene({**data, "solver": {"levels": 2}})
+    folder = shared(tmp_path)
+    if MPI.COMM_WORLD.rank == 0:
+        with pytest.raises(Killed):
+            solve(given, MPI.COMM_SELF, checkpoint=folder, observers=[until(1)])  # where the second mesh begins
+    MPI.COMM_WORLD.barrier()
+    states = []
+    plain = one_mesh.carry_over
+
+    def watched(state, boundary):
+        states.append(state)
+        return plain(state, boundary)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(one_mesh, "carry_over", watched)
+        solution = solve(given, checkpoint=folder, restart=True)
+    (begun,) = states
+    normal, tangential = begun.forces
+    np.testing.assert_allclose(normal + tangential, [0.0, 60.0], atol=1e-6)  # pressed, and not pushed yet
     assert_same(solution, solve(given))
 
 
@@ -343,7 +453,7 @@ def test_results_remove_the_checkpoint(tmp_path):
 SUICIDE = """
 import os, signal, sys
 from mpi4py import MPI
-from signorini_fx.records import StepRecord
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.solving.solver import solve
 
 def kill(record):

@@ -20,6 +20,7 @@ from signorini_fx.body import loads
 from signorini_fx.body.discretisation import LOCKING_POISSON, Body, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
+from signorini_fx.check.planned import attempts_for
 from signorini_fx.contact import data as contact_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.linalg.options import refuse_mistyped
@@ -73,6 +74,7 @@ class Check:
         forms: what will be compiled, in order.
         cost: an estimate.
         findings: warnings and notes.
+        plan: what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``.
     """
 
     title: str
@@ -80,6 +82,7 @@ class Check:
     forms: tuple[str, ...]
     cost: Cost
     findings: tuple[Finding, ...] = field(default=())
+    plan: tuple[tuple[str, tuple[str, ...], str], ...] = ()
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -105,7 +108,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     d, law, data = _validated(scene, comm)
     cost = estimated_cost(d)
     findings = [*memory_finding(cost, comm), *scene_findings(d, law, data)]
-    return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings))
+    return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, RegularisedData | None]:

@@ -22,6 +22,8 @@ def render(check: Check) -> str:
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
     lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
+    for what, attempts, limit in check.plan:
+        lines += _wrapped(f"tried for {what}, until one has a solution: {'; '.join(attempts)} ({limit})")
     for finding in check.findings:
         lines += _wrapped(f"{finding.level}: {finding.path}: {finding.message}")
     return "\n".join(lines)

@@ -64,6 +64,10 @@ class StepResult:
         return str(StepRecord(self.step, self.name, self.time))
 
 
+# Outcomes of methods that have found no solution, which does not mean that there is none.
+_UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
+
+
 @dataclass(frozen=True, repr=False)
 class Solution:
     """The result of a solve; with load steps, of the last one that has a solution.
@@ -131,11 +135,31 @@ class Solution:
 
     @property
     def advice(self) -> str:
-        """What to do about the outcome; of a body that moves away, the warning that names its motion."""
+        """What to do about the outcome: nothing that the scene has done already.
+
+        Of a body that moves away, the warning that names its motion; of a ramp, between which loads it ended.
+        """
+        settings, last, failed = self.scene.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, "traction, body_force")
-        wanted = ("warning", path.get(self.status))
-        named = (found.message for found in self.findings if (found.level, found.path) == wanted)
-        return next(named, self.status.advice)
+        if self.status in path:
+            wanted = ("warning", path[self.status])
+            named = (found.message for found in self.findings if (found.level, found.path) == wanted)
+            return next(named, self.status.advice)
+        if self.status in _UNDECIDED and self.scene.automatic_steps is not None and last is not failed:
+            return (
+                f"there is a solution at time {last.time:.6g}, and none was found at time {failed.time:.6g}: most "
+                "likely a limit load is between them, though it is not proved: lower the load, raise the friction, or "
+                "prescribe a displacement"
+            )
+        if self.status is Status.CYCLING:
+            ways = ["set solver.sigma = 'auto' (a node then passes through stick)"] if settings.sigma != "auto" else []
+            ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]
+            ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
+            return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
+        if self.status is Status.LINEAR_SOLVER:
+            others = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
+            return self.status.advice.replace("'krylov' or 'full'", " or ".join(others))
+        return self.status.advice
 
     @property
     def last_step(self) -> StepResult:

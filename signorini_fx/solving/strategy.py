@@ -379,8 +379,8 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
 def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
 
-    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then only
-    where it touches at its resting place.
+    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
+    only where it touches at its resting place.
     """
     boundary = task.boundary
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)

@@ -1,0 +1,51 @@
+"""What a scene will try, in which order, and how many linear solves that may take: its part of the plan of attempts."""
+
+from __future__ import annotations
+
+from signorini_fx.attempts import (
+    AUGMENTED,
+    EXACT_SOLVES,
+    FULL_STEPS,
+    HALF,
+    METHOD,
+    Attempt,
+    for_coulomb,
+    for_mesh,
+    for_problem,
+    step_limit,
+)
+from signorini_fx.scene.model import CoulombFriction, MeshGenerator, Scene
+from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
+
+
+def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
+    """Rows of what is tried for, the attempts in order, and their limit; none without contact.
+
+    Whether contact at the resting place is tried is decided in the solve: it is for bodies that only contact holds.
+    """
+    s, ramp = scene.solver, scene.automatic_steps is not None
+    if not scene.contact:
+        return ()
+    limit = step_limit(s.max_iterations)
+    problem = for_problem(finite_sigma=s.sigma != "auto", eliminated=False)
+    problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
+    rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
+    if scene.has_coulomb:
+        capped = any(
+            isinstance(one.friction, CoulombFriction) and one.friction.cap is not None for one in scene.contact
+        )
+        bilateral = any(one.kind == "bilateral" for one in scene.contact)
+        ways = for_coulomb(monolithic=not (capped or bilateral), first=s.coulomb == "newton", fallbacks=s.fallbacks)
+        rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
+    step: tuple[Attempt, ...] = (METHOD, AUGMENTED) if s.fallbacks and s.algorithm != "alm" else (METHOD,)
+    rows.append(("a load step", step, f"at most {limit} linear solves together"))
+    if ramp:
+        most = (
+            f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
+            f"all that fail together {FAILED_RAMP} times those that do not"
+        )
+        rows.append(("a load step of the ramp", (METHOD, HALF, *step[1:]), most))
+    others = for_mesh(generated=isinstance(scene.mesh, MeshGenerator), ramp=ramp, fallbacks=s.fallbacks)
+    if others and s.levels == 1 and scene.accuracy is None:
+        rows.append(("the first load step", others, f"at most {limit} linear solves more"))
+    return tuple((what, tuple(map(str, names)), most) for what, names, most in rows)
