@@ -51,8 +51,7 @@ DAMPING = (0.5, 0.2)
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
-# cannot be proved, the way up to it sets the price of enclosing it.  Choice; stability/limit_loads.py has what it comes
-# to.
+# cannot be proved, the way up to it sets the price of enclosing it.  Choice; see tests/test_ramp.py.
 FAILED_STEP, FAILED_RAMP = 3, 4
 # As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
 # Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
