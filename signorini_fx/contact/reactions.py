@@ -30,6 +30,8 @@ _ROUGH = 1e6
 _LARGEST = 1e4
 # Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
 _STATIONARY = 1e-15
+# The same relative to what is left of the load: such a traction is parallel to those in use but for round-off.
+_SLIGHT = 1e-10
 # Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 
@@ -180,13 +182,22 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
     columns, pressing = np.eye(target.size)[-1:], np.array([-1])
     passive: list[int] = []
     before, stalled = np.inf, 0
+    proof: tuple[Nodal, list[int]] | None = None
+
+    def proves(motion: Nodal) -> bool:
+        gained = motion @ target[:-1] - most_work(here, motion, size, size, unlimited=unlimited)
+        return bool(gained > ZERO * np.linalg.norm(motion))
+
     for _ in range(_ROUNDS):
         passive, rest = combination(columns, target, passive)
         left = float(np.linalg.norm(rest))
         stalled = stalled + 1 if left > (1 - 1e-13) * before else 0
-        if left <= ZERO**1.5 or stalled > _PATIENCE:
+        # Independent columns are no more than their components: the others differ by round-off.
+        if left <= ZERO**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
             break
         before = left
+        if proves(rest[:-1]):
+            proof = rest[:-1], passive
         edges, node, bounded = here.against(rest[:-1], size)
         lengths = np.linalg.norm(edges, axis=1)
         real = lengths > ZERO
@@ -198,18 +209,21 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
             node = node[real]
         work = rows @ rest
         most = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
-        most = most[work[most] > _STATIONARY]
+        most = most[work[most] > max(_STATIONARY, _SLIGHT * left)]
         if not most.size:
             break
         columns, pressing = np.concatenate((columns, rows[most])), np.concatenate((pressing, node[most]))
-    motion = rest[:-1]
-    gained = motion @ target[:-1] - most_work(here, motion, size, size, unlimited=unlimited)
+    motion, balanced = rest[:-1], left <= ZERO
+    # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
+    unbalanced = not balanced and (proves(motion) or proof is not None)
+    if unbalanced and not proves(motion) and proof is not None:
+        motion, passive = proof
     pressed = np.unique(pressing[passive])
     return Nearest(
         motion=motion,
         pressed=pressed[pressed >= 0],
-        balanced=bool(left <= ZERO),
-        unbalanced=bool(gained > ZERO * np.linalg.norm(motion)),
+        balanced=balanced,
+        unbalanced=unbalanced,
     )
 
 
@@ -239,11 +253,11 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
     values = _solve(columns[passive], target)
     banned: list[int] = []
     rest = target - values @ columns[passive]
-    for _ in range(10 * target.size + len(columns)):
+    for _ in range(10 * target.size):
         gain = columns @ rest
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= _STATIONARY:
+        if best < 0 or gain[best] <= max(_STATIONARY, _SLIGHT * float(np.linalg.norm(rest))):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:
@@ -256,9 +270,11 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
                 banned.append(passive.pop())
                 values = values[:-1]
                 break
-            step = np.min(values[low] / (values[low] - wanted[low]))
-            values = values + step * (wanted - values)
-            kept = ~(low & (values <= 1e-15 * np.abs(values).max(initial=0.0)))
+            steps = np.divide(values, values - wanted, out=np.full_like(values, np.inf), where=low)
+            first = int(np.argmin(steps))
+            values = values + steps[first] * (wanted - values)
+            values[first] = 0.0  # whatever round-off leaves: the set must shrink
+            kept = ~low | (values > 0)
             passive = [row for row, keep in zip(passive, kept, strict=True) if keep]
             values = values[kept]
         rest = target - values @ columns[passive]

@@ -229,7 +229,7 @@ def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
         return None
     factor = max(factor, 0.0)
     if np.isinf(factor):
-        return Limit(factor, factor, motion, pressed) if _balanced(here, dead + live) else None
+        return Limit(factor, factor, motion, pressed) if near.balanced and _balanced(here, dead + live) else None
     tried = (factor * (1 - share) for share in (0.0, *_SHORT))
     found = next((multiple for multiple in tried if _balanced(here, dead + multiple * live)), None)
     return None if found is None else Limit(factor, found, motion, pressed)
