@@ -52,3 +52,17 @@ def results_of(summary: dict[str, Any]) -> str:
     failed = "" if summary["converged"] or of["step"] == count else f"; load step {count} has none"
     until = f" at time {summary['steps'][-1]['time']:.6g}" if failed else ""
     return f"{which}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
+
+
+def safety_in_words(safety: dict[str, Any]) -> str:
+    """The safety factor of a summary, what it is worth, and the motion beyond it."""
+    factor, statics, present = (safety[name] for name in ("factor", "statics", "present"))
+    if factor is None:
+        return "statics sets no limit to the live loads"
+    worth = "the limit of the live loads"
+    if not safety["exact"]:
+        worth = "times the live loads by statics, at most: friction may give way before"
+        if statics is None or (present is not None and present < 0.999 * statics):
+            bound = "sets no limit" if statics is None else f"allows {statics:.4g} at most"
+            worth = f"times the live loads with the friction bounds as they are; statics alone {bound}"
+    return f"{factor:.4g}, {worth}; beyond, {safety['motion']}"

@@ -189,7 +189,7 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
         return bool(gained > ZERO * np.linalg.norm(motion))
 
     for _ in range(_ROUNDS):
-        passive, rest = combination(columns, target, passive)
+        passive, values, rest = combination(columns, target, passive)
         left = float(np.linalg.norm(rest))
         stalled = stalled + 1 if left > (1 - 1e-13) * before else 0
         # Independent columns are no more than their components: the others differ by round-off.
@@ -213,7 +213,8 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
         if not most.size:
             break
         columns, pressing = np.concatenate((columns, rows[most])), np.concatenate((pressing, node[most]))
-    motion, balanced = rest[:-1], left <= ZERO
+    motion = rest[:-1]
+    balanced = bool(left <= ZERO and values.sum() <= _LARGEST)
     # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
@@ -238,7 +239,7 @@ def most_work(here: Reactions, motion: Nodal, size: float, forces: float, *, unl
     return (0.0 if unlimited else float(bounded @ motion)) + _LARGEST * forces / size * beyond
 
 
-def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal]:
+def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
     """The combination of columns of length 1 with non-negative coefficients that is nearest to the target.
 
     Args:
@@ -247,7 +248,7 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
         passive: rows that had positive coefficients with fewer columns.
 
     Returns:
-        The rows with positive coefficients, and what is left of the target.
+        The rows with positive coefficients, these, and what is left of the target.
     """
     passive = list(passive)
     values = _solve(columns[passive], target)
@@ -278,7 +279,7 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
             passive = [row for row, keep in zip(passive, kept, strict=True) if keep]
             values = values[kept]
         rest = target - values @ columns[passive]
-    return passive, rest
+    return passive, values, rest
 
 
 def _solve(columns: Nodal, target: Nodal) -> Nodal:

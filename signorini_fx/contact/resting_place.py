@@ -45,7 +45,8 @@ class Rest:
 
 
 def resting_place(
-    data: RegularisedData,
+    gap: Nodal,
+    bilateral: npt.NDArray[np.bool_] | None,
     boundary: ContactBoundary,
     motions: RigidMotions,
     resultant: npt.NDArray[np.float64],
@@ -60,9 +61,9 @@ def resting_place(
         return None
     modes = motions.at(boundary)
     normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    bilateral = np.zeros(boundary.size) if data.bilateral is None else data.bilateral
+    sides = np.zeros(boundary.size) if bilateral is None else bilateral
     of_node = motions.assembly_of(boundary.nodes)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, data.gap, bilateral, of_node)))
+    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, gap, sides, of_node)))
     motion = np.zeros(motions.free.shape[0])
     for number, columns, _ in motions.assemblies():
         here = table[table[:, -1] == number]

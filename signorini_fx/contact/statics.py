@@ -162,7 +162,7 @@ def squeezed(here: Reactions, gap: Nodal) -> bool:
     rows = np.column_stack((here.normal, gap / size + ZERO))
     rows = np.concatenate((rows, -np.column_stack((here.normal, gap / size - ZERO))[here.bilateral]))
     rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), ZERO)
-    _, rest = combination(rows, -np.eye(rows.shape[1])[-1], [])
+    *_, rest = combination(rows, -np.eye(rows.shape[1])[-1], [])
     return bool(np.linalg.norm(rest) <= ZERO)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.display import clean, results_of
+from signorini_fx.display import clean, results_of, safety_in_words
 from signorini_fx.records import Status
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.report.fields import FIELDS
@@ -165,7 +165,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
-    """Area, mean pressure and safety of each contact boundary; safety of the body against overturning."""
+    """Area, mean pressure and friction of each contact boundary; the safety factor."""
     entries = summary.get("contact_boundaries", [])
     if not entries:
         return None
@@ -178,18 +178,12 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
         "mean_pressure": "mean pressure",
         "tangential_force": "tangential force",
         "friction_limit": "friction limit",
-        "sliding_safety": "safety against sliding",
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
     parts = [table([names[key] for key in used], rows)]
-    tipping = summary.get("overturning")
-    if tipping is not None:
-        safety = "is centred" if tipping.get("safety") is None else f"has the safety {figure(tipping['safety'])}"
-        at = figure(tipping.get("acts_at"))
-        away = tipping.get("eccentricity")
-        aside = f", {figure(away)} from the middle of the base" if away and tipping.get("safety") else ""
-        parts.append(tag("p", f"Against overturning the body {safety}: the pressure acts at {at}{aside}."))
+    if "safety" in summary:
+        parts.append(tag("p", f"Safety factor: {safety_in_words(summary['safety'])}."))
     return joined(parts)
 
 

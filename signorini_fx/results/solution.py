@@ -18,8 +18,9 @@ from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.contact_boundaries import ContactFigures, Overturning, contact_figures, overturning
+from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.resultants import Resultants
+from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
@@ -209,17 +210,17 @@ class Solution:
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
-        """Area, pressure and safety against sliding of each contact boundary, in the order of the scene; none without
-        contact; collective.
-        """
+        """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
         return [] if self.contact is None else contact_figures(self.scene, self.contact)
 
     @cached_property
-    def overturning(self) -> Overturning | None:
-        """Where the contact force is within the base of a body that only contact holds, and the safety against
-        overturning; None for other bodies; collective.
+    def safety(self) -> Safety | None:
+        """By how much the live loads can grow before the body moves away; None where supports hold it, nothing is live,
+        or there is no solution; with load steps, of the last one; collective.
         """
-        return None if self.contact is None else overturning(self.scene, self.contact)
+        if self.contact is None or self.last_step.status is not Status.CONVERGED:
+            return None
+        return safety_of(self.discretisation, self.contact, self._place)
 
     @property
     def _place(self) -> float:

@@ -18,7 +18,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
 from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.display import clean, results_of
+from signorini_fx.display import clean, results_of, safety_in_words
 from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
@@ -144,7 +144,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
         "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
-        **({"overturning": tipping.as_dict()} if (tipping := solution.overturning) is not None else {}),
+        **({"safety": safety.as_dict()} if (safety := solution.safety) is not None else {}),
         **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
     }
 
@@ -318,26 +318,17 @@ def _resultants(summary: dict[str, Any]) -> list[str]:
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
-    """Area, mean pressure and safety of each contact boundary, and of the body."""
+    """Area, mean pressure and friction of each contact boundary, and the safety factor."""
     rows = summary["contact_boundaries"]
-    areas, sliding = [], []
+    areas, friction = [], []
     for row in rows[:_MOST_ROWS]:
         mean = "" if row["mean_pressure"] is None else f", mean pressure there {row['mean_pressure']:.6g}"
         areas.append(f"{row['boundary']}: {row['contact_area']:.6g} of {row['area']:.6g}{mean}")
-        if row["sliding_safety"] is not None:
+        if row["friction_limit"] > 0:
             told = f"{row['tangential_force']:.6g} of at most {row['friction_limit']:.6g}"
-            sliding.append(f"{row['boundary']}: safety {row['sliding_safety']:.4g}, {told}")
-    tipping = summary.get("overturning")
-    stands = []
-    if tipping is not None:
-        factor = "centred" if tipping["safety"] is None else f"safety {tipping['safety']:.4g}"
-        away = f", {tipping['eccentricity']:.4g} from the middle of the base" if tipping["safety"] is not None else ""
-        stands.append(f"{factor}, the pressure acts at {_point(tipping['acts_at'])}{away}")
-    return [
-        *_labelled("in contact", areas),
-        *_labelled("sliding", sliding),
-        *_labelled("overturning", stands),
-    ]
+            friction.append(f"{row['boundary']}: {told}")
+    safety = [safety_in_words(summary["safety"])] if "safety" in summary else []
+    return [*_labelled("in contact", areas), *_labelled("friction", friction), *_labelled("safety", safety)]
 
 
 def _labelled(label: str, told: list[str]) -> list[str]:

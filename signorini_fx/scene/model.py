@@ -130,7 +130,10 @@ class BodyForce(_Vector):
         y: component along x[1], stress / length.
         z: component along x[2], stress / length; only in space.
         factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it, as it does tractions.
     """
+
+    live: bool = False
 
 
 class SurfaceTraction(_Vector):
@@ -143,10 +146,12 @@ class SurfaceTraction(_Vector):
         z: component along x[2], stress; only in space.
         pressure: pressure on the boundary, which acts along the inward normal, stress.
         factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it; a preload is not live.
     """
 
     boundary: str
     pressure: Value = 0.0
+    live: bool = True
 
 
 class PrescribedDisplacement(_Vector):
@@ -357,8 +362,7 @@ class Scene(Table):
             yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
-        lengths = {len(load.factors) for load in self.loads if load.factors is not None}
-        if len(lengths) > 1:
+        if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:
             lists = {"displacement": self.displacement, "traction": self.traction}
             places = [(f"{name}[{k}]", load) for name, loads in lists.items() for k, load in enumerate(loads)]
             given = [*places, ("body_force", self.body_force)]
@@ -441,9 +445,6 @@ class Scene(Table):
 
 def friction_acts(friction: Friction) -> bool:
     """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and treated as such."""
-    match friction:
-        case TrescaFriction(bound=amount):
-            return amount != 0.0
-        case CoulombFriction(coefficient=amount, cap=cap):
-            return amount != 0.0 and cap != 0.0
-    return False
+    if isinstance(friction, TrescaFriction):
+        return friction.bound != 0.0
+    return isinstance(friction, CoulombFriction) and friction.coefficient != 0.0 and friction.cap != 0.0

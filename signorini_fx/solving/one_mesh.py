@@ -253,7 +253,7 @@ def contact_task(
     sets, first_iteration = first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra, coarser)
     data = regularised_data(scene, discretisation, boundary, law)
-    rest = resting_place(data, boundary, discretisation.motions, system.resultant)
+    rest = resting_place(data.gap, data.bilateral, boundary, discretisation.motions, system.resultant)
     return Task(
         settings=scene.solver,
         system=system,
