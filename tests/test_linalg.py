@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import full, schur
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
@@ -98,3 +100,12 @@ def test_an_old_factor_serves_where_few_nodes_have_moved(monkeypatch):
     renewed, as_many, wanted = solved()
     assert lagged < renewed <= solves == as_many
     np.testing.assert_allclose(pressure, wanted, rtol=0, atol=1e-7 * wanted.max())
+
+
+def test_stiffness_at_no_points():
+    """A rank may have no contact points: it has no stiffness at them, and no error that others wait for."""
+    matrix = PETSc.Mat().createAIJ((4, 4), nnz=1, comm=MPI.COMM_SELF)
+    matrix.assemble()
+    matrix.shift(2.0)
+    found = ContactMap.of_points(None, None, np.zeros(4, dtype=bool), matrix).stiffness(matrix.getDiagonal())
+    assert found.shape == (0,)

@@ -139,7 +139,7 @@ class ContactMap:
         starts, _, values = scaled.getValuesCSR()
         rows = np.repeat(np.arange(self.weight.size * self.dimension), np.diff(starts))
         compliance = np.bincount(rows, values**2, minlength=self.weight.size * self.dimension)
-        compliance[compliance == 0.0] = np.inf
+        compliance = np.where(compliance == 0.0, np.inf, compliance)  # which bincount counts where a rank has no points
         return 1.0 / (self.weight * compliance.reshape(-1, self.dimension).min(axis=1))
 
     def entries(self) -> tuple[npt.NDArray[np.int64], Nodal]:
