@@ -731,11 +731,19 @@ MUTANTS = (
     ),
     Mutant(
         "solving/strategy",
-        "no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap) is not None",
-        "True",
+        "task.history.add(f'{status.value}: with the friction bound of the pressure before, not by the law itself')",
+        "return status",
         "one Tresca problem proves that a body slides",
         within="_proved",
         tests=("coulomb_ways::test_one_bound_proves_nothing",),
+    ),
+    Mutant(
+        "solving/strategy",
+        "lost.status",
+        "status",
+        "the outcome is what one Tresca problem has ended with, not what the law proves",
+        within="_proved",
+        tests=("coulomb_ways::test_friction_without_pressure",),
     ),
     Mutant(
         "solving/strategy",

@@ -92,8 +92,15 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     np.testing.assert_allclose(solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest)
 
 
-@pytest.mark.parametrize(("push", "status"), [(2.0, Status.OUTER_MAX_ITERATIONS), (20.0, Status.SLIDES)])
-def test_one_bound_proves_nothing(monkeypatch, push, status):
+@pytest.mark.parametrize(
+    ("push", "kind", "status"),
+    [
+        (2.0, "unilateral", Status.OUTER_MAX_ITERATIONS),
+        (20.0, "unilateral", Status.SLIDES),
+        (2.0, "bilateral", Status.OUTER_MAX_ITERATIONS),
+    ],
+)
+def test_one_bound_proves_nothing(monkeypatch, push, kind, status):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
     for name in ("fixed_point", "coulomb_newton"):
         monkeypatch.setattr(strategy, name, lambda *arguments, **options: Status.SLIDES)
@@ -102,11 +109,34 @@ def test_one_bound_proves_nothing(monkeypatch, push, status):
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.4}},
+            "contact": {"boundary": "bottom", "kind": kind, "friction": {"law": "coulomb", "coefficient": 0.4}},
             "solver": {"fallbacks": False},
         }
     )
     assert alone(scene, check=False).status is status
+
+
+def test_friction_without_pressure():
+    """No load acts on the free motion, and the gap stays open: friction would hold the body if anything pressed it on,
+    which is another outcome than a body that no friction could hold.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "cylinder", "parameters": {"nz": 1, "nr": 1, "nt": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "side", "z": 0.0}, {"boundary": "top", "z": 0.0}],
+            "traction": {"boundary": "top", "pressure": 0.01},
+            "contact": {
+                "boundary": "bottom",
+                "gap": 1e-3,
+                "direction": [-0.3, -0.1, -1.0],
+                "friction": {"law": "coulomb", "coefficient": 1.8},
+            },
+        }
+    )
+    solution = alone(scene, check=False)
+    assert solution.status is Status.OPEN
+    assert "no load presses the body on its foundation" in solution.advice
 
 
 def capped(seed):

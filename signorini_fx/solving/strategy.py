@@ -364,14 +364,15 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
     fixed-point iteration has failed, and another method may find it.
     """
-    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD) or data.bilateral is not None:
+    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
     everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
     rough = law.given + law.coefficient > 0
     if status is Status.NOT_HELD and not task.motions.held_by(task.boundary, everywhere, rough):
         return status
-    if no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap) is not None:
-        return status
+    lost = no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap)
+    if lost is not None:
+        return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
     return Status.OUTER_MAX_ITERATIONS
 
