@@ -163,7 +163,9 @@ def _table(
     if contact.rubs.any():
         bound = contact.bound(table["pressure"])
         columns["bound"] = (bound, max(float(bound.max()), 1e-300))
-        columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), max(float(bound.max()), 1e-300))
+        # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
+        pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), 1e-300)
+        columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
         scale = max(moved, float(np.abs(origin.u_t).max(initial=0.0)))
         columns |= {f"slip_{axis}": (slip[:, k], scale) for k, axis in enumerate("xyz")}
     return {
