@@ -263,10 +263,24 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_boundary",
-        "self._components * self.held",
-        "self._components * ~self.held",
-        "size of the pressure: only of supported nodes",
+        "self.norm(self.felt(values))",
+        "self.norm(values)",
+        "what supports press into the foundation is a scale for other nodes",
         tests=("augmentation::test_nodes_that_a_support_presses_are_no_measure",),
+    ),
+    Mutant(
+        "problem/regularised",
+        "np.maximum(self.boundary.felt(np.where(np.isfinite(bound), bound, 0.0)), self.boundary.felt(shear))",
+        "np.where(np.isfinite(bound), bound, 0.0)",
+        "the friction law holds relative to the pressure that supports exert on the foundation",
+        tests=("augmentation::test_what_supports_press_hides_no_shear",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "np.linalg.norm(self._movable(part, supports), axis=1)",
+        "np.linalg.norm(part, axis=1)",
+        "certificate: what supports press into the foundation is a scale for other nodes",
+        tests=("certificate::test_nodes_that_supports_press_hide_nothing",),
     ),
     # --- forms, loads, supports --------------------------------------------------------------------------------------
     Mutant(
@@ -1284,13 +1298,6 @@ MUTANTS = (
         "self.x",
         "averages: forces act at the vertex",
         tests=("space_results::test_moment_of_a_push",),
-    ),
-    Mutant(
-        "body/contact_boundary",
-        "~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)",
-        "~self.free",
-        "averages: points that a support holds in part set the scale",
-        tests=("space_effects::test_points_that_average_over_a_support",),
     ),
     Mutant(
         "body/supports",

@@ -206,13 +206,32 @@ def test_the_fixed_point_needs_no_help(gamma):
 
 
 def test_nodes_that_a_support_presses_are_no_measure():
-    """The size of contact stresses is that of the other nodes; of all where there is nothing elsewhere."""
+    """What counts of the tractions is what no support takes, nothing where it takes all of them."""
     boundary = begun(wedge(20.0, 0.2, 0.0)).boundary
-    pressed = ~boundary.free[:, 0]
-    assert 0 < np.count_nonzero(pressed) < boundary.size
-    expected = np.sqrt(boundary.weight[~pressed].sum())
-    assert boundary.scale(np.where(pressed, 1e9, 1.0)) == pytest.approx(expected)
-    assert boundary.scale(np.where(pressed, 1.0, 0.0)) == pytest.approx(np.sqrt(boundary.weight[pressed].sum()))
+    held = ~boundary.free[:, 0]
+    assert 0 < np.count_nonzero(held) < boundary.size
+    normal, area = np.where(held[:, None], [1.0, 0.0], boundary.normal), boundary.weight[~held].sum()
+    pressed = replace(boundary, normal=normal)
+    assert pressed.immovable.tolist() == held.tolist()
+    pressure = np.where(held, 1e9, 1.0)
+    assert pressed.scale(pressure) == pytest.approx(np.sqrt(area), rel=1e-12)
+    assert pressed.scale(pressure * held) == 0
+    along_support = np.where(held, boundary.normal[:, 1], boundary.tangents[:, 1, 0])
+    for values, felt in (held * 1.0, along_support), ((held * 1.0)[:, None], boundary.tangents[:, 1, 0]):
+        expected = np.sqrt(np.sum(boundary.weight * held * felt**2))
+        assert boundary.scale(values) == pytest.approx(expected, rel=1e-12)
+
+
+def test_what_supports_press_hides_no_shear():
+    """How near the friction law is, is relative to what the body feels of friction."""
+    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
+    problem = newton.problem
+    held = ~problem.boundary.free[:, 0]
+    problem.boundary = replace(problem.boundary, normal=np.where(held[:, None], [1.0, 0.0], problem.boundary.normal))
+    problem.away = lambda x: np.where(held, 0.0, 1.0)
+    problem.friction_bounds = lambda x: (np.where(held, 1e9, 10.0),) * 2
+    problem.multipliers = lambda x, sets: (np.zeros(held.size), np.zeros((held.size, 1)))
+    assert problem.law_residual(newton.x) == pytest.approx(0.1, rel=1e-12)
 
 
 @pytest.mark.mpi

@@ -176,6 +176,37 @@ def test_another_coefficient(algorithm, coefficient):
     refused(judged(solution, scene=scene), "friction_cone" if coefficient < 0.3 else "slip_below_bound")
 
 
+def test_nodes_that_supports_press_hide_nothing():
+    """A clamped end presses its nodes into the foundation, far harder than all others touch it: what the others
+    violate is seen, also where supports take a part of every contact force.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 1, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": -0.1}, {"boundary": "right", "x": 0.0}],
+            "traction": {"boundary": "top", "y": -20.0},
+            "contact": {
+                "boundary": "bottom",
+                "direction": [0.2, -1.0],
+                "gap": 0.09,
+                "friction": {"law": "coulomb", "coefficient": 0.1},
+            },
+            "solver": {"gamma_n": 1e10, "gamma_t": 1e7},
+        }
+    )
+    solution = alone(scene)
+    assert solution.certificate.holds
+    pressure = table_of(solution).columns["pressure"]
+    assert pressure[0] > 1e5 * pressure[1] > 0
+    contact = scene.contact[0]
+    friction = contact.friction.model_copy(update={"coefficient": 0.1 / 1.001})
+    other = contact.model_copy(update={"friction": friction})
+    found = judged(solution, scene=scene.model_copy(update={"contact": (other,)}))
+    refused(found, "friction_cone")
+    assert found.friction_cone == pytest.approx(1e-4, rel=0.1)  # of the pressure
+
+
 def test_another_scene():
     """Another load, support, material or load factor."""
     solution = solved("Coulomb", "ssn")

@@ -35,7 +35,7 @@ class Augmentation:
         newton: the inner method.
         natural: a gamma with which few updates suffice, stress per length.
         tolerance: relative error allowed.
-        changes: the last changes of pressure and shear in the norm of L2(Gamma_c), stresses; nan: not known.
+        changes: the last changes of pressure and shear that the body feels, ``ContactBoundary.scale``; nan: not known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.
         violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes.
@@ -69,13 +69,13 @@ class Augmentation:
         newton, before = self.newton, (data.lambda_hat, data.mu_hat)
         boundary, comm = newton.problem.boundary, newton.problem.system.comm
         after = newton.shifts(data)
-        changes = tuple(boundary.norm(new - old) for new, old in zip(after, before, strict=True))
+        changes = tuple(boundary.scale(new - old) for new, old in zip(after, before, strict=True))
         size = sum(map(boundary.scale, after)) or sum(map(boundary.scale, before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(after[0]), length_of(after[1]))))
+        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*map(boundary.felt, after))))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
         # At its bound the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])

@@ -109,11 +109,6 @@ class ContactBoundary:
         return self.frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, self.frames)
 
     @property
-    def held(self) -> npt.NDArray[np.bool_]:
-        """Which displacement components are prescribed, shape (n, d); where points average, at any node."""
-        return ~self.free if self.averages is None else self.averages.any_of(self.averages.fixed)
-
-    @property
     def _components(self) -> Nodal:
         """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
         normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
@@ -148,15 +143,18 @@ class ContactBoundary:
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
-    def scale(self, values: Nodal) -> float:
-        """The norm without the nodes where a support takes a part of the normal force; collective.
+    def felt(self, values: Nodal) -> Nodal:
+        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
 
-        A support may press such a node into the foundation.  The pressure there is that of the penalty, however large,
-        and not a scale for the stress in the body.  If it is zero at all other nodes, all nodes count.
+        A support may press a node into the foundation.  The pressure there is that of the penalty, however large, and
+        does nothing to the body: it is no scale for other nodes.
         """
-        supported = (self._components * self.held).max(axis=1, initial=0.0) > _ALONG
-        free = np.where(supported.reshape(-1, *[1] * (values.ndim - 1)), 0.0, values)
-        return self.norm(free) or self.norm(values)
+        traction = values[:, None] * self.normal if values.ndim == 1 else np.einsum("ik,ijk->ij", values, self.tangents)
+        return np.asarray(np.linalg.norm(self.freed(traction[:, :, None]), axis=(1, 2)))
+
+    def scale(self, values: Nodal) -> float:
+        """The norm of what the body feels of a pressure or a shear; zero if supports take all of it; collective."""
+        return self.norm(self.felt(values))
 
 
 def tangents_of(normal: Nodal) -> Nodal:

@@ -99,7 +99,9 @@ class ContactProblem(Protocol):
         """The friction bounds of the current and the next sets."""
 
     def law_residual(self, x: PETSc.Vec) -> float:
-        """Largest distance of mu from the projection (3.4), relative to the largest bound; collective."""
+        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels;
+        collective.
+        """
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """Accept these sets as those of the solution if the residual is at most a share of the forces; collective."""
@@ -166,6 +168,10 @@ class ProblemState(ABC):
             self.next = NextSets(first, first)
 
     @abstractmethod
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+        """See ``ContactProblem``."""
+
+    @abstractmethod
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``ContactProblem``."""
 
@@ -180,7 +186,10 @@ class ProblemState(ABC):
     def law_residual(self, x: PETSc.Vec) -> float:
         """See ``ContactProblem``."""
         bound, _ = self.friction_bounds(x)
-        size = parallel.local_max(np.where(np.isfinite(bound), bound, 0.0))
+        _, shear = self.multipliers(x, self.sets)
+        # What follows the pressure of nodes that supports press into the foundation is no scale for others.
+        felt = np.maximum(self.boundary.felt(np.where(np.isfinite(bound), bound, 0.0)), self.boundary.felt(shear))
+        size = parallel.local_max(felt)
         away, size = (
             parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
         )

@@ -64,9 +64,9 @@ _FAINT = 1e-3
 class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
-    Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear, lengths
-    to the deformation: the largest displacement without its rigid part (penetration, complementarity and slip at stick
-    nodes: to the largest displacement).
+    Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear without
+    what supports take of them, lengths to the deformation: the largest displacement without its rigid part (of
+    penetration, complementarity and slip at stick nodes: to the largest displacement).
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress.
@@ -186,18 +186,12 @@ def certify(
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * scales.stress(strain_energy)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
-    # A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
     sheared = np.linalg.norm(shear, axis=1)
-    tractions_at = np.maximum(np.abs(pressure), sheared)
-    free = ~nodes.supported(supports)
-    carried = _largest(comm, tractions_at[free]) or _largest(comm, tractions_at)
-    stress = max(carried, inside, _ROUND_OFF * stiffest.modulus * far / finest)
+    stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * stiffest.modulus * far / finest)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(scene, forces, x, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
-        stress = max(
-            stress, _ROUND_OFF * _largest(comm, np.maximum(np.abs(last.pressure), np.linalg.norm(last.shear, axis=1)))
-        )
+        stress = max(stress, _ROUND_OFF * _largest(comm, last.felt(supports)))
         length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)

@@ -139,21 +139,23 @@ class ContactNodes:
         nodes, forces, area = (np.concatenate(column) for column in zip(*found, strict=True))
         return nodes, forces, area
 
-    def supported(self, supports: Supports) -> npt.NDArray[np.bool_]:
-        """Points where a support takes a part of the normal force."""
-        if self.spread is None:
-            held = self.normal - supports.left(self.normal, self.nodes)
-        else:
-            held = self.normal * self._any_of(supports.touched())
-        return np.asarray(np.max(np.abs(held), axis=1, initial=0.0) > _ALONG)
+    def felt(self, supports: Supports) -> Nodal:
+        """The larger of pressure and shear without what supports take of them, stress, shape (n,).
+
+        A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
+        """
+        tractions = self.pressure[:, None] * self.normal, self.shear
+        return np.max([np.linalg.norm(self._movable(part, supports), axis=1) for part in tractions], axis=0)
 
     def immovable(self, supports: Supports) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them is across it."""
+        return np.asarray(np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) <= _ALONG)
+
+    def _movable(self, vectors: Nodal, supports: Supports) -> Nodal:
+        """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""
         if self.spread is None:
-            movable = supports.left(self.normal, self.nodes)
-        else:
-            movable = self.normal * self._any_of(supports.movable())
-        return np.asarray(np.max(np.abs(movable), axis=1, initial=0.0) <= _ALONG)
+            return supports.left(vectors, self.nodes)
+        return vectors * self._any_of(supports.movable())
 
     def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point averages over has a flag, shape (n, d)."""

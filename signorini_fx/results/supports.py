@@ -124,12 +124,6 @@ class Supports:
             found[node] = shares[self.askew_by[rows] == position].sum(axis=0)
         return found
 
-    def touched(self) -> npt.NDArray[np.bool_]:
-        """Components that supports have to do with, shape (owned nodes, d)."""
-        found = self.fixed.copy()
-        np.logical_or.at(found, self.askew, np.abs(self.normals) > _SAME)
-        return found
-
     def movable(self) -> npt.NDArray[np.bool_]:
         """Components in which a node can move, shape (owned nodes, d)."""
         found, nodes = ~self.fixed, np.unique(self.askew)
