@@ -449,7 +449,7 @@ def test_page_elsewhere(folders, tmp_path):
     file = report.write_report(folders["linear"], tmp_path / "new" / "page.html")
     assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert [path.name for path in file.parent.iterdir()] == ["page.html"]
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="new: is a folder: give the name of a file"):
         report.write_report(folders["linear"], tmp_path / "new")
 
 

@@ -120,6 +120,8 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
     text = page(folder)
     listed = file is None
     file = Path(folder / PAGE if file is None else file)
+    if file.is_dir():
+        raise OutputError(f"{file}: is a folder: give the name of a file")
     if os.path.lexists(file) and not _is_page(file):
         raise OutputError(f"{file}: already exists, and is no report: give another name, or remove it")
     part = file.parent / f".{file.name}.part"
