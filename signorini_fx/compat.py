@@ -57,31 +57,6 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
-def cells_of_points(
-    domain: mesh.Mesh, x: npt.NDArray[np.float64], padding: float
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.float64], npt.NDArray[np.int32]]:
-    """Find the cells that points lie in, or next to, on any rank; collective.
-
-    Args:
-        domain: the mesh.
-        x: the points that this rank asks for, shape (n, 3).
-        padding: how far outside the mesh a point may be, length.
-
-    Returns:
-        The rank that has the cell of each point, -1 for none, shape (n,); and of the points that this rank has the
-        cells of, m of them: who asks, where they are, and the cells, shapes (m,), (m, 3) and (m,).  Points of one rank
-        keep their order.
-    """
-    if VERSION >= (0, 10):
-        own = np.arange(domain.topology.index_map(domain.topology.dim).size_local, dtype=np.int32)
-        found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, padding, own)
-    else:
-        found = dolfinx.cpp.geometry.determine_point_ownership(domain._cpp_object, x, padding)
-    parts: Any = (getattr(found, name) for name in ("src_owner", "dest_owners", "dest_points", "dest_cells"))
-    owners, askers, points, cells = (np.asarray(part() if callable(part) else part) for part in parts)
-    return owners, askers, points.reshape(-1, 3), cells
-
-
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
     return bool(dolfinx.common.has_adios2)
@@ -89,7 +64,6 @@ def has_vtx() -> bool:
 
 __all__ = [
     "VERSION",
-    "cells_of_points",
     "geometry_cells",
     "geometry_degree",
     "geometry_element",

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import terminal
 
 T = TypeVar("T")
@@ -97,7 +96,7 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     return cast(T, result)
 
 
-def raise_together(comm: MPI.Comm, error: SignoriniError | None) -> None:
+def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise on every rank if any rank has an error: that of the lowest such rank."""
     first = next((e for e in comm.allgather(error) if e is not None), None)
     if first is not None:

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 from scipy.spatial import cKDTree
-from spaces import CELLS, block, box, friction_of
+from spaces import block, box, friction_of
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
-from signorini_fx import compat
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import multigrid
-from signorini_fx.linalg.mesh_levels import MeshLevel, reference_points
+from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
@@ -124,23 +122,6 @@ def test_another_body_is_no_coarser_mesh():
         }
     )
     assert level(block(12), SELF, level(half, SELF)).interpolation is None
-
-
-@pytest.mark.parametrize("cell", [*CELLS.values(), dmesh.CellType.quadrilateral, dmesh.CellType.triangle])
-def test_points_of_distorted_cells(cell):
-    """The points that a cell maps to where they were taken from, to round-off."""
-    flat = cell in (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)
-    create, dim = (dmesh.create_unit_square, 2) if flat else (dmesh.create_unit_cube, 3)
-    mesh = create(SELF, *[3] * dim, cell)
-    rng = np.random.default_rng(1)
-    mesh.geometry.x[:, :dim] += 0.05 * rng.uniform(-1, 1, (len(mesh.geometry.x), dim))
-    cells = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-    wanted = rng.dirichlet(np.ones(dim + 1), len(cells))[:, :dim]
-    x = np.zeros((len(cells), 3))
-    for k, one in enumerate(cells):
-        corners = mesh.geometry.x[compat.geometry_cells(mesh)[one]][:, :dim]
-        x[k, :dim] = compat.geometry_element(mesh).tabulate(0, wanted[k : k + 1])[0, 0, :, 0] @ corners
-    np.testing.assert_allclose(reference_points(mesh, cells, x), wanted, rtol=0, atol=1e-12)
 
 
 def nested(scenes, comm=SELF):

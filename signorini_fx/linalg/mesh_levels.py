@@ -10,23 +10,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-from signorini_fx import compat, parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
+from signorini_fx.mesh.points import at_points
 from signorini_fx.tuned import FINER_LEVELS
 
 Array = npt.NDArray[np.float64]
-# Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh.
-_OUTSIDE = 0.25
-_NEWTON_STEPS, _ROUND_OFF = 10, 1e-10
+# Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh; smaller shares of
+# a coarse node are round-off.
+_OUTSIDE, _ROUND_OFF = 0.25, 1e-10
 
 
 @dataclass(eq=False)
@@ -142,56 +140,21 @@ class MeshLevel:
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
-        comm, mesh = self.space.mesh.comm, coarse.space.mesh
-        x = self.space.tabulate_dof_coordinates()[: self._owned]
-        cells = mesh.topology.index_map(mesh.topology.dim).size_global
-        box = parallel.global_bounds(comm, mesh.geometry.x.astype(np.float64))
-        size = float(np.prod(np.ptp(box, axis=0)[: mesh.topology.dim]) / cells) ** (1 / mesh.topology.dim)
-        owners, askers, points, found = compat.cells_of_points(mesh, x, _OUTSIDE * size)
-        if parallel.any_rank(comm, bool((owners < 0).any())):
-            return None
         shape = coarse.space.ufl_element().sub_elements[0]
-        place = reference_points(mesh, found, points)
-        own = shape.tabulate(0, place)[0].reshape(len(found), -1)
-        own[np.abs(own) < _ROUND_OFF] = 0.0
-        nodes = coarse.space.dofmap.list[found]
-        numbers = coarse.space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
-        # The rank that has the cell answers the one that has the node; both keep the order of the nodes.
-        answers = np.ascontiguousarray(np.hstack((numbers, own))[np.argsort(askers, kind="stable")])
-        width = shape.dim * 2
-        received = np.empty((self._owned, width))
-        send, receive = (width * np.bincount(ranks, minlength=comm.size) for ranks in (askers, owners))
-        comm.Alltoallv([answers, send], [received, receive])
-        every = np.empty_like(received)
-        every[np.argsort(owners, kind="stable")] = received
+        dofmap = coarse.space.dofmap
+
+        def numbers_and_shares(cells: npt.NDArray[np.int32], place: Array) -> Array:
+            shares = shape.tabulate(0, place)[0].reshape(len(cells), -1)
+            shares[np.abs(shares) < _ROUND_OFF] = 0.0
+            nodes = dofmap.list[cells]
+            return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
+
+        x = self.space.tabulate_dof_coordinates()[: self._owned]
+        found = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares)
+        if found is None:
+            return None
         row = np.repeat(np.arange(self._owned), shape.dim)
-        columns, values = every[:, : shape.dim].ravel().astype(np.int64), every[:, shape.dim :].ravel()
+        columns, values = found[:, : shape.dim].ravel().astype(np.int64), found[:, shape.dim :].ravel()
         used = values != 0
-        total = coarse.space.dofmap.index_map.size_global
+        total = dofmap.index_map.size_global
         return scipy.sparse.csr_matrix((values[used], (row[used], columns[used])), shape=(self._owned, total))
-
-
-def reference_points(mesh: dmesh.Mesh, cells: npt.NDArray[np.int32], x: Array) -> Array:
-    """The points of the reference cell that cells map to points in space, by Newton's method.
-
-    Args:
-        mesh: the mesh.
-        cells: a cell of this rank for each point, shape (n,).
-        x: the points, shape (n, 3).
-
-    Returns:
-        Shape (n, d); outside the reference cell for points outside their cells.
-    """
-    dim = mesh.topology.dim
-    element = compat.geometry_element(mesh)
-    corners = mesh.geometry.x[compat.geometry_cells(mesh)[cells]][:, :, :dim]
-    place = np.tile(basix.geometry(element.cell_type).mean(axis=0), (len(cells), 1))
-    for _ in range(_NEWTON_STEPS if len(cells) else 0):
-        table = element.tabulate(1, place)[..., 0]
-        away = x[:, :dim] - np.einsum("nk,nkc->nc", table[0], corners)
-        slope = np.einsum("dnk,nkc->ncd", table[1:], corners)
-        step = np.linalg.solve(slope, away[:, :, None])[:, :, 0]
-        place += step
-        if np.abs(step).max() < _ROUND_OFF:
-            break
-    return place

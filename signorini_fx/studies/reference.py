@@ -12,7 +12,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem, geometry
+from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx import compat
@@ -21,6 +21,7 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery, compliance, vo
 from signorini_fx.body.element_stress import ElementStress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
+from signorini_fx.mesh.points import cells_of_points
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import load_mesh, simplex_parameters
 from signorini_fx.results.solution import Solution
@@ -37,6 +38,8 @@ _EXPECTED, _SLOWEST = {"energy": 1.0, **EXPECTED_RATES}, 0.5
 # Adaptive meshes begin with these cells, relative to those of the scene: all its important nodes, where loads jump or
 # named sides end, should be nodes of them too.
 _FIRST = 2.0
+# Points of the reference are so many sizes of a cell outside the other mesh at most.
+_OUTSIDE = 1.0
 
 
 def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
@@ -71,7 +74,7 @@ class Reference:
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
-        self._located: dict[Any, npt.NDArray[np.int32]] = {}
+        self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
         d, mesh = solution.discretisation, solution.discretisation.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
@@ -133,24 +136,13 @@ class Reference:
         points = compat.interpolation_points(space.element)
         function.interpolate(fem.Expression(_stress(solution), points))
         if key is None or key not in self._located:
-            self._located[key] = self._locate(mesh)
-        return np.asarray(function.eval(self._points, self._located[key]))
-
-    def _locate(self, mesh: Any) -> npt.NDArray[np.int32]:
-        """A cell of the mesh for each point."""
-        dim = mesh.topology.dim
-        tree = geometry.bb_tree(mesh, dim, padding=1e-12)
-        candidates = geometry.compute_collisions_points(tree, self._points)
-        colliding = geometry.compute_colliding_cells(mesh, candidates, self._points)
-        starts, ends = colliding.offsets[:-1], colliding.offsets[1:]
-        found = ends > starts
-        cells = np.zeros(len(self._points), dtype=np.int32)
-        cells[found] = colliding.array[starts[found]]
-        if not found.all():
-            every = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-            middles = geometry.create_midpoint_tree(mesh, dim, every)
-            cells[~found] = geometry.compute_closest_entity(tree, middles, mesh, self._points[~found])
-        return cells
+            cells, places, _ = cells_of_points(mesh, self._points, _OUTSIDE)
+            assert (cells >= 0).all()  # the meshes are of one body
+            self._located[key] = cells, places
+        cells, places = self._located[key]
+        shares = space.element.basix_element.tabulate(0, places)[0, :, :, 0]
+        values = function.x.array.reshape(-1, self._stress.shape[1])
+        return np.asarray(np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]]))
 
 
 def _stress(solution: Solution) -> Any:

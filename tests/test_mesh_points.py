@@ -1,0 +1,169 @@
+"""Points in the cells of meshes that are not nested, curved ones too: exact where they can be, on ranks as alone."""
+
+import gmsh
+import numpy as np
+import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from spaces import CELLS
+
+from signorini_fx import compat
+from signorini_fx.mesh.points import at_points, cells_of_points
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.scene.reading import parse_scene
+
+COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
+PLANE = (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)
+
+
+def distorted(cell, n=3, comm=SELF):
+    """A unit square or cube whose nodes are moved, the same whatever their numbers."""
+    dim = 2 if cell in PLANE else 3
+    mesh = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(comm, *[n] * dim, cell)
+    x = mesh.geometry.x
+    x[:, :dim] += 0.05 * np.sin(7 * x[:, :dim] + 5 * np.roll(x[:, :dim], 1, axis=1))
+    return mesh
+
+
+@pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
+def test_points_of_distorted_cells(cell):
+    """The cells and places that points were taken from, to round-off; none for a point far away."""
+    mesh = distorted(cell)
+    dim = mesh.topology.dim
+    rng = np.random.default_rng(1)
+    cells = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+    wanted = 0.05 + 0.8 * rng.dirichlet(np.ones(dim + 1), len(cells))[:, :dim]
+    shares = compat.geometry_element(mesh).tabulate(0, wanted)[0, :, :, 0]
+    x = np.einsum("nk,nkc->nc", shares, mesh.geometry.x[compat.geometry_cells(mesh)])
+    found, place, gap = cells_of_points(mesh, np.vstack((x, [[9.0, 9.0, 0.0]])), 1.0)
+    np.testing.assert_array_equal(found, [*cells, -1])
+    np.testing.assert_allclose(place[:-1], wanted, rtol=0, atol=1e-12)
+    assert gap[:-1].max() < 1e-12
+    assert gap[-1] == np.inf
+
+
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory):
+    """A plate of 40 x 20 x 10 with a round hole of radius 5."""
+    file = COMM.bcast(tmp_path_factory.mktemp("drawing") / "plate.step")
+    if COMM.rank == 0:
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 40, 20, 10, 1)
+        gmsh.model.occ.addCylinder(20, 10, -1, 0, 0, 12, 5, 2)
+        gmsh.model.occ.cut([(3, 1)], [(3, 2)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(file))
+        gmsh.finalize()
+    COMM.barrier()
+    return file
+
+
+def plate(drawing, size, degree, *, unit=1.0, comm=COMM):
+    """A drawing in cells of this size, curved ones for degree 2."""
+    scene = {
+        "mesh": {"file": str(drawing), "size": size},
+        "element": {"degree": degree},
+        "material": {"young": 1.0, "poisson": 0.3},
+    }
+    mesh = load_mesh(parse_scene(scene), comm).mesh
+    mesh.geometry.x[:] *= unit
+    return mesh
+
+
+def quadratic(x):
+    """A function of degree 2."""
+    return 1 + x[0] - 2 * x[1] + 3 * x[0] * x[1] - x[1] ** 2 + x[2] * x[0] + x[2] ** 2
+
+
+def values_at(mesh, x, degree, function, outside=0.25):
+    """What the interpolant of a function on a mesh is at points."""
+    space = fem.functionspace(mesh, ("Lagrange", degree))
+    values = np.atleast_2d(function(space.tabulate_dof_coordinates().T)).T
+
+    def evaluate(cells, place):
+        shares = space.element.basix_element.tabulate(0, place)[0, :, :, 0]
+        return np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]])
+
+    return at_points(mesh, x, outside, evaluate)
+
+
+def nodes(mesh):
+    """The nodes of degree 2 that this rank owns."""
+    space = fem.functionspace(mesh, ("Lagrange", 2))
+    return space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
+def test_quadratic_functions_on_meshes_that_are_not_nested(cell):
+    """Exact at all points of straight simplices, and linear ones on distorted cells of any kind."""
+    dim = 2 if cell in PLANE else 3
+    simplex = cell in (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
+    fine = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(COMM, *[7] * dim, cell)
+    x = (0.1 + 0.8 * nodes(fine)) * (np.arange(3) < dim)
+    function = quadratic if simplex else lambda x: 1 + x[0] - 2 * x[1] + x[2]
+    found = values_at(distorted(cell, 4, COMM), x, 2 if simplex else 1, function)
+    np.testing.assert_allclose(found[:, 0], function(x.T), rtol=0, atol=1e-11)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degrees", [(2, 2), (2, 1), (1, 2)])
+def test_nodes_of_a_finer_mesh_beside_the_coarser_one(drawing, degrees):
+    """Each node has a place, whichever mesh is curved, which the cells continue outside themselves; in any unit."""
+    coarse, fine = (plate(drawing, size, degree) for size, degree in zip((8.0, 2.5), degrees, strict=True))
+    x = nodes(fine)
+    for unit in (1e-12, 1e12):
+        coarse.geometry.x[:] *= unit
+        # The places themselves are functions of the degree of the cells.
+        found = values_at(coarse, x * unit, degrees[0], lambda x, unit=unit: x / unit)
+        coarse.geometry.x[:] /= unit
+        np.testing.assert_allclose(found, x, rtol=0, atol=1e-8)
+
+
+@pytest.mark.mpi
+def test_ranks_without_cells_and_points_that_are_nowhere():
+    """A mesh of one cell, asked by all ranks or by one; one point of one rank outside, and there is nothing on all."""
+    mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (1.0, 1.0)], [1, 1], dmesh.CellType.quadrilateral)
+    for asking in (range(COMM.size), [COMM.size - 1]):
+        x = np.array([[0.25, 0.5, 0.0], [1.0, 1.2, 0.0]])[: 2 * (COMM.rank in asking)]
+        found = values_at(mesh, x, 1, lambda x: x[0] + 2 * x[1])
+        np.testing.assert_allclose(found.ravel(), x[:, 0] + 2 * x[:, 1], rtol=0, atol=1e-14)
+        for away in (1.5, np.nan):
+            x[x == 1.2] = away
+            assert values_at(mesh, x, 1, lambda x: x[0]) is None
+            x[1:, 1] = 1.2
+
+
+@pytest.mark.mpi
+def test_an_error_on_one_rank():
+    """It is raised on all, so that none waits."""
+    mesh = dmesh.create_unit_square(COMM, 4, 4)
+
+    def evaluate(cells, place):
+        if COMM.rank == COMM.size - 1:
+            raise ValueError("only here")
+        return place
+
+    with pytest.raises(ValueError, match="only here"):
+        at_points(mesh, nodes(mesh), 0.25, evaluate)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_nearest_cell(dim):
+    """A point that two cells continue to takes the one that it is less outside of, large or small."""
+    split = [0.0, 1.0, 1.1, 2.0]
+    mesh = dmesh.create_box(SELF, [(0.0,) * 3, (3.0, 1.0, 1.0)], (3, 1, 1), dmesh.CellType.hexahedron)
+    if dim == 2:
+        mesh = dmesh.create_rectangle(SELF, [(0.0, 0.0), (3.0, 1.0)], [3, 1], dmesh.CellType.quadrilateral)
+    mesh.geometry.x[:, 0] = np.interp(mesh.geometry.x[:, 0], range(4), split)
+    x = np.zeros((6, 3))
+    x[:, :dim] = 0.5
+    x[:, 0] = 0.5, 1.05, 1.5, -0.1, 2.1, 1.05
+    x[5, 1] = -0.1
+    cells, place, gap = cells_of_points(mesh, x, 0.5)
+    middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells]].mean(axis=1)[:, 0]
+    np.testing.assert_allclose(middle, [0.5, 1.05, 1.55, 0.5, 1.55, 1.05])
+    np.testing.assert_allclose(gap, [0, 0, 0, 0.1, 0.1, 0.1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(np.abs(place[4] - 0.5).max(), 0.5 + 0.1 / 0.9)
