@@ -93,7 +93,7 @@ def tried(
     restore: Callable[[], object] = lambda: None,
     told: Callable[[T], str] = str,
 ) -> list[T]:
-    """Run attempts in order until one settles the matter, or the linear solves that are allowed have been used up.
+    """Run attempts in order until one settles the matter, or neither linear solves nor time are left; collective.
 
     Args:
         attempts: names, and functions that begin at the current state; the next pair is asked for after a failure.
@@ -108,7 +108,7 @@ def tried(
     outcomes: list[T] = []
     for name, attempt in attempts:
         if outcomes:
-            if history.linear_solves >= history.limit:
+            if history.exhausted:
                 break
             history.add(f"{told(outcomes[-1])}: {name}")
             restore()

@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import resource
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -22,6 +23,11 @@ T = TypeVar("T")
 def is_root(comm: MPI.Comm) -> bool:
     """Whether this rank prints and writes."""
     return comm.rank == 0
+
+
+def clock(comm: MPI.Comm) -> float:
+    """Seconds on the clock of the first rank, the same on every rank: only differences mean anything; collective."""
+    return float(comm.bcast(time.perf_counter()))
 
 
 def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:

@@ -265,6 +265,8 @@ class History:
         events: decisions that a user should know about, such as a fall-back.
         observers: called with each new record or event, and when a load step begins, to show progress.
         limit: the number of linear solves at which all methods end; infinite: none.
+        is_late: whether the time that the solve may take has passed, the same on all ranks; collective.
+        late: whether it was found to have passed; then all methods end as well.
         step: number of the load step that the solve is at, from 1.
         progress: where the solve is.
         watchers: called with it whenever it changes; on all ranks or on none.
@@ -275,6 +277,8 @@ class History:
     events: list[str] = field(default_factory=list)
     observers: list[Observer] = field(default_factory=list)
     limit: float = np.inf
+    is_late: Callable[[], bool] = lambda: False
+    late: bool = False
     step: int = 1
     progress: Progress = field(default_factory=Progress)
     watchers: list[Callable[[Progress], object]] = field(default_factory=list)
@@ -286,6 +290,16 @@ class History:
     def linear_solves(self) -> int:
         """Linear solves so far."""
         return len(self.iterations)
+
+    def overdue(self) -> bool:
+        """Whether the time has passed; asked before each linear solve; collective."""
+        self.late = self.late or self.is_late()
+        return self.late
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether neither linear solves nor time are left; collective."""
+        return self.linear_solves >= self.limit or self.overdue()
 
     @contextmanager
     def at_most(self, solves: float) -> Iterator[None]:

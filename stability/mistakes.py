@@ -752,6 +752,27 @@ MUTANTS = (
         tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
+        "attempts",
+        "history.exhausted",
+        "history.linear_solves >= history.limit",
+        "another attempt begins after the time has ended",
+        tests=("attempts::test_no_attempt_begins_after_the_time",),
+    ),
+    Mutant(
+        "algorithms/ssn",
+        "k > 0 and self.history.overdue()",
+        "False",
+        "the time is asked for between problems only",
+        tests=("accuracy::test_time_ends_after_the_linear_solve_in_which_it_has_passed",),
+    ),
+    Mutant(
+        "solving/to_accuracy",
+        "last is not None and level is None and late",
+        "False",
+        "a mesh that was given up leaves nothing of the one before",
+        tests=("accuracy::test_time_ends_after_the_linear_solve_in_which_it_has_passed",),
+    ),
+    Mutant(
         "solving/strategy",
         "lost.status",
         "status",

@@ -14,7 +14,7 @@ from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.records import Status
+from signorini_fx.records import IterationRecord, Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
@@ -178,11 +178,34 @@ def test_a_mesh_that_cannot_be_divided_is_refused_first():
 
 def test_budget_ends_by_name():
     """A refinement that the budget does not allow is not begun; the answer is the last mesh's, certified."""
-    solution = solve(asked("tresca", target=1e-6, seconds=1e-3), check=False)
-    assert solution.status is Status.BUDGET
-    assert solution.certificate.holds
-    assert len(solution.levels) == 2
     assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
+
+
+@pytest.mark.mpi
+def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
+    """On a clock that counts linear solves: none comes after the last that is allowed, on whichever mesh that is."""
+    solves = []
+    monkeypatch.setattr(parallel, "clock", lambda comm: float(sum(isinstance(one, IterationRecord) for one in solves)))
+    whole = solve(asked("coulomb", target=0.05), observers=[solves.append])
+    by_mesh = np.cumsum([level.linear_solves for level in whole.levels])
+    assert len(by_mesh) > 2
+    for allowed in (1, by_mesh[0] + 1, by_mesh[1] - 1):
+        solves.clear()
+        scene = asked("coulomb", target=0.05, seconds=float(allowed))
+        solution = solve(scene, observers=[solves.append], check=False)
+        complete = int(np.count_nonzero(by_mesh <= allowed))
+        assert solution.history.linear_solves == allowed
+        assert len(solution.levels) == complete
+        assert f"accuracy: {allowed} s have ended before mesh {complete + 1} was solved" in solution.history.events
+        if complete:
+            assert solution.status is Status.BUDGET
+            assert solution.certificate.holds
+            np.testing.assert_array_equal(
+                solution.table.columns["pressure"], solution.levels[-1].table.columns["pressure"]
+            )
+        else:
+            assert solution.status is Status.MAX_ITERATIONS
+            assert "raise accuracy.seconds" in solution.advice
 
 
 def test_the_memory_of_the_machine_is_a_budget(monkeypatch):

@@ -80,3 +80,10 @@ def test_the_linear_solves_that_are_allowed():
         assert history.limit == 10
     assert len(outcomes) == 3
     assert history.limit == float("inf")
+
+
+def test_no_attempt_begins_after_the_time():
+    """An attempt that has begun ends by itself; what comes after it is left."""
+    history = History(is_late=lambda: True)
+    assert tried([("", lambda: 1), ("", lambda: 2)], history=history, settled=lambda _: False) == [1]
+    assert tried([("", lambda: 1), ("", lambda: 2)], history=History(), settled=lambda _: False) == [1, 2]

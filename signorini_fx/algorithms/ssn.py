@@ -187,9 +187,9 @@ class SemismoothNewton:
         self._seen: dict[int, float] = {}
         self._stalls: list[float] = []
         self._status: Status | None = None
-        left = self.history.limit - self._before
-        if left <= 0:
+        if self.history.exhausted:
             return Status.MAX_ITERATIONS
+        left = self.history.limit - self._before
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, left))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened = True, False
@@ -325,6 +325,8 @@ class SemismoothNewton:
         self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf
         if problem.next.escapes is not None:
             return self._stop(problem.next.escapes)
+        if k > 0 and self.history.overdue():
+            return self._stop(Status.MAX_ITERATIONS)
         return int(_SNES.CONVERGED_ITERATING)
 
     def _settled(self, residual: float, law: float) -> bool:

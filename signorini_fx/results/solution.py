@@ -152,6 +152,10 @@ class Solution:
                 "likely a limit load is between them, though it is not proved: lower the load, raise the friction, or "
                 "prescribe a displacement"
             )
+        if self.history.late and self.status in _UNDECIDED:
+            return (
+                "the time ended before the first mesh was solved: raise accuracy.seconds, or begin with a coarser mesh"
+            )
         if self.status is Status.CYCLING:
             ways = ["set solver.sigma = 'auto' (a node then passes through stick)"] if settings.sigma != "auto" else []
             ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]

@@ -83,6 +83,9 @@ def solve(
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.accuracy is not None:
         coarser: MeshLevel | None = None
+        begin, allowed = parallel.clock(comm), scene.accuracy.seconds
+        if allowed is not None:
+            history.is_late = lambda: parallel.clock(comm) - begin >= allowed
 
         def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
             nonlocal coarser

@@ -7,7 +7,6 @@ the squared error that has to be removed.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf
@@ -98,7 +97,8 @@ def solve_to_accuracy(
 ) -> Solution:
     """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends.
 
-    A refinement that would exceed the budget is not begun.
+    A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
+    the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
 
     Args:
         scene: with the mesh and the gamma to begin from.
@@ -108,7 +108,7 @@ def solve_to_accuracy(
         on_level: called with the solution on each mesh but the last; collective.
         notify: called with messages for the user, such as that other elements than the scene's are used.
     """
-    base_memory, begin = peak_memory(comm), time.perf_counter()
+    base_memory, begin = peak_memory(comm), parallel.clock(comm)
     meshes = Meshes(scene, goal, comm)
     if meshes.replaced:
         notify(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
@@ -118,9 +118,14 @@ def solve_to_accuracy(
     last: Solution | None = None
     polygon = 0.0
     while True:
-        before = time.perf_counter()
+        before = parallel.clock(comm)
         solved = meshes.solve(solve_on, state, len(levels))
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
+        late = solution.history.overdue()
+        if late and level is None:
+            notify(f"accuracy: {goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved")
+        if last is not None and level is None and late:
+            return replace(last, status=Status.BUDGET)
         if last is not None and solution.status in _TOO_FINE:
             # The coordinates of such cells have no digits left: the previous mesh is the last that has a solution.
             notify(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
@@ -130,7 +135,7 @@ def solve_to_accuracy(
         if meshes.polygonal and not levels:
             polygon = polygon_error(level.table, max(map(plane_modulus, scene.material)))
         state = solution.steps[0].contact
-        seconds = parallel.global_max(comm, time.perf_counter() - before + meshes.seconds)
+        seconds = parallel.clock(comm) - before + meshes.seconds
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
@@ -151,6 +156,8 @@ def solve_to_accuracy(
         if hopeless:
             notify(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
+        if late:
+            return replace(solution, status=Status.BUDGET)
         meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
@@ -206,7 +213,7 @@ def _beyond(
 ) -> str:
     """Why a mesh ``jump`` times finer than the last one would exceed the budget or the machine; "" if it would not."""
     following = predict(rows[:-1], base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from)
-    spent = parallel.global_max(comm, time.perf_counter() - begin)
+    spent = parallel.clock(comm) - begin
     if goal.seconds is not None and spent + following.seconds > goal.seconds:
         return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
     # A process that takes more memory than there is would be killed, and its results with it.
@@ -294,7 +301,7 @@ class Meshes:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
         try:
             solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
-            if solved.level is not None or solved.task is None:
+            if solved.level is not None or solved.task is None or solved.solution.history.late:
                 return solved
         except SceneError:
             solved = None
@@ -318,7 +325,7 @@ class Meshes:
 
     def refine(self, solved: Solved, excess: float, jump: float) -> None:
         """Make the next mesh."""
-        begin = time.perf_counter()
+        begin = parallel.clock(self._comm)
         if self._file is not None:
             self._halvings += 1
             self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
@@ -336,7 +343,7 @@ class Meshes:
             if self._of == "pressure" and self.adaptive and tagged.dimension == 2:
                 tagged = self._divide_corners(tagged, solved, excess)
             self.scene = self.scene.model_copy(update={"mesh": tagged})
-        self.seconds = time.perf_counter() - begin
+        self.seconds = parallel.clock(self._comm) - begin
 
     def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
         """Divide the cells at corners in contact several times, if they contain the error of the pressure.
