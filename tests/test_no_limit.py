@@ -15,6 +15,8 @@ from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
 CLAMPED = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+# Twice as wide as high: a node two facets above the corner is one facet of the bottom away from it.
+FLAT_CELLS = {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 4, "ny": 4}}
 ROLLERS = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
 PULL = [{"boundary": "right", "x": 1.0}]
 
@@ -53,6 +55,8 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
     [
         ({"displacement": CLAMPED}, (0.0, 0.0), "it is at the end of the boundary left"),
         ({"displacement": CLAMPED}, (0.0, 0.5), None),
+        ({"displacement": CLAMPED, "mesh": FLAT_CELLS}, (0.0, 0.5), None),
+        ({"displacement": CLAMPED, "mesh": FLAT_CELLS}, (0.0, 0.25), "it is at the end of the boundary left"),
         ({"displacement": CLAMPED}, (2.0, 0.0), None),
         ({"displacement": CLAMPED}, (1.0, 0.5), None),
         ({"displacement": ROLLERS}, (0.0, 0.0), None),
