@@ -624,6 +624,20 @@ MUTANTS = (
     Mutant("path_following", "left <= allowed", "False", "path-following: never content"),
     Mutant(
         "path_following",
+        "ahead > before / 2",
+        "ahead > 2 * before",
+        "path-following: nodes that will slip still stick at the end",
+        tests=("strategy::test_a_path_does_not_end_where_a_stick_node_is_moved",),
+    ),
+    Mutant(
+        "path_following",
+        "GAMMA_GROWTH * data.gamma_n if doubtful else 0.0",
+        "0.0",
+        "path-following: gamma decreases where the sets are in doubt",
+        tests=("strategy::test_a_path_does_not_end_where_a_stick_node_is_moved",),
+    ),
+    Mutant(
+        "path_following",
         "-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))",
         "2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))",
         "path-following: curvature, sign",

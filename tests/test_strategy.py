@@ -168,3 +168,29 @@ def test_a_loose_body_without_load_is_not_at_rest():
     """Where it is nothing holds it: every position off the foundation is as good."""
     scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"displacement": (), "traction": ()})
     assert alone(scene, check=False).status is Status.OPEN
+
+
+def test_a_path_does_not_end_where_a_stick_node_is_moved():
+    """A wall moves the corner of a block that sticks to the ground: at small gammas both hold it half way, and a node
+    that will slip still sticks.
+    """
+
+    def solved(**solver):
+        data = {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 2, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -1e-3},
+            "contact": [
+                {"boundary": "bottom", "friction": {"law": "tresca", "bound": 100.0}},
+                {"boundary": "left", "gap": -1e-3},
+            ],
+            "solver": solver,
+        }
+        return alone(parse_scene(data))
+
+    path, limit = solved(algorithm="path-following", regularisation_error=0.1), solved(algorithm="alm")
+    stiffness = path.discretisation.stiffness
+    away, size = limit.displacement.x.petsc_vec.copy(), limit.displacement.x.petsc_vec.copy()
+    away.axpy(-1.0, path.displacement.x.petsc_vec)
+    error = np.sqrt(away.dot(stiffness * away) / size.dot(stiffness * size))
+    assert error < 2 * path.parameters["regularisation_error"] < 0.2

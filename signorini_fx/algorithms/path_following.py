@@ -9,6 +9,10 @@ with C the contact blocks of the sets at gamma = 1.  A function with one pole, y
 fitted to them; it gives both the distance of y from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and the
 gamma at which that distance will have the required value.  There are no parameters to tune: the start is determined by
 the body, the goal by the scene.
+
+The model knows these sets only.  Where contact of another boundary moves a node that sticks, the slip does not decrease
+along the path; the shear grows with gamma, and at some gamma the node slips.  If that moves the body farther than the
+model does, the path goes on.
 """
 
 from __future__ import annotations
@@ -21,10 +25,10 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, tangent
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length, tangent
 from signorini_fx.linalg import callbacks
 from signorini_fx.records import Status
-from signorini_fx.tuned import NEGLIGIBLE_POLE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE
 
 # Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
 # preconditioner, where it is still far below the error of the model.
@@ -40,12 +44,14 @@ class PathModel:
         pole: E > -gamma.
         distance: energy norm of y_inf - y(gamma).
         pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
+        left_slip: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
     """
 
     gamma: float
     pole: float
     distance: float
     pressure_distance: float
+    left_slip: float
 
     def gamma_for(self, distance: float) -> float:
         """gamma_1 at which the model is ``distance`` away from its limit."""
@@ -92,11 +98,16 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     ksp.setTolerances(*before)
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
-    u_n, _ = system.contact.traces(newton.x)
-    slope_n, _ = system.contact.traces(first)
+    u_n, u_t = system.contact.traces(newton.x)
+    slope_n, slope_t = system.contact.traces(first)
     pressure_slope = boundary.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
-    return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope)
+    # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
+    before, ahead = length(u_t - origin), boundary.felt(u_t - origin + reach * slope_t)
+    stays = ~sets.slip & (ahead > before / 2)
+    may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
+    left_slip = boundary.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
+    return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
 
 
 def path_following(
@@ -129,11 +140,13 @@ def path_following(
         if status is not Status.CONVERGED:
             return status, data, left
         model = path_model(newton, data)
-        allowed, left = goal(), model.distance
-        if left <= allowed or data.gamma_n >= largest:
+        allowed, left = goal(), max(model.distance, model.left_slip)
+        doubtful = model.left_slip > model.distance
+        if (left <= allowed and not doubtful) or data.gamma_n >= largest:
             return Status.CONVERGED, data, left
         # Half of the allowed error; otherwise the path would approach the goal slowly from above.
-        gamma = min(model.gamma_for(allowed / 2), largest) if allowed > 0 else largest
+        least = GAMMA_GROWTH * data.gamma_n if doubtful else 0.0
+        gamma = min(max(model.gamma_for(allowed / 2), least), largest) if allowed > 0 else largest
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
         first_sets, first_iteration = newton.continued_sets(data), 1
     return Status.OUTER_MAX_ITERATIONS, data, left
