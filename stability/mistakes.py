@@ -1049,10 +1049,18 @@ MUTANTS = (
     ),
     Mutant(
         "krylov",
-        "max(least, INEXACT_TOLERANCE * residual.norm()) if self.inexact else least",
-        "INEXACT_TOLERANCE * residual.norm()",
+        "max(least, share * size) if self.inexact else least",
+        "INEXACT_TOLERANCE * size",
         "Krylov: loose to the end",
         tests=("inexact",),
+    ),
+    Mutant(
+        "krylov",
+        "min(INEXACT_TOLERANCE, size / self._forces) if self._forces > 0 else INEXACT_TOLERANCE",
+        "INEXACT_TOLERANCE",
+        "Krylov: as loose near the solution as far from it",
+        ranks=2,
+        tests=("krylov::test_one_rank_or_many",),
     ),
     Mutant(
         "multigrid",

@@ -111,7 +111,8 @@ class KrylovSystem(AssembledSystem):
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve for the contact unknowns, so that they have no residual, and say how much of the rest may be left.
 
-        The penalty is in the residual no more.
+        The penalty is in the residual no more.  What a loose solve may leave follows Eisenstat & Walker (1996): the
+        share that the residual has of the forces, so that Newton's method converges as fast as with exact solves.
         """
         ksp.setUp()  # PETSc calls this before
         self._preconditioners[ksp.handle].solve_contact(b, x)
@@ -122,10 +123,9 @@ class KrylovSystem(AssembledSystem):
         residual = b.duplicate()
         ksp.getOperators()[0].mult(x, residual)
         residual.aypx(-1.0, b)
-        least = KRYLOV_TOLERANCE * self._forces
-        ksp.setTolerances(
-            rtol=_NO_SHARE, atol=max(least, INEXACT_TOLERANCE * residual.norm()) if self.inexact else least
-        )
+        size, least = residual.norm(), KRYLOV_TOLERANCE * self._forces
+        share = min(INEXACT_TOLERANCE, size / self._forces) if self._forces > 0 else INEXACT_TOLERANCE
+        ksp.setTolerances(rtol=_NO_SHARE, atol=max(least, share * size) if self.inexact else least)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, the solve need not be exact."""
