@@ -1213,21 +1213,13 @@ MUTANTS = (
         "gap >= 0",
         "the last rank that answers has the point",
         ranks=3,
-        tests=("mesh_points",),
+        tests=("mesh_points::test_the_rank_that_has_the_cell",),
     ),
     Mutant(
         "points",
         "(_ROUND_OFF, outside)",
         "(_ROUND_OFF,)",
         "no cell for points outside all bounding boxes",
-        tests=("mesh_points",),
-    ),
-    Mutant(
-        "points",
-        "parallel.raise_together(comm, failure)",
-        "pass",
-        "an error where a cell is evaluated stays on its rank",
-        ranks=2,
         tests=("mesh_points",),
     ),
     Mutant(
