@@ -624,8 +624,8 @@ MUTANTS = (
     Mutant("path_following", "left <= allowed", "False", "path-following: never content"),
     Mutant(
         "path_following",
-        "ahead > before / 2",
-        "ahead > 2 * before",
+        "ahead > now / 2",
+        "ahead > 2 * now",
         "path-following: nodes that will slip still stick at the end",
         tests=("strategy::test_a_path_does_not_end_where_a_stick_node_is_moved",),
     ),

@@ -103,8 +103,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     pressure_slope = boundary.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
-    before, ahead = length(u_t - origin), boundary.felt(u_t - origin + reach * slope_t)
-    stays = ~sets.slip & (ahead > before / 2)
+    now, ahead = length(u_t - origin), boundary.felt(u_t - origin + reach * slope_t)
+    stays = ~sets.slip & (ahead > now / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
     left_slip = boundary.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
