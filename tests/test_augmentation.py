@@ -241,3 +241,23 @@ def test_every_rank_judges_alike():
     augmentation = Augmentation(task.iterate.newton, 1e8, 1e-9)
     augmentation.measure(task.start.data)
     assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))
+
+
+def test_a_node_that_a_support_lifts_off():
+    """The clamped end presses its corner into the foundation in the first load step, and lifts it off in the second."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 4, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": -0.01, "factors": [1.0, 0.1]},
+            "traction": {"boundary": "right", "y": -1.0, "factors": [1.0, 1.0]},
+            "contact": {"boundary": "bottom", "gap": 0.005, "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "solver": {"algorithm": "alm", "coulomb": "fp"},
+        }
+    )
+    solution = alone(scene)
+    pressed, lifted = (step.contact.pressure[step.contact.boundary.immovable] for step in solution.steps)
+    assert pressed.size == 1
+    assert pressed[0] > 0
+    assert lifted.tolist() == [0.0]
+    assert all(step.certificate.holds for step in solution.steps)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
@@ -39,7 +41,8 @@ def fixed_point(
     """
     g = start[0]
     if augmentation is not None:
-        data = replace(data, lambda_hat=start[0], mu_hat=start[1])
+        kept = newton.problem.boundary.immovable  # whose pressure augmentation does not change, see ``shifts``
+        data = replace(data, lambda_hat=np.where(kept, data.lambda_hat, start[0]), mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
