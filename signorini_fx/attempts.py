@@ -79,7 +79,7 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         DESCENT,
         BOTH,
     ),
-    "Coulomb friction": (FIXED_POINT, MONOLITHIC, *DAMPED.values()),
+    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, *DAMPED.values()),
     "load step": (METHOD, AUGMENTED, HALF),
     "mesh": (COARSER,),
 }
@@ -141,16 +141,19 @@ def for_problem(*, finite_sigma: bool, eliminated: bool) -> tuple[Attempt, ...]:
     )
 
 
-def for_coulomb(*, monolithic: bool, first: bool, fallbacks: bool, damped: bool = True) -> tuple[Attempt, ...]:
+def for_coulomb(
+    *, monolithic: bool, first: bool, fallbacks: bool, augmented: bool, damped: bool = True
+) -> tuple[Attempt, ...]:
     """What is tried for one problem with Coulomb friction.
 
     Args:
         monolithic: whether its monolithic form is to be had.
         first: whether that is tried first; the fixed point is then its documented fall-back.
         fallbacks: whether others are to be tried.
+        augmented: whether the augmented Lagrangian method is among them: it takes far fewer linear solves than damping.
         damped: whether damped fixed points are.
     """
-    ways = [FIXED_POINT, *(DAMPED.values() if damped else ())]
+    ways = [FIXED_POINT, *((AUGMENTED,) if augmented else ()), *(DAMPED.values() if damped else ())]
     if monolithic:
         ways.insert(0 if first else 1, MONOLITHIC)
     return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])

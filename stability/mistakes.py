@@ -766,6 +766,21 @@ MUTANTS = (
         tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
+        "algorithms/fp",
+        "norm(following - before) <= _BACK * norm(following - g)",
+        "False",
+        "bounds that alternate are followed to the last problem",
+        tests=("coulomb_ways::test_a_bound_that_alternates_is_no_reason_to_go_on",),
+    ),
+    Mutant(
+        "solving/strategy",
+        "_may_augment(task, start)",
+        "False",
+        "Coulomb friction is not augmented",
+        within="_either_way",
+        tests=("coulomb_ways::test_a_bound_that_alternates_is_no_reason_to_go_on",),
+    ),
+    Mutant(
         "attempts",
         "history.exhausted",
         "history.linear_solves >= history.limit",

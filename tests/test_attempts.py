@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scenes import example1
 
-from signorini_fx.attempts import DAMPED, FIXED_POINT, MONOLITHIC, PLAN, for_coulomb, tried
+from signorini_fx.attempts import AUGMENTED, DAMPED, FIXED_POINT, MONOLITHIC, PLAN, for_coulomb, tried
 from signorini_fx.check.planned import attempts_for
 from signorini_fx.records import History, IterationRecord
 
@@ -42,11 +42,19 @@ def test_what_check_lists():
 @pytest.mark.parametrize("monolithic", [True, False])
 def test_ways_of_coulomb_friction(monolithic):
     """The fixed point is the fall-back of Newton's method even where there are to be none."""
-    assert for_coulomb(monolithic=monolithic, first=False, fallbacks=False) == (FIXED_POINT,)
-    ways = for_coulomb(monolithic=monolithic, first=True, fallbacks=False)
+    assert for_coulomb(monolithic=monolithic, first=False, fallbacks=False, augmented=True) == (FIXED_POINT,)
+    ways = for_coulomb(monolithic=monolithic, first=True, fallbacks=False, augmented=True)
     assert ways == ((MONOLITHIC, FIXED_POINT) if monolithic else (FIXED_POINT,))
-    assert for_coulomb(monolithic=True, first=False, fallbacks=True) == (FIXED_POINT, MONOLITHIC, *DAMPED.values())
-    assert for_coulomb(monolithic=True, first=False, fallbacks=True, damped=False) == (FIXED_POINT, MONOLITHIC)
+    assert for_coulomb(monolithic=True, first=False, fallbacks=True, augmented=True) == (
+        FIXED_POINT,
+        MONOLITHIC,
+        AUGMENTED,
+        *DAMPED.values(),
+    )
+    assert for_coulomb(monolithic=True, first=False, fallbacks=True, augmented=False, damped=False) == (
+        FIXED_POINT,
+        MONOLITHIC,
+    )
 
 
 def solve_of(history, count):

@@ -177,3 +177,34 @@ def test_the_limit_is_an_end(monkeypatch):
     assert solution.history.linear_solves <= 200
     assert any("as many linear solves as they may" in event for event in solution.history.events)
     assert time.process_time() - begin < 20
+
+
+def test_a_bound_that_alternates_is_no_reason_to_go_on():
+    """A block in a corner of three walls: the fixed point alternates from the second dozen of problems on."""
+    scene = parse_scene(
+        {
+            "mesh": {
+                "generator": "box",
+                "parameters": {
+                    "length": 1.0,
+                    "width": 1.0,
+                    "height": 2.0,
+                    "nx": 2,
+                    "ny": 2,
+                    "nz": 4,
+                    "cell": "tetrahedron",
+                },
+            },
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": -1.0, "y": -2.0, "z": -5.0},
+            "contact": [
+                {"boundary": name, "friction": {"law": "coulomb", "coefficient": 0.6}}
+                for name in ("left", "front", "bottom")
+            ],
+        }
+    )
+    solution = alone(scene)
+    events, outer = solution.history.events, solution.history.outer
+    assert "the fixed point alternates between two friction bounds" in events
+    assert not any("damped" in event for event in events)
+    assert len(outer) < scene.solver.max_outer_iterations

@@ -257,13 +257,14 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
 def test_after_augmentation(tmp_path, monkeypatch):
     """A load step that augmentation has solved promises the law itself, also to the steps after a restart."""
     given = scene(PUSHED)
-    plain = strategy._coulomb
+    plain = strategy.fixed_point
 
-    def fails_at_third(task, start, law):
-        outcome = plain(task, start, law)
-        return replace(outcome, status=Status.CYCLING) if start.step == 2 else outcome
+    def fails_at_third(newton, *arguments, **options):
+        fails = newton.history.step == 3 and options["augmentation"] is None
+        return Status.CYCLING if fails else plain(newton, *arguments, **options)
 
-    monkeypatch.setattr(strategy, "_coulomb", fails_at_third)
+    monkeypatch.setattr(strategy, "fixed_point", fails_at_third)
+    monkeypatch.setattr(strategy, "coulomb_newton", lambda *arguments: Status.CYCLING)
     reference = solve(given, MPI.COMM_SELF)
     assert not reference.steps[2].certificate.law.regularised
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)

@@ -12,6 +12,10 @@ from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.records import Status
 
+# A bound that differs from the last but one by less than this share of its change has come back: an error that
+# alternates and decreases so slowly takes thousands of steps.
+_BACK = 1e-3
+
 
 def fixed_point(
     newton: SemismoothNewton,
@@ -39,7 +43,8 @@ def fixed_point(
             unregularised solution.
         damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
     """
-    g = start[0]
+    g, norm = start[0], newton.problem.boundary.norm
+    before: Nodal | None = None
     if augmentation is not None:
         kept = newton.problem.boundary.immovable  # whose pressure augmentation does not change, see ``shifts``
         data = replace(data, lambda_hat=np.where(kept, data.lambda_hat, start[0]), mu_hat=start[1])
@@ -54,7 +59,12 @@ def fixed_point(
         if change is not None and change <= tolerance and settled:
             return Status.CONVERGED
         pressure, _ = newton.multipliers()
-        g = g + damping * (pressure - g)
+        following = g + damping * (pressure - g)
+        # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
+        if augmentation is None and before is not None and norm(following - before) <= _BACK * norm(following - g):
+            newton.history.add("the fixed point alternates between two friction bounds")
+            return Status.OUTER_MAX_ITERATIONS
+        before, g = g, following
         if augmentation is not None:
             data = augmentation.next(data)
     return Status.OUTER_MAX_ITERATIONS

@@ -35,7 +35,12 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
             isinstance(one.friction, CoulombFriction) and one.friction.cap is not None for one in scene.contact
         )
         bilateral = any(one.kind == "bilateral" for one in scene.contact)
-        ways = for_coulomb(monolithic=not (capped or bilateral), first=s.coulomb == "newton", fallbacks=s.fallbacks)
+        ways = for_coulomb(
+            monolithic=not (capped or bilateral),
+            first=s.coulomb == "newton",
+            fallbacks=s.fallbacks,
+            augmented=s.algorithm != "alm",
+        )
         rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
     step: tuple[Attempt, ...] = (METHOD, AUGMENTED) if s.fallbacks and s.algorithm != "alm" else (METHOD,)
     rows.append(("a load step", step, f"at most {limit} linear solves together"))

@@ -90,7 +90,7 @@ def _solve(task: Task, start: Start) -> Outcome:
             return first
 
         yield METHOD, method
-        if task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs:
+        if not task.has_coulomb and _may_augment(task, start):
             data = _softened(task, start, first)
             yield f"{AUGMENTED} with gamma_n = {data.gamma_n:.3g}", lambda: _augmented(task, start, first, data)
 
@@ -104,11 +104,16 @@ def _solve(task: Task, start: Start) -> Outcome:
     return last if len(outcomes) == 1 or last.status is Status.CONVERGED else replace(last, status=outcomes[0].status)
 
 
+def _may_augment(task: Task, start: Start) -> bool:
+    """Whether augmentation is a fall-back of the scene here."""
+    return task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs
+
+
 def _by_method(task: Task, start: Start) -> Outcome:
     """The method of the scene, and the unregularised limit if it is to follow."""
     coulomb = start.law if task.has_coulomb else None
     outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
-    exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED
+    exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED and not outcome.augmented
     return _exact(task, start, outcome) if exact else outcome
 
 
@@ -314,7 +319,8 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then damped ones.
+    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation, then
+    damped ones.
 
     Args:
         task: the contact problem.
@@ -337,10 +343,13 @@ def _either_way(
         monolithic=law.cap is None and begun.data.bilateral is None,
         first=monolithic_first,
         fallbacks=s.fallbacks,
+        augmented=_may_augment(task, start),
         damped=not start.without_fall_backs,
     )
 
     def ended(name: Attempt) -> Outcome:
+        if name is AUGMENTED:
+            return _augmented(task, start, begun, _softened(task, start, begun))
         status = _proved(task, begun.data, law, ways[name]())
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
@@ -350,7 +359,7 @@ def _either_way(
         return not task.gave_up(outcome.status)
 
     return tried(
-        ((f"{name} from the same start", partial(ended, name)) for name in names),
+        ((name if name is AUGMENTED else f"{name} from the same start", partial(ended, name)) for name in names),
         history=task.history,
         settled=settled,
         restore=lambda: newton.restore(checkpoint),
