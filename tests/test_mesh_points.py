@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
-from dolfinx import fem
+from dolfinx import fem, geometry
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from spaces import CELLS
@@ -41,6 +41,25 @@ def test_points_of_distorted_cells(cell):
     np.testing.assert_allclose(place[:-1], wanted, rtol=0, atol=1e-12)
     assert gap[:-1].max() < 1e-12
     assert gap[-1] == np.inf
+
+
+def test_a_cell_of_a_size_of_its_own(monkeypatch):
+    """Points outside of the box of a single cell: dolfinx 0.9 reads beyond the end of a tree with one box."""
+    boxes = []
+    tree = geometry.bb_tree
+    monkeypatch.setattr(
+        geometry,
+        "bb_tree",
+        lambda *given, entities, **more: boxes.append(len(entities)) or tree(*given, entities=entities, **more),
+    )
+    mesh = dmesh.create_rectangle(SELF, [[0.0, 0.0], [3.0, 1.0]], [3, 1], dmesh.CellType.quadrilateral)
+    mesh.geometry.x[mesh.geometry.x[:, 0] > 2.5, 0] = 9.0
+    found, place, gap = cells_of_points(mesh, np.array([[0.5, 0.5, 0.0], [8.0, 0.5, 0.0], [20.0, 0.5, 0.0]]), 0.25)
+    assert len(set(found[:2])) == 2
+    assert found[2] == -1
+    np.testing.assert_allclose(sorted(place[1]), [0.5, 6 / 7], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(gap[:2], 0.0, rtol=0, atol=1e-12)
+    assert min(boxes) == 2
 
 
 @pytest.fixture(scope="module")

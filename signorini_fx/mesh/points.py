@@ -104,6 +104,8 @@ def cells_of_points(mesh: dmesh.Mesh, x: Array, outside: float) -> tuple[Cells, 
         left = np.flatnonzero((cells < 0) | (gap > _ROUND_OFF * size[cells])) if len(size) else cells[:0]
         for group in np.unique(groups) if len(left) else ():
             entities = np.flatnonzero(groups == group).astype(np.int32)
+            if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
+                entities = np.repeat(entities, 2)
             tree = geometry.bb_tree(mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1)))
             near: Any = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[left]))
             which = np.repeat(left, np.diff(near.offsets))
