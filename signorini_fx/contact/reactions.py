@@ -86,9 +86,9 @@ class Reactions:
         """The tractions that do most work on a motion of shape (k,).
 
         Returns:
-            Edges of the cone, one per row, the resultants of unlimited tractions; the node that each of them presses,
-            shape (m,), -1 for friction without pressure; and the resultant of limited tractions that does the most
-            work, shape (k,), in the given unit.
+            Edges of the cone and directions within it, one per row, the resultants of unlimited tractions; the node
+            that each of them presses, shape (m,), -1 for friction without pressure; and the resultant of limited
+            tractions that does the most work, shape (k,), in the given unit.
         """
         away, slip = self.normal @ motion, self.tangential @ motion
         along = unit(slip)
@@ -97,12 +97,17 @@ class Reactions:
         capped = np.isfinite(self.cap) & (self.coefficient > 0)
         share = np.where(stick | capped, 0.0, self.coefficient)
         side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
-        edges = np.concatenate((side[:, None] * self.normal + share[:, None] * pull, pull[stick]))
-        node = np.concatenate((np.arange(away.size), np.full(np.count_nonzero(stick), -1)))
+        pressed, size = side * away, length(slip)
+        # Of a given size less friction does more work where the motion presses more than it slips.
+        less = np.flatnonzero((pressed > 0) & (size < share * pressed))
+        some = (size[less] / pressed[less])[:, None] * pull[less]
+        normal = side[:, None] * self.normal
+        edges = np.concatenate((normal + share[:, None] * pull, normal[less] + some, pull[stick]))
+        node = np.concatenate((np.arange(away.size), less, np.full(np.count_nonzero(stick), -1)))
         # Up to its cap, friction grows with the pressure.
         lift = np.zeros_like(away)
         lift[capped] = (self.cap[capped] - self.given[capped]) / self.coefficient[capped]
-        lift[away + self.coefficient * length(slip) <= 0] = 0.0
+        lift[away + self.coefficient * size <= 0] = 0.0
         bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
         return edges, node, bound @ pull + (lift / unit_of_force) @ self.normal
 
