@@ -72,9 +72,9 @@ def fixed_point(
 
 def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
     """d_g of section 7: the new g is the pressure for the old one; with shifts the larger change of the two."""
-    following, _ = newton.multipliers()
+    following, shear = newton.multipliers()
     boundary = newton.problem.boundary
     # The relative change of a pressure that vanishes is 1.
-    size = boundary.scale(following) or boundary.scale(g)
+    size = boundary.scale(following, shear) or boundary.scale(g)
     change = boundary.norm(following - g) / size if size > 0 else 0.0
     return change if augmentation is None else max(change, augmentation.measure(data))

@@ -143,18 +143,30 @@ class ContactBoundary:
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
-    def felt(self, values: Nodal) -> Nodal:
+    def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
         """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
 
         A support may press a node into the foundation.  The pressure there is that of the penalty, however large, and
-        does nothing to the body: it is no scale for other nodes.
-        """
-        traction = values[:, None] * self.normal if values.ndim == 1 else np.einsum("ik,ijk->ij", values, self.tangents)
-        return np.asarray(np.linalg.norm(self.freed(traction[:, :, None]), axis=(1, 2)))
+        does nothing to the body: it is no scale for other nodes.  Neither is what the other one of the two undoes.
 
-    def scale(self, values: Nodal) -> float:
+        Args:
+            values: the pressure or the shear.
+            beside: the other one; None: it is not looked at.
+        """
+        alone = self.freed(self._traction(values)[:, :, None])
+        size = np.asarray(np.linalg.norm(alone, axis=(1, 2)))
+        if beside is None:
+            return size
+        both = alone + self.freed(self._traction(beside)[:, :, None])
+        return np.minimum(size, np.linalg.norm(both, axis=(1, 2)))
+
+    def scale(self, values: Nodal, beside: Nodal | None = None) -> float:
         """The norm of what the body feels of a pressure or a shear; zero if supports take all of it; collective."""
-        return self.norm(self.felt(values))
+        return self.norm(self.felt(values, beside))
+
+    def _traction(self, values: Nodal) -> Nodal:
+        """A pressure (n,) or a shear (n, d - 1) as vectors, shape (n, d)."""
+        return values[:, None] * self.normal if values.ndim == 1 else np.einsum("ik,ijk->ij", values, self.tangents)
 
 
 def tangents_of(normal: Nodal) -> Nodal:

@@ -143,9 +143,13 @@ class ContactNodes:
         """The larger of pressure and shear without what supports take of them, stress, shape (n,).
 
         A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
+        Neither is a part of the one that the other undoes.
         """
         tractions = self.pressure[:, None] * self.normal, self.shear
-        return np.max([np.linalg.norm(self._movable(part, supports), axis=1) for part in tractions], axis=0)
+        *alone, both = (
+            np.linalg.norm(self._movable(part, supports), axis=1) for part in (*tractions, np.add(*tractions))
+        )
+        return np.minimum(np.maximum(*alone), both)
 
     def immovable(self, supports: Supports) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them is across it."""
