@@ -13,6 +13,9 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner, project, trial_pressure
 from signorini_fx.contact.laws import length as length_of
 
+# Slip below this share of the displacement of its node is round-off.
+_STILL = 1e-9
+
 
 @dataclass(frozen=True, repr=False)
 class ContactState:
@@ -101,9 +104,10 @@ class ContactState:
         return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
-        """``ActiveSets.side``; a node that transmits no shear moves freely."""
+        """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
         side = ActiveSets.of(self.in_contact, self.direction).side
-        moving = np.where(self.slip_length[:, 0] < 0, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
+        back = self.slip_length[:, 0] < -_STILL * np.linalg.norm(np.column_stack((self.u_n, self.u_t)), axis=1)
+        moving = np.where(back, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
         return np.where(self.bound > 0, side, moving).astype(np.int8)
 
     @cached_property

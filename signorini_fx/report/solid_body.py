@@ -199,7 +199,8 @@ def telling_view(points: Floats, facets: Rows, values: Floats, tiles: Tiling | N
     size = np.abs(np.nan_to_num(surface.values)).mean(axis=1)
     views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
     shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
-    best = int(np.argmax(shown))
+    # Of sides that show as much but for round-off the first.
+    best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
     return views[best] if shown[best] > _MORE * shown[0] else views[0]
 
 
