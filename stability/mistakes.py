@@ -263,7 +263,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_boundary",
-        "self.norm(self.felt(values))",
+        "self.norm(self.felt(values, beside))",
         "self.norm(values)",
         "what supports press into the foundation is a scale for other nodes",
         tests=("augmentation::test_nodes_that_a_support_presses_are_no_measure",),
@@ -1650,8 +1650,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/reactions",
-        "side[:, None] * self.normal + share[:, None] * pull",
-        "side[:, None] * self.normal - share[:, None] * pull",
+        "normal + share[:, None] * pull",
+        "normal - share[:, None] * pull",
         "statics: friction falls with the pressure",
         tests=("statics::test_balance_against_linear_programmes",),
     ),
@@ -2282,7 +2282,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/reactions",
-        "lift[away + self.coefficient * length(slip) <= 0] = 0.0",
+        "lift[away + self.coefficient * size <= 0] = 0.0",
         "pass",
         "statics: the cap is reached without pressure",
         tests=("statics::test_balance_against_linear_programmes",),
