@@ -1,22 +1,38 @@
-"""Compilation of forms by dolfinx: a clear error on all ranks if the machine lacks something for it."""
+"""Compilation of forms by dolfinx: processes that compile the same form wait for each other, and one that was killed
+leaves nothing behind; a clear error on all ranks if the machine lacks something for it.
+
+FFCx marks a form that is being compiled by its C file, and a compiled one by a file beside it.  A process that is
+killed in between leaves a mark that FFCx cannot tell from work in progress: it waits for ten seconds and gives up, now
+and in every later run.  Therefore each process of ours locks a form while it compiles it, by a lock that ends with the
+process.  What lies there under no lock is unfinished, and is compiled again.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shlex
 import shutil
 import sysconfig
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from typing import Any
 
 from signorini_fx.errors import MachineError
-from signorini_fx.machine import signals
+from signorini_fx.machine import signals, terminal
+
+_LOCKS = ".signorini_fx.locks"
+_PAUSE = 0.05  # seconds between two attempts to get a lock
+_SILENT = 10.0  # seconds of waiting without a word
 
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Report what the machine lacks if a form inside the ``with`` block cannot be compiled.
+    """Lock the form that is compiled inside the ``with`` block, and report what the machine lacks if it cannot be.
 
     Raises:
         MachineError: there is no compiler, or the folder of compiled forms cannot be written.
@@ -24,10 +40,91 @@ def compiling() -> Iterator[None]:
     from cffi import VerificationError
 
     try:
-        with signals.deferred():  # a compilation that is cut off leaves a lock that later runs wait for
+        # What a handler raises in the middle of a compilation would be taken for a mistake in the form.
+        with signals.deferred(), _locks():
             yield
     except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
         raise MachineError(f"a form cannot be compiled: {_no_folder() or _no_compiler() or error}") from error
+
+
+@contextmanager
+def _locks() -> Iterator[None]:
+    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the ``with`` block.
+
+    dolfinx does this on the rank that compiles; the other ranks look for the form when it is there.
+    """
+    from ffcx.codegeneration import jit
+
+    look: Callable[..., Any] = jit.get_cached_module
+    with ExitStack() as held:
+
+        def locked(module: str, objects: Any, folder: Any, timeout: int) -> Any:
+            prepare(Path(folder), module, float(timeout), held)
+            return look(module, objects, folder, timeout)
+
+        jit.get_cached_module = locked
+        try:
+            yield
+        finally:
+            jit.get_cached_module = look
+
+
+def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None:
+    """Wait until no other process compiles a form, and remove what one that has ended left unfinished.
+
+    Args:
+        folder: of compiled forms.
+        module: the name of the form.
+        patience: seconds that a program which knows no such lock has for its compilation.
+        held: what ends the lock; there is none if the form is compiled already, or the folder allows for no locks.
+    """
+    if _compiled(folder, module):
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = held.enter_context((folder / _LOCKS).open("ab"))
+        fcntl.lockf(file, fcntl.LOCK_UN)  # a file system may know no locks
+    except OSError:
+        return
+    # One byte of the file stands for one form.
+    place, begin, told = zlib.crc32(module.encode()), time.monotonic(), False
+    while not _compiled(folder, module):  # what compiled it may hold its lock a little longer
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+        except OSError:
+            if not told and time.monotonic() - begin > _SILENT:
+                terminal.say("waiting for another process, which compiles the same form", error=True)
+                told = True
+        else:
+            # A program without locks has begun less than its own patience ago, or is gone.
+            if not 0.0 <= _age(_source(folder, module)) < patience:
+                _source(folder, module).unlink(missing_ok=True)
+                _mark(folder, module).unlink(missing_ok=True)
+                return
+        signals.serve()
+        time.sleep(_PAUSE)
+
+
+def _source(folder: Path, module: str) -> Path:
+    return folder / f"{module}.c"
+
+
+def _mark(folder: Path, module: str) -> Path:
+    """The file that FFCx writes after compilation."""
+    return folder / f"{module}.c.cached"
+
+
+def _compiled(folder: Path, module: str) -> bool:
+    libraries = (folder / f"{module}{suffix}" for suffix in EXTENSION_SUFFIXES)
+    return _source(folder, module).exists() and _mark(folder, module).exists() and any(map(Path.exists, libraries))
+
+
+def _age(path: Path) -> float:
+    """Seconds since a file was written; -1 if it is not there."""
+    try:
+        return max(time.time() - path.stat().st_mtime, 0.0)
+    except OSError:
+        return -1.0
 
 
 def _no_compiler() -> str | None:
