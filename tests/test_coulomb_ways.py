@@ -100,7 +100,8 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
         (2.0, "bilateral", Status.OUTER_MAX_ITERATIONS),
     ],
 )
-def test_one_bound_proves_nothing(monkeypatch, push, kind, status):
+@pytest.mark.parametrize("fallbacks", [False, True])
+def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
     for name in ("fixed_point", "coulomb_newton"):
         monkeypatch.setattr(strategy, name, lambda *arguments, **options: Status.SLIDES)
@@ -110,7 +111,7 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status):
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
             "contact": {"boundary": "bottom", "kind": kind, "friction": {"law": "coulomb", "coefficient": 0.4}},
-            "solver": {"fallbacks": False},
+            "solver": {"fallbacks": fallbacks},
         }
     )
     assert alone(scene, check=False).status is status

@@ -170,6 +170,7 @@ def _augmented(task: Task, start: Start, failed: Outcome, data: RegularisedData)
                 max_outer=s.max_outer_iterations,
                 augmentation=Augmentation(newton, _natural(task), s.tolerance),
             )
+        status = _proved(task, data, start.law, status)
     if status is not Status.CONVERGED:
         return replace(failed, status=status, newton=newton, monolithic=False)
     return Outcome(status, newton, given, augmented=True)  # no regularisation error of path-following remains
