@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import basix
-import dolfinx
+import mpi4py.MPI as MPI  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
-from dolfinx import mesh
-from mpi4py import MPI
+from dolfinx import __version__, common, mesh
 
 from signorini_fx.errors import InstallationError
 
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):
-    raise InstallationError(f"dolfinx is {dolfinx.__version__}")
+    raise InstallationError(f"dolfinx is {__version__}")
 
 
 def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
@@ -59,7 +58,7 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
 
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
-    return bool(dolfinx.common.has_adios2)
+    return bool(common.has_adios2)
 
 
 __all__ = [

@@ -11,12 +11,14 @@ import time
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
+from mpi4py import MPI  # first, see signorini_fx.body
+
+# isort: split
 import pytest
 from _pytest.config import create_terminal_writer
 from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
 from hypothesis import settings
-from mpi4py import MPI
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()

@@ -148,6 +148,18 @@ def test_scenes_need_no_solver(module):
     assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
 
 
+def test_mpi_is_imported_first():
+    """Each module can be imported alone where PETSc and dolfinx find MPI only once mpi4py has loaded it."""
+    for file in MODULES:
+        names = []
+        for path in [*(folder / "__init__.py" for folder in reversed(file.parents) if PACKAGE in folder.parents), file]:
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.Import | ast.ImportFrom):
+                    names += [node.module] if isinstance(node, ast.ImportFrom) else [one.name for one in node.names]
+        first = next((name for name in names if name.startswith(("mpi4py", "petsc4py", "dolfinx"))), "mpi4py")
+        assert first.startswith("mpi4py"), file
+
+
 def compares_versions(path):
     """Whether a file compares something called version."""
     comparisons = (

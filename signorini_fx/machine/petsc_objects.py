@@ -10,8 +10,8 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 
+import mpi4py.MPI as MPI  # first, see signorini_fx.body
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 from petsc4py import PETSc
 
 _SAME = (MPI.IDENT, MPI.CONGRUENT)

@@ -3,3 +3,5 @@
 A problem combines an elastic system, the contact points and the laws.  It must not know which kind of elastic system it
 is given, or which algorithm evaluates its residual.
 """
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded

@@ -2,3 +2,5 @@
 
 Nothing in the package imports this one but the command line.
 """
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
