@@ -724,14 +724,14 @@ MUTANTS = (
     ),
     Mutant(
         "solving/strategy",
-        "held and no_balance(None, data.bilateral, boundary, task.motions, resultant, data.gap) is None",
+        "held and no_balance(law, data.bilateral, boundary, motions, task.system.resultant, data.gap) is None",
         "held",
-        "the balance of the frictionless start is not checked",
+        "the balance of the first problem is not checked",
         tests=("starts::test_a_block_that_friction_keeps_in_its_corner",),
     ),
     Mutant(
         "solving/strategy",
-        "touching if task.motions.held_by(boundary, everywhere, touching) else everywhere",
+        "touching if possible(touching) else everywhere",
         "everywhere",
         "a body with clearance sticks where nothing touches",
         tests=("starts::test_a_lug_on_a_pin_with_clearance",),

@@ -140,6 +140,25 @@ def test_friction_without_pressure():
     assert "no load presses the body on its foundation" in solution.advice
 
 
+def test_nodes_that_touch_at_the_start_need_not_be_those_that_hold():
+    """A block above its foundation, drawn away from a smooth wall that it touches: only friction below it resists."""
+    below = {"gap": "1e-3 * (1 + x[0]**2)", "direction": [0.2, -1.0]}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": -1.0, "pressure": 10.0},
+            "contact": [
+                {"boundary": "bottom", **below, "friction": {"law": "coulomb", "coefficient": 1.0}},
+                {"boundary": "right"},
+            ],
+        }
+    )
+    solution = alone(scene, check=False)
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+
+
 def capped(seed):
     """Six by seven quadratic cells over a slanted foundation, F = 1000 up to a cap, pushed from random directions."""
     rng = np.random.default_rng(seed)

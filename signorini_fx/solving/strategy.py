@@ -393,17 +393,21 @@ def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
     only where it touches at its resting place.
     """
-    boundary = task.boundary
+    boundary, motions = task.boundary, task.motions
     everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
-    frictionless = replace(data, bound=None)
-    held = task.motions.held_by(boundary, everywhere, ~everywhere)
-    resultant = task.system.resultant
-    if held and no_balance(None, data.bilateral, boundary, task.motions, resultant, data.gap) is None:
-        return frictionless
+
+    def possible(stick: npt.NDArray[np.bool_]) -> bool:
+        """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
+        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(boundary.size))
+        held = motions.held_by(boundary, everywhere, stick)
+        return held and no_balance(law, data.bilateral, boundary, motions, task.system.resultant, data.gap) is None
+
+    if possible(~everywhere):
+        return replace(data, bound=None)
     stick = everywhere
-    if task.motions.held_by(boundary, ~everywhere, everywhere):
+    if motions.held_by(boundary, ~everywhere, everywhere):
         touching = touching_nodes(boundary.comm, data)
-        stick = touching if task.motions.held_by(boundary, everywhere, touching) else everywhere
+        stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
