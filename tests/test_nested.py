@@ -1,6 +1,8 @@
 """What a coarse mesh hands on to a finer one: sets of the nearest nodes, and multipliers that linear ones survive."""
 
 from dataclasses import replace
+from itertools import permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -117,3 +119,25 @@ def fine_at(boundary, place):
     x[boundary.part == 0, 0] = place[boundary.part == 0]
     x[boundary.part == 1, 1] = place[boundary.part == 1]
     return replace(boundary, x=x)
+
+
+def test_neighbours_at_the_same_distance():
+    """A node in the middle of four takes the same two of them in whatever order ranks have numbered them."""
+    corners = np.array([(x, y, 0.0) for x in (0.0, 1.0) for y in (0.0, 1.0)])
+    plane = np.eye(3)[:, :2]
+
+    def at(x):
+        count = len(x)
+        tangents = np.broadcast_to(plane, (count, 3, 2))
+        return SimpleNamespace(part=np.zeros(count), x=x, tangents=tangents, size=count, comm=MPI.COMM_SELF)
+
+    def of(order):
+        values = np.array(order) + 1.0
+        state = {"pressure": values, "bound": values**2, "in_contact": values > 2}
+        vectors = {name: np.outer(values, [1.0, k]) for k, name in enumerate(("shear", "direction", "slip_length"))}
+        coarse = SimpleNamespace(boundary=at(corners[list(order)]), **state, **vectors)
+        sets, multipliers = carry_over(coarse, at(np.array([[0.5, 0.5, 0.0]])))
+        return np.concatenate([np.ravel(part) for part in (sets.contact, sets.direction, sets.turning, *multipliers)])
+
+    for order in permutations(range(4)):
+        np.testing.assert_array_equal(of(order), of(range(4)))

@@ -14,6 +14,7 @@ from scenes import rectangle, table_of
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.pieces import MOST_PIECES, find_pieces
+from signorini_fx.contact.statics import no_balance
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
@@ -303,6 +304,24 @@ def test_a_squeezed_piece(algorithm):
     np.testing.assert_allclose(resultants.of("bottom pushed").force, [-1.1, 2.0], atol=1e-6)
     np.testing.assert_allclose(resultants.of("bottom squeezed").force, [0.0, exact], rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(resultants.of("top squeezed").force, [0.0, -exact], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("loose", [0, 1])
+def test_gaps_of_each_piece(loose):
+    """Of two pieces between foundations, without a load, the one with clearance leaves its foundation."""
+    boxes = [Box("one", 0.0, 0.0, 1.0, 1.0, 2, 2), Box("other", 2.0, 0.0, 1.0, 1.0, 3, 2)]
+    mesh = boxes_mesh(MPI.COMM_SELF, boxes)
+    contact = [
+        {"boundary": f"{side} {box.name}", "gap": 0.01 if number == loose else -0.01}
+        for number, box in enumerate(boxes)
+        for side in ("bottom", "top")
+    ]
+    supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
+    d = discretise(scene_on(mesh, displacement=supports, contact=contact), mesh, Timings())
+    gap = contact_task(d, d.boundary, History()).start.data.gap
+    lost = no_balance(None, None, d.boundary, d.motions, np.zeros(d.motions.free.shape[1]), gap)
+    members = d.motions.assembly_of(d.boundary.nodes)[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
+    assert (lost.status, {lost.assembly}) == (Status.OPEN, set(members))
 
 
 # --- pieces joined at corners ----------------------------------------------------------------------------------------

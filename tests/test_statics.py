@@ -104,6 +104,7 @@ def test_largest_multiple_against_linear_programmes(kind, dim):
             assert low is None
             continue
         assert limit.found == pytest.approx(limit.factor, rel=2e-4)
+        assert np.isinf(limit.found) or nearest(here, dead + limit.found * live).balanced
         assert limit.found <= high * (1 + 1e-7)
         assert limit.factor >= low * (1 - 1e-7)
 
