@@ -67,18 +67,26 @@ class Fate:
 
 
 class Copy:
-    """A copy of the checkout for one mutant, with compiled forms of its own."""
+    """A copy of the checkout for one mutant, with compiled forms of its own.
 
-    def __init__(self, folder: Path, cache: Path) -> None:
+    Args:
+        folder: an empty folder.
+        cache: of compiled forms.
+        source: what to copy: the checkout, or a copy of it, whose bytecode spares mutants most of theirs.
+    """
+
+    def __init__(self, folder: Path, cache: Path, source: Path = ROOT) -> None:
         self.folder, self.cache = folder, folder / "cache"
+        self._first = source == ROOT
         (folder / "tmp").mkdir()
-        anywhere = shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis")
+        bytecode = ("__pycache__",) if self._first else ()
+        anywhere = shutil.ignore_patterns(".git", ".*_cache", ".hypothesis", *bytecode)
 
         def ignored(place: str, names: list[str]) -> set[str]:
             """Files that are not in git; the package has a folder of the same name as that of the results."""
-            return anywhere(place, names) | ({"results", "build"} & set(names) if Path(place) == ROOT else set())
+            return anywhere(place, names) | ({"results", "build"} & set(names) if Path(place) == source else set())
 
-        shutil.copytree(ROOT, folder / "code", symlinks=True, ignore=ignored)
+        shutil.copytree(source, folder / "code", symlinks=True, ignore=ignored)
         # Compilation locks of another mutant that ended would make this one wait.
         for name in ("fenics", "matplotlib"):
             if (cache / name).is_dir():
@@ -89,13 +97,14 @@ class Copy:
         """The checkout."""
         return self.folder / "code"
 
-    def pytest(self, ranks: int, arguments: Sequence[str], limit: str) -> tuple[int | None, str]:
+    def pytest(self, ranks: int, arguments: Sequence[str], limit: str, *, workers: int = 1) -> tuple[int | None, str]:
         """Run tests until one fails.
 
         Args:
             ranks: on so many ranks; on more than one those that are marked mpi.
             arguments: tests and files, and options of pytest.
             limit: a name of ``_LIMITS``.
+            workers: processes side by side, on one rank.
 
         Returns:
             pytest's exit code, None where a limit or a signal ended it; what it printed.
@@ -103,6 +112,8 @@ class Copy:
         cpu, wall = _LIMITS[limit]
         quiet = ["-x", "-q", "--no-header", "--color=no", "--tb=line", "-p", "no:cacheprovider", "--timeout=300"]
         command = [sys.executable, "-m", "pytest", *quiet]
+        if ranks == 1 and workers > 1:
+            command += ["-n", str(workers)]
         if ranks > 1:
             command = ["mpirun", "-n", str(ranks), *command, "-m", "mpi and not long"]
             cpu, wall = 2 * cpu, 2 * wall
@@ -110,7 +121,7 @@ class Copy:
         environment = {
             **os.environ,
             "PYTHONPATH": str(self.code),
-            "PYTHONDONTWRITEBYTECODE": "1",
+            "PYTHONDONTWRITEBYTECODE": "" if self._first else "1",
             "XDG_CACHE_HOME": str(self.cache),
             "TMPDIR": str(self.folder / "tmp"),
         }
@@ -156,28 +167,33 @@ def _link(source: str, target: str) -> None:
 
 
 @contextlib.contextmanager
-def copied(cache: Path | None = None) -> Iterator[Copy]:
-    """A copy that is removed in the end; it begins with the compiled forms of ``cache``, else of the user's."""
-    cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+def copied(original: Copy | None = None) -> Iterator[Copy]:
+    """A copy that is removed in the end: of another copy with its compiled forms, else of the checkout with the user's.
+
+    What is changed in the checkout while mutants are tried does not matter.
+    """
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     with tempfile.TemporaryDirectory(prefix="mutant-") as name:
-        yield Copy(Path(name), cache)
+        yield Copy(Path(name), cache) if original is None else Copy(Path(name), original.cache, original.code)
 
 
 class Trials:
     """Tries mutants; tests are judged by whether they pass on the code as it is."""
 
-    def __init__(self, original: Copy, recorded: dict[str, tuple[int, str]], *, near: bool) -> None:
+    def __init__(self, original: Copy, recorded: dict[str, tuple[int, str]], *, near: bool, workers: int = 1) -> None:
         """Collect the tests.
 
         Args:
             original: a copy without a mistake.
             recorded: mutant -> number of ranks and test that noticed it the last time.
             near: leave out the suite: what survives is not known to survive.
+            workers: processes side by side.
 
         Raises:
             SystemExit: they cannot be collected.
         """
-        self._original, self._near = original, near
+        self._original, self._near, self._workers = original, near, workers
+        self._right: set[tuple[int, str]] = set()
         code, text = original.pytest(1, ["--collect-only", "-m", "", "tests"], "files")
         if code != 0:
             raise SystemExit(f"the tests cannot be collected:\n{text}")
@@ -197,17 +213,20 @@ class Trials:
         if any(mutant.idea not in self._recorded for mutant in mutants):
             wanted |= {(1, file) for file in self._quick}
         for ranks in sorted({ranks for ranks, _ in wanted}):
-            code, text = self._original.pytest(ranks, sorted(test for n, test in wanted if n == ranks), "suite")
+            tests = sorted(test for n, test in wanted if n == ranks)
+            code, text = self._original.pytest(ranks, tests, "suite", workers=self._workers)
             if code != 0:
                 raise SystemExit(f"tests fail on the code as it is, on {ranks} ranks:\n{text}")
+        self._right = wanted
 
     def wrong(self, fates: Iterable[Fate]) -> set[tuple[int, str]]:
-        """Ranks and tests that noticed mutants and fail on the code as it is, too."""
+        """Ranks and tests that noticed mutants and fail on the code as it is, too; what has passed is not run again."""
         noticed = {(fate.ranks, fate.by) for fate in fates if fate.fate == NOTICED and fate.by in self._tests}
+        noticed = {(n, test) for n, test in noticed if not self._right & {(n, test), (n, test.partition("::")[0])}}
         found = set()
         for ranks in sorted({ranks for ranks, _ in noticed}):
             tests = sorted(test for n, test in noticed if n == ranks)
-            code, text = self._original.pytest(ranks, [*tests, "--maxfail=0"], "suite")
+            code, text = self._original.pytest(ranks, [*tests, "--maxfail=0"], "suite", workers=self._workers)
             if code != 0:
                 lines = [line.partition(" ")[2] for line in text.splitlines() if line.startswith(("FAILED ", "ERROR "))]
                 failed = {(ranks, test) for test in tests if any(line.startswith(test) for line in lines)}
@@ -232,7 +251,7 @@ class Trials:
             )
             if mutant.ranks == 1:
                 stages.append(("suite", 2, self._files))
-        with copied(self._original.cache) as copy:
+        with copied(self._original) as copy:
             mutant.spoil(copy.code / "signorini_fx")
             for limit, ranks, arguments in stages:
                 code, text = copy.pytest(ranks, arguments, limit)
@@ -364,7 +383,8 @@ def _try(left: Sequence[Mutant], record: Record, *, near: bool, workers: int) ->
         Ranks and tests that fail on the code as it is; what they noticed is forgotten.
     """
     with copied() as original:
-        trials = Trials(original, {**recorded_tests(), **record.tests}, near=near)
+        known = {**recorded_tests(), **record.tests}
+        trials = Trials(original, known, near=near, workers=workers)
         trials.warm_up(left)
 
         def work(mutant: Mutant) -> None:
@@ -374,6 +394,8 @@ def _try(left: Sequence[Mutant], record: Record, *, near: bool, workers: int) ->
             told = f"{fate.fate:9s}{fate.seconds:5.0f} s  {fate.ranks}  {mutant.module:15s} {mutant.idea:50s} {fate.by}"
             print(told, flush=True)
 
+        # Those of which nothing is known may take long, and nothing else is to wait for them in the end.
+        left = sorted(left, key=lambda mutant: mutant.idea in known)
         # Several ranks need the machine for themselves.
         for several in (True, False):
             with ThreadPoolExecutor(1 if several else workers) as pool:

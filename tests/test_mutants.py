@@ -118,7 +118,7 @@ class Scripted:
     def __init__(self, *answers):
         self.answers, self.calls = [(0, self.collected), *answers], []
 
-    def pytest(self, ranks, arguments, limit):
+    def pytest(self, ranks, arguments, limit, workers=1):
         self.calls.append((ranks, limit, list(arguments)))
         return self.answers.pop(0)
 
@@ -126,7 +126,7 @@ class Scripted:
 def trial(monkeypatch, answers, *, ranks=1, recorded=None, near=False):
     """The fate of a mutant whose tests end like that, and what was run for it."""
     copy = Scripted(*answers)
-    monkeypatch.setattr(mutants, "copied", lambda cache=None: contextlib.nullcontext(copy))
+    monkeypatch.setattr(mutants, "copied", lambda original=None: contextlib.nullcontext(copy))
     mistake = SimpleNamespace(
         idea="a mistake", ranks=ranks, named=["tests/test_a.py::test_x"], spoil=lambda package: None
     )

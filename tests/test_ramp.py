@@ -243,6 +243,24 @@ def test_a_place_that_has_failed_twice_is_a_limit():
     assert path.next == pytest.approx(0.0875)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_path_goes_on_as_it_was(seed):
+    """From what is stored at any moment, it chooses what it would have chosen without a restart."""
+    rng, path = np.random.default_rng(seed), LoadPath(ramp(1.0))
+    for _ in range(60):
+        again = LoadPath(ramp(1.0))
+        again.resume(json.loads(json.dumps(path.stored())))
+        solved, solves, status = rng.random() < 0.6, int(rng.integers(1, 40)), rng.choice([Status.CYCLING, Status.TIPS])
+        for one in (path, again):
+            one.shortened = None if solved else one.shorten(status, solves)
+            if solved:
+                one.advance(solves)
+        for name in ("shortened", "at", "next", "allowed", "without_fall_backs", "bracket"):
+            assert getattr(again, name) == getattr(path, name), name
+        if path.ended or path.shortened is False:
+            return
+
+
 # --- names, times, counting -------------------------------------------------------------------------------------------
 
 NAMED = {"names": ["press", "push"], "times": [0.0, 2.0]}

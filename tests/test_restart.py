@@ -7,22 +7,30 @@ import signal
 import subprocess
 import sys
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets, unit
 from signorini_fx.errors import SceneError
 from signorini_fx.manifest import MANIFEST
-from signorini_fx.records import Status, StepRecord
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import load_steps, one_mesh, strategy
+from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.solver import solve
+from signorini_fx.solving.task import Outcome
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -252,6 +260,57 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
         for one in (solution, reference)
     )
     assert ours == theirs
+
+
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("text", [PUSHED, IN_SPACE], ids=["plane", "space"])
+def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
+    """Data, sets, iterate and what is known of the outcome come back, each by itself."""
+    given, rng = scene(text), np.random.default_rng(0)
+    d = discretise(given, load_mesh(given, MPI.COMM_SELF), Timings())
+    tasks = [contact_task(d, d.boundary, History()) for _ in range(2)]
+    task = tasks[0]
+    count, tangents = task.start.data.mu_hat.shape
+    task.iterate.begin_step(task.start)
+
+    def anything(gamma_n, gamma_t):
+        vectors = {name: rng.normal(size=(count, tangents)) for name in ("mu_hat", "slip_origin")}
+        scalars = {name: rng.uniform(0.1, 1.0, count) for name in ("lambda_hat", "bound", "coupling")}
+        return replace(task.start.data, gamma_n=gamma_n, gamma_t=gamma_t, sigma=1e-5, **vectors, **scalars)
+
+    regularised, solved = anything(3e6, 2e5), anything(np.inf, np.inf) if exact else anything(5e6, 7e5)
+    directions = unit(rng.normal(size=(count, tangents))) * (rng.random((count, 1)) < 0.5)
+    sets = ActiveSets.of(rng.random(count) < 0.5, directions, rng.random(count))
+    newton = task.iterate.exact_newton if exact else task.iterate.newton
+    free = ~newton.problem.system.fixed
+    newton.x.getArray()[free] = 1e-3 * rng.normal(size=np.count_nonzero(free))
+    newton.pose(solved, sets)
+    outcome = Outcome(Status.CONVERGED, newton, regularised, monolithic=True, augmented=True, regularisation_error=0.25)
+    result = SimpleNamespace(displacement=load_steps.from_rest(d, task.rest, outcome.displacement()))
+    start = replace(task.start, place=0.5)
+    stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
+    Kept(stored, 0).store(d, task, start, outcome, result, LoadPath(given), Timings(), (0, 0, 0))
+    again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
+    found = Kept(again, 0).recall(d, tasks[1], tasks[1].start)
+    assert found.start.place == 0.5
+    for name in ("status", "monolithic", "augmented", "regularisation_error"):
+        assert getattr(found.outcome, name) == getattr(outcome, name), name
+    next_begins = tasks[1].iterate.newton.problem.data
+    for one, other in (
+        (found.outcome.data, regularised),
+        (found.outcome.problem.data, solved),
+        (next_begins, regularised if exact else solved),
+    ):
+        for field in fields(one):
+            ours, theirs = getattr(one, field.name), getattr(other, field.name)
+            assert (ours is None) == (theirs is None), field.name
+            if ours is not None:
+                np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12, err_msg=field.name)
+    for name in ("contact", "direction", "turning"):
+        ours, theirs = (getattr(one.problem.sets, name) for one in (found.outcome, outcome))
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12, err_msg=name)
+    moved = newton.x.getArray(readonly=True)
+    np.testing.assert_allclose(found.outcome.newton.x.getArray(readonly=True), moved, rtol=0, atol=1e-12)
 
 
 def test_after_augmentation(tmp_path, monkeypatch):
