@@ -17,9 +17,9 @@ from signorini_fx.machine import compilation
 # Compiles a form of the unit square by the compiler of the environment; the folder is the argument.
 PROGRAM = """
 import sys
+from mpi4py import MPI  # before dolfinx, as its wheels need it
 import ufl
 from dolfinx import fem, jit, mesh
-from mpi4py import MPI
 from signorini_fx.machine.compilation import compiling
 jit.DOLFINX_DEFAULT_JIT_OPTIONS |= {"cache_dir": (sys.argv[1], ""), "timeout": (1, "")}
 domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
