@@ -497,6 +497,14 @@ MUTANTS = (
         tests=("algorithms",),
     ),
     Mutant(
+        "algorithms/ssn",
+        "shear + missing",
+        "shear",
+        "a shear that does nothing to the body reaches its limit step by step",
+        within="SemismoothNewton.shifts",
+        tests=("augmentation::test_shear_along_a_wall_that_prescribes_the_slip",),
+    ),
+    Mutant(
         "augmentation",
         "self.newton.shifts(data)",
         "self.newton.multipliers()",

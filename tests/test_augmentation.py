@@ -261,3 +261,20 @@ def test_a_node_that_a_support_lifts_off():
     assert pressed[0] > 0
     assert lifted.tolist() == [0.0]
     assert all(step.certificate.holds for step in solution.steps)
+
+
+def test_shear_along_a_wall_that_prescribes_the_slip():
+    """A node beside a wall slips by little: the shear across the wall, which does nothing, has its limit."""
+    size = {"length": 1.5, "width": 1.2, "height": 1.0, "nx": 4, "ny": 3, "nz": 3}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}],
+        "traction": {"boundary": "top", "x": -2.37, "y": 2.0, "z": -10.0, "factors": [0.3, 1.0]},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.283}},
+        "solver": {"algorithm": "alm", "gamma_n": 1e7, "gamma_t": 1e4, "tolerance": 1e-10},
+    }
+    solution = alone(parse_scene(scene))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert max(step.linear_solves for step in solution.steps) <= 30

@@ -13,10 +13,14 @@ from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
     RegularisedData,
+    length,
     next_sets,
+    onto_disc,
     project,
     slip_multiplier,
+    slip_of,
     transmitting,
+    unit,
 )
 from signorini_fx.linalg import callbacks, options
 from signorini_fx.linalg.callbacks import called_back, weakly
@@ -261,10 +265,16 @@ class SemismoothNewton:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
         Where the supports allow no motion along the normal, the pressure would grow without end and without effect, so
-        it is kept.  The shear has a bound.
+        it is kept.  Where a point slips but cannot move in some tangential direction, the shear along that would reach
+        its limit, that of the direction of slip, the more slowly the smaller the slip, so it is set to it.
         """
-        boundary = self.problem.boundary
+        problem, boundary = self.problem, self.problem.boundary
         pressure, shear = project(*self.multipliers(), data)
+        bound, slip = data.friction_bound(pressure), slip_of(problem.traces(self.x)[1], data)
+        slips = problem.sets.slip & np.isfinite(bound) & (length(slip) > 0)
+        limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
+        missing = np.einsum("nij,nj->ni", boundary.still, np.where(slips[:, None], limit - shear, 0.0))
+        shear = onto_disc(shear + missing, bound)
         return np.where(boundary.immovable, data.lambda_hat, pressure), shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:

@@ -129,6 +129,16 @@ class ContactBoundary:
         """
         return np.asarray((self._components * self.free).max(axis=1, initial=0.0) <= _ALONG)
 
+    @cached_property
+    def still(self) -> Nodal:
+        """Projections onto the tangential directions in which supports let a node not move, shape (n, d - 1, d - 1).
+
+        A shear along them does nothing to the body, so only the friction law says what it is.
+        """
+        movable = np.einsum("nik,nil->nkl", self.tangents, self.freed(self.tangents))
+        values, vectors = np.linalg.eigh(movable)
+        return np.einsum("nik,nk,njk->nij", vectors, np.where(values <= _ALONG, 1.0, 0.0), vectors)
+
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
         return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
