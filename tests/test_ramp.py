@@ -20,9 +20,10 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, table_row
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.solver import solve
-from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP
+from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP
 
 
 def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps=None, **solver):
@@ -241,6 +242,47 @@ def test_a_place_that_has_failed_twice_is_a_limit():
     path.advance(15)
     assert path.reached == pytest.approx(0.075)
     assert path.next == pytest.approx(0.0875)
+
+
+def test_below_a_limit_no_place_is_tried_twice():
+    """Once a place is known to have no solution, one below it that has failed is approached by halves."""
+    path = LoadPath(ramp(1.0))
+    path.advance(15)
+    assert path.shorten(Status.TIPS, 0)
+    assert path.shorten(Status.CYCLING, 1)
+    path.advance(15)
+    assert path.reached == pytest.approx(0.025)
+    assert path.next == pytest.approx(0.0375)
+
+
+def test_the_price_of_a_ramp():
+    """What its load steps have taken together sets what attempts without a solution may take: half of it before the
+    last one, and each a multiple of the load step before.
+    """
+    path = LoadPath(ramp(1.0))
+    for _ in range(3):
+        path.advance(1000)
+    whole = FAILED_RAMP * 3000
+    assert path.allowed == FAILED_STEP * 1000
+    assert path.shorten(Status.CYCLING, whole // 2 - 2 * EASY_STEP)
+    assert path.allowed == 2 * EASY_STEP
+    assert path.shorten(Status.CYCLING, 2 * EASY_STEP)
+    assert not path.without_fall_backs
+    assert path.allowed == whole - whole // 2
+    from_nothing = LoadPath(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
+    assert from_nothing.allowed == FAILED_STEP * SolverSettings.model_fields["max_iterations"].default
+
+
+def test_a_place_that_was_passed_is_no_limit():
+    """It has a solution after all."""
+    path = LoadPath(ramp(1.0))
+    path.advance(15)
+    assert path.shorten(Status.CYCLING, 1)
+    assert path.bracket is not None
+    path.advance(15)
+    path.advance(15)
+    assert path.reached == pytest.approx(0.1)
+    assert (path.at.failed, path.at.limit, path.bracket) == (None, False, None)
 
 
 @pytest.mark.parametrize("seed", range(6))

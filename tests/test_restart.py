@@ -21,6 +21,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.manifest import MANIFEST
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, StepRecord, Timings
+from signorini_fx.results import checkpoint
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
@@ -260,6 +261,17 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
         for one in (solution, reference)
     )
     assert ours == theirs
+
+
+def test_nodes_at_the_same_place():
+    """Where two bodies touch each other, each node finds itself by its displacement, in any order."""
+    places, moved = np.array([[1.0, 0.5], [1.0, 0.5], [2.0, 0.5]]), np.array([[0.0, -1e-3], [0.0, 2e-3], [0.0, 0.0]])
+    stored = {"part": np.zeros((3, 1)), "x": places, "y": moved, "value": np.array([[1.0], [2.0], [3.0]])}
+    for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0]):
+        displacement = SimpleNamespace(x=SimpleNamespace(array=moved[order].ravel()))
+        nodes = SimpleNamespace(x=places[order], part=np.zeros(3), nodes=np.arange(3), size=3)
+        found = checkpoint._placed(stored, nodes, displacement, 3.0)
+        np.testing.assert_array_equal(found["value"].ravel(), np.array(order) + 1.0)
 
 
 @pytest.mark.parametrize("exact", [False, True])

@@ -31,7 +31,8 @@ class Position:
         increment: from there to the next one.
         easy: how many of the last ones were easy.
         failed: the lowest place beyond ``reached`` without a solution; None: there is none.
-        limit: whether that place is one that no other start leads to: it is proved, or has failed from two.
+        limit: whether that place, or one beyond it, is one that no other start leads to: it is proved, or has failed
+            from two.
         last: linear solves of the last load step with a solution.
         done: those of all load steps with a solution.
         wasted: those of all attempts without one.

@@ -1,0 +1,54 @@
+"""What a load step hands on, and reports: by itself, for an iterate and multipliers that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_load_steps import by_force
+
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import ActiveSets
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.task import Outcome
+
+
+@pytest.fixture
+def task():
+    scene = by_force(0.5, nx=9)
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    return contact_task(d, d.boundary, History())
+
+
+def outcome_of(task, start, **changes):
+    """All nodes in contact and stuck after a displacement that is made up."""
+    task.iterate.begin_step(start)
+    newton, rng = task.iterate.newton, np.random.default_rng(0)
+    newton.x.getArray()[:] = 1e-3 * rng.normal(size=newton.x.getLocalSize())
+    newton.pose(start.data, ActiveSets.all_in_contact(*start.data.mu_hat.shape))
+    return Outcome(Status.CONVERGED, newton, start.data, **changes)
+
+
+def test_elastic_slip_of_load_steps(task):
+    """It adds up, and there is none after a load step without regularisation."""
+    start = replace(task.start, elastic_slip=np.full_like(task.start.data.mu_hat, 0.25))
+    outcome = outcome_of(task, start)
+    _, shear = outcome.newton.multipliers()
+    crept = outcome.next_step(start).elastic_slip
+    np.testing.assert_allclose(crept, 0.25 + (shear - start.data.mu_hat) / start.data.gamma_t, rtol=1e-12)
+    assert replace(outcome, augmented=True).next_step(start).elastic_slip is None
+
+
+def test_friction_bound_and_slip(task):
+    """The bound is that of the pressure of the result, also if the iteration had another one; the slip counts from
+    where the load step began, also if augmentation counted from elsewhere.
+    """
+    data = task.start.data
+    start = replace(task.start, data=replace(data, slip_origin=np.full_like(data.mu_hat, 0.5)))
+    posed = replace(start.data, bound=np.full(data.gap.size, 7.0), slip_origin=np.full_like(data.mu_hat, 0.1))
+    contact = task.contact(outcome_of(task, replace(start, data=posed)), start)
+    np.testing.assert_allclose(contact.bound, start.law.bound(contact.pressure), rtol=1e-12)
+    rest_t = 0.0 if task.rest is None else task.rest.u_t
+    np.testing.assert_allclose(contact.slip_length, contact.u_t - rest_t - 0.5, rtol=0, atol=1e-12)
