@@ -1,5 +1,7 @@
 """A condensed problem is solved on few contact nodes first: the same answer, from fewer solves on all of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -113,6 +115,36 @@ def test_coarse_matrix_is_galerkins():
         np.testing.assert_allclose(level.system.load.getArray()[component::2][free], load[free], atol=1e-12)
     np.testing.assert_allclose(coarse.weight.sum(), 3.0, rtol=1e-14)
     np.testing.assert_allclose(coarse.weight, hat @ fine.weight, atol=1e-15)
+
+
+def test_what_few_nodes_know():
+    """Each has its own gap and law; the ends of a boundary stay, and the node of two boundaries wherever it is."""
+    friction = {"law": "coulomb", "coefficient": "0.2 + x[0]", "cap": "3 + x[0]"}
+    task = task_of(
+        parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 5, "ny": 5}},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
+                "contact": [
+                    {"boundary": "bottom", "gap": "0.01 * x[0]", "friction": friction},
+                    {"boundary": "left", "gap": "0.02 * x[1]", "friction": {"law": "tresca", "bound": "1 + x[1]"}},
+                ],
+                "solver": {"linear_algebra": "condensed"},
+            }
+        )
+    )
+    finest = boundary_levels._finest(task)
+    level = boundary_levels._coarser(finest)
+    rows = level.retained
+    assert sorted(task.boundary.x[rows].max(axis=1).round(9)) == [0.0, 0.0, 0.4, 0.4, 0.8, 0.8, 1.0, 1.0]
+    np.testing.assert_array_equal(level.data.gap, finest.data.gap[rows])
+    for name in ("given", "coefficient", "cap"):
+        np.testing.assert_array_equal(getattr(level.law, name), getattr(finest.law, name)[rows], err_msg=name)
+    # Where a boundary goes on beyond the node of two, that is none of its ends.
+    beyond = replace(finest, chains=[np.roll(chain, 1) for chain in finest.chains])
+    corner = np.flatnonzero((task.boundary.x == 0.0).all(axis=1))
+    assert set(corner) <= set(boundary_levels._coarser(beyond).retained)
 
 
 def test_two_boundaries_with_a_common_node():

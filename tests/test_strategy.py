@@ -165,6 +165,75 @@ def test_slope_of_the_path_in_space(shift):
     assert model.distance / (model.gamma + model.pole) == pytest.approx(slope, rel=2e-4)
 
 
+def posed(scene):
+    """The contact problem of a scene, not yet solved."""
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    return contact_task(d, d.boundary, History())
+
+
+def test_augmentation_begins_with_small_gammas():
+    """Both by the same factor."""
+    task = posed(example1(bound=1.5, nx=6, ny=2, gamma=(1e8, 2e7)))
+    data = strategy._softened(task, task.start, strategy.Outcome(Status.CYCLING, task.iterate.newton, task.start.data))
+    assert data.gamma_n < 1e7
+    assert data.gamma_n / data.gamma_t == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("gap", "kind", "rests"), [(0.01, "unilateral", True), (0.01, "bilateral", False)])
+def test_what_moves_a_body_without_load(gap, kind, rests):
+    """Bilateral contact at a distance pulls it."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
+        "contact": {"boundary": "bottom", "gap": gap, "kind": kind},
+    }
+    task = posed(parse_scene(scene))
+    assert strategy._nothing_acts(task, task.start) is rests
+
+
+@pytest.mark.parametrize(
+    ("contact", "possible"),
+    [({}, True), ({"kind": "bilateral"}, False), ({"friction": {"cap": 1.0}}, False)],
+)
+def test_where_the_monolithic_method_is_tried(monkeypatch, contact, possible):
+    """Neither with a cap nor in bilateral contact."""
+    told = []
+    plain = strategy.for_coulomb
+    monkeypatch.setattr(strategy, "for_coulomb", lambda **how: told.append(how["monolithic"]) or plain(**how))
+    friction = {"law": "coulomb", "coefficient": 0.3} | contact.get("friction", {})
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.001, "y": -0.01},
+        "contact": {"boundary": "bottom"} | contact | {"friction": friction},
+    }
+    assert alone(parse_scene(scene)).converged
+    assert told == [possible]
+
+
+def test_the_first_linear_solve_of_augmentation_with_a_fixed_point():
+    """That of the start is number 0, as in section 7 of the paper."""
+    history = alone(example1(coefficient=0.3, nx=12, ny=4, algorithm="alm", coulomb="fp")).history
+    assert [record.iteration for record in history.iterations][:2] == [0, 1]
+
+
+def test_one_path_for_all_load_steps(monkeypatch):
+    """The gamma that path-following has found for the first one is that of the others."""
+    calls = []
+    plain = strategy.path_following
+    monkeypatch.setattr(strategy, "path_following", lambda *given, **how: calls.append(1) or plain(*given, **how))
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.001, "y": -0.01, "factors": [0.5, 0.8, 1.0]},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "solver": {"algorithm": "path-following"},
+    }
+    assert len(alone(parse_scene(scene)).steps) == 3
+    assert calls == [1]
+
+
 def test_a_loose_body_without_load_is_not_at_rest():
     """Where it is nothing holds it: every position off the foundation is as good."""
     scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"displacement": (), "traction": ()})

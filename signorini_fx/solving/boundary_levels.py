@@ -142,7 +142,6 @@ def _coarser(fine: _Level) -> _Level:
         lambda_hat=d.lambda_hat[rows],
         mu_hat=d.mu_hat[rows],
         bound=some(d.bound),
-        coupling=some(d.coupling),
         bilateral=None if d.bilateral is None else d.bilateral[rows],
         slip_origin=some(d.slip_origin),
     )
