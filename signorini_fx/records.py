@@ -36,6 +36,7 @@ class Status(Enum):
     TIPS = "tips over, no static equilibrium"
     SLIDES = "slides, no static equilibrium"
     SINGULAR = "linear system singular"
+    NOT_FINITE = "numbers not finite"
     LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
     TOO_LARGE = "deformation too large for linear elasticity"
@@ -74,6 +75,10 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
+    Status.NOT_FINITE: (
+        "the matrix or the forces contain numbers that are infinite, or none: check expressions and units, and that no "
+        "cell of the mesh is degenerate"
+    ),
     Status.LINEAR_SOLVER: (
         "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
         "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"

@@ -2533,6 +2533,29 @@ MUTANTS = (
         within="StressRecovery.smoothed",
         tests=("stresses",),
     ),
+    Mutant(
+        "ssn",
+        "Status.SINGULAR if self._broke_down() else Status.NOT_FINITE",
+        "Status.SINGULAR",
+        "numbers that were not finite before are called a singular matrix",
+        within="SemismoothNewton._reason",
+        tests=("units::test_what_a_solve_cannot_do",),
+    ),
+    Mutant(
+        "ssn",
+        "Status.SINGULAR if self._broke_down() else Status.NOT_FINITE",
+        "Status.SINGULAR",
+        "residuals that are no numbers are called a singular matrix",
+        within="SemismoothNewton._test",
+        tests=("units::test_not_a_number_in_an_iterate",),
+    ),
+    Mutant(
+        "solving/one_mesh",
+        "not finite(system.matrix) or not finite(system.load)",
+        "False",
+        "elasticity alone: forces that are no numbers are called a solution",
+        tests=("units::test_forces_that_are_no_numbers_without_contact",),
+    ),
     # --- what a user meets: restart, ramps, accuracy, safety, folders -------------------------------------------------
     Mutant(
         "solving/load_path",

@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import alone
+from scenes import alone, example1
 from spaces import CELLS
 
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scales import Scales
+from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve
@@ -368,7 +370,36 @@ def test_not_a_number_in_an_iterate(element):
     newton.pose(task.start.data, task.start.sets)
     assert newton.problem.sets.contact.all()
     newton.x.set(np.nan)
-    assert newton.solve(task.start.data) is Status.SINGULAR
+    assert newton.solve(task.start.data) is Status.NOT_FINITE
+
+
+@pytest.mark.parametrize(
+    ("spoil", "status"),
+    [
+        (lambda system: system.matrix.scale(0.0), Status.SINGULAR),
+        (lambda system: system.matrix.scale(np.inf), Status.NOT_FINITE),
+        (lambda system: system.load.set(np.nan), Status.NOT_FINITE),
+    ],
+    ids=["no stiffness", "infinite stiffness", "a load that is no number"],
+)
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_what_a_solve_cannot_do(linear_algebra, spoil, status):
+    """A matrix that breaks down is told from numbers that were not finite before."""
+    scene = example1(nx=6, ny=2, linear_algebra=linear_algebra)
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, d.boundary, History())
+    spoil(task.system)
+    with np.errstate(all="ignore"):
+        assert task.iterate.newton.solve(task.start.data) is status
+
+
+def test_forces_that_are_no_numbers_without_contact(monkeypatch):
+    """The outcome has the same name."""
+    monkeypatch.setattr(AssembledSystem, "set_step", lambda system, *_: system.load.set(np.inf))
+    held = (PrescribedDisplacement(boundary="top", x=0.0, y=0.0),)
+    scene = example1(nx=6, ny=2).model_copy(update={"contact": (), "displacement": held})
+    with np.errstate(all="ignore"):
+        assert alone(scene, check=False).status is Status.NOT_FINITE
 
 
 @pytest.mark.parametrize("exponent", [-50, -20, 50])

@@ -22,7 +22,7 @@ from signorini_fx.contact.laws import (
     transmitting,
     unit,
 )
-from signorini_fx.linalg import callbacks, options
+from signorini_fx.linalg import callbacks, finite, options
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.problem.regularised import ContactProblem
@@ -116,6 +116,7 @@ class SemismoothNewton:
     def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
         """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
         problem = self.problem
+        self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
         ksp, forces = snes.getKSP(), problem.force_scale
         self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=not self._may_keep)
@@ -196,7 +197,7 @@ class SemismoothNewton:
         left = self.history.limit - self._before
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, left))
         self.snes.setTolerances(max_it=limit)
-        self._may_keep, self._loosened = True, False
+        self._may_keep, self._loosened, self._assembled = True, False, False
         try:
             with options.defaults(self.problem.system.solver_defaults):
                 status = self._run(data, limit)
@@ -310,7 +311,7 @@ class SemismoothNewton:
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
         if not np.isfinite(norms[2]):
-            return self._stop(Status.SINGULAR)
+            return self._stop(Status.SINGULAR if self._broke_down() else Status.NOT_FINITE)
         if k > 0 and changed == 0:
             if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
@@ -357,10 +358,16 @@ class SemismoothNewton:
             return Status.CONVERGED
         if reason == _SNES.DIVERGED_MAX_IT:
             return Status.MAX_ITERATIONS
-        ksp = self.snes.getKSP()
-        if reason == _SNES.DIVERGED_LINEAR_SOLVE and ksp.getPC().getFailedReason() in _NOT_SINGULAR:
-            return Status.LINEAR_SOLVER
-        return Status.SINGULAR
+        if reason == _SNES.DIVERGED_LINEAR_SOLVE and finite(self.snes.getJacobian()[0]):
+            failed = self.snes.getKSP().getPC().getFailedReason()
+            return Status.LINEAR_SOLVER if failed in _NOT_SINGULAR else Status.SINGULAR
+        return Status.SINGULAR if self._broke_down() else Status.NOT_FINITE
+
+    def _broke_down(self) -> bool:
+        """Whether numbers that are not finite come from a linear solve, whose matrix and right-hand side are finite."""
+        if not self._assembled:
+            return False
+        return finite(self.snes.getJacobian()[0]) and not finite(self.snes.getSolutionUpdate())
 
     def _stop(self, status: Status) -> int:
         self._status = status

@@ -78,3 +78,8 @@ class ElasticSystem(Protocol):
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """A new x from all displacement dofs."""
+
+
+def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
+    """Whether all entries are finite; collective."""
+    return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))

@@ -22,7 +22,7 @@ from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.state import ContactState, functionals
-from signorini_fx.linalg import ElasticSystem, options
+from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.linalg.mesh_levels import MeshLevel
@@ -208,8 +208,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
                     ksp.solve(system.load, x)
-                failed = Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
-                status = Status.CONVERGED if ksp.getConvergedReason() > 0 else failed
+                status = Status.CONVERGED
+                if ksp.getConvergedReason() <= 0:
+                    status = Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
+                if not finite(system.matrix) or not finite(system.load):
+                    status = Status.NOT_FINITE
         with timings.phase("certify"):
             displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=place)

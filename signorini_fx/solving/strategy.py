@@ -356,7 +356,7 @@ def _either_way(
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
-            return outcome.status in (Status.CONVERGED, Status.SINGULAR)
+            return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
         return not task.gave_up(outcome.status)
 
     return tried(

@@ -65,7 +65,7 @@ _ROUND_OFF = 1e-11
 # The field with the polygon's error of a quantity.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 # Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
-_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR)
+_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT_FINITE)
 
 
 @dataclass(frozen=True)
