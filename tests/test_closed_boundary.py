@@ -8,6 +8,7 @@ from scenes import alone, table_of
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of
 from signorini_fx.accuracy.price_list import interpolated, zone_ends
+from signorini_fx.body.contact_boundary import chains
 from signorini_fx.contact.table import ContactTable, is_closed
 from signorini_fx.report.advice import _zone_sizes
 from signorini_fx.report.boundary_profiles import boundaries_of
@@ -137,3 +138,12 @@ def test_levels_and_data_error(changes):
     assert np.isfinite(missed.squares).all()
     [path] = table.paths
     assert len(path) == len(table.columns["x"]) + 1
+
+
+def test_where_a_line_begins():
+    """At its lower end, also if round-off has moved that aside."""
+    for aside in (0.0, 1e-16, -1e-16):
+        x = np.array([(aside, 0.0), (0.0, 1.0), (0.0, 2.0)])
+        numbers, segments = np.array([(0, 0), (0, 1), (0, 2)]), np.array([(0, 0, 1), (0, 1, 2)])
+        pieces, order, closed = chains(numbers, segments, x)
+        assert (pieces, order.tolist(), closed) == ([range(3)], [0, 1, 2], [False])

@@ -6,7 +6,10 @@ from mpi4py import MPI
 from scenes import alone
 from spaces import block
 
-from signorini_fx.records import History
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Timings
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import _solve_nested
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
@@ -146,3 +149,20 @@ def test_nested_iteration(law, cells, degree, meshes, most):
     assert history.outer[-1].linear_solves <= most
     alone_answer = alone(scenes[-1])
     np.testing.assert_allclose(figures(solution), figures(alone_answer), rtol=1e-6, atol=1e-9)
+
+
+def test_averages_beside_a_support():
+    """Nodes of a held side are held, and no point is: each has nodes that move."""
+    scene = {
+        "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}},
+        "element": {"degree": 2},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "contact": {"boundary": "bottom"},
+    }
+    given = parse_scene(scene)
+    boundary = discretise(given, load_mesh(given, MPI.COMM_SELF), Timings()).boundary
+    held = boundary.averages.x[:, 0] < boundary.averages.x[:, 0].min() + 1e-9
+    assert 0 < held.sum() < held.size
+    np.testing.assert_array_equal(boundary.averages.fixed, np.tile(held[:, None], 3))
+    assert boundary.free.all()

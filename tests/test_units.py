@@ -393,6 +393,18 @@ def test_what_a_solve_cannot_do(linear_algebra, spoil, status):
         assert task.iterate.newton.solve(task.start.data) is status
 
 
+@pytest.mark.parametrize(("value", "status"), [(np.nan, Status.SINGULAR), (1e308, Status.NOT_FINITE)])
+def test_what_a_solve_gives(value, status):
+    """No number, of a matrix whose factorisation breaks down without a word; or more than forces can be computed of."""
+    scene = example1(nx=6, ny=2, linear_algebra="full")
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, d.boundary, History())
+    newton = task.iterate.newton
+    newton.snes.getKSP().setPostSolve(lambda ksp, b, x: x.set(value))
+    with np.errstate(all="ignore"):
+        assert newton.solve(task.start.data) is status
+
+
 def test_forces_that_are_no_numbers_without_contact(monkeypatch):
     """The outcome has the same name."""
     monkeypatch.setattr(AssembledSystem, "set_step", lambda system, *_: system.load.set(np.inf))

@@ -103,7 +103,7 @@ def averaging_forms(
 def averaged_points(
     space: fem.FunctionSpace, compiled: AveragingForms, fixed: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int32], _Floats, _Floats, Averages]:
-    """The points of one boundary in the order of their nodes; collective.
+    """The points of one boundary; collective.
 
     Args:
         space: the displacements.
@@ -124,7 +124,6 @@ def averaged_points(
     weight = np.asarray(rows.sum(axis=1)).ravel()
     node = _vertex_nodes(space, compiled.hats)[: weight.size]
     points = np.flatnonzero(weight > 0)
-    points = points[np.argsort(node[points])]
     own = rows[points]
     nodes = np.unique(own.indices)
     values = own.data / np.repeat(weight[points], np.diff(own.indptr))
