@@ -1,10 +1,17 @@
 """The safety factor against statics and against ramps: sliding, tipping, a plinth, a preload and a hub."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from boxes import Box, boxes_mesh
+from mpi4py import MPI
 from scenes import alone
+from test_pieces import scene_on
 
 from signorini_fx.records import Status
+from signorini_fx.results.safety import safety_of
+from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.scene.reading import parse_scene
 
 WEIGHT, LENGTH, HEIGHT = 3.0, 3.0, 2.0
@@ -60,6 +67,45 @@ def test_a_block_on_a_plinth(depth):
     safety = alone(block(1.2, ROUGH, gap=f"0 if 0.99 <= x[0] <= 2.01 else {depth}")).safety
     assert safety.factor == pytest.approx(WEIGHT * 0.5 / (1.2 * HEIGHT / 2), rel=1e-6)
     assert safety.motion == "the rotation about (2, 0)"
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.02])
+def test_what_the_body_rests_on_counts(gap):
+    """A block that a dead push has nearly tipped over one edge is pushed back, until it tips over the other one, which
+    does not touch the foundation yet; the gap that it has closed before does not matter.
+    """
+    dead, live = 0.9 * WEIGHT * LENGTH / HEIGHT, 0.1
+    scene = block(dead, ROUGH, gap=gap)
+    back = SurfaceTraction(boundary="right", x=-live / HEIGHT)
+    pushed = scene.traction[0].model_copy(update={"live": False})
+    solution = alone(scene.model_copy(update={"traction": (pushed, back)}))
+    contact = solution.contact
+    assert not contact.in_contact[contact.boundary.x[:, 0] < 1.0].any()
+    assert solution.safety.factor * live == pytest.approx(dead + WEIGHT * LENGTH / HEIGHT, rel=1e-6)
+    broken = replace(contact, pressure=np.full_like(contact.pressure, np.nan))
+    assert safety_of(solution.discretisation, broken, 0.0) is None
+
+
+def test_a_support_takes_the_pressure():
+    """It presses a corner into the foundation, whatever the push is: the friction bound there is the limit."""
+    scene = block(2.0, {"law": "coulomb", "coefficient": "0.8 if x[0] < 0.01 else 0"}, gap=-1e-4)
+    sides = tuple(PrescribedDisplacement(boundary=name, y=0.0) for name in ("left", "right"))
+    solution = alone(scene.model_copy(update={"displacement": sides}))
+    contact, safety = solution.contact, solution.safety
+    limit = contact.boundary.weight @ contact.bound
+    assert limit > 3.0
+    assert (safety.factor * 2.0, safety.statics * 2.0) == (pytest.approx(limit), pytest.approx(limit))
+
+
+@pytest.mark.parametrize("pushes", [(0.1, 0.2), (0.2, 0.1)])
+def test_of_several_pieces_the_weakest_counts(pushes):
+    """Each slides at its own limit."""
+    boxes = [Box("one", 0.0, 0.0, 1.0, 1.0, 2, 2), Box("other", 2.0, 0.0, 1.0, 1.0, 2, 2)]
+    tractions = [{"boundary": f"left {box.name}", "x": push} for box, push in zip(boxes, pushes, strict=True)]
+    contact = [{"boundary": f"bottom {box.name}", "friction": COULOMB} for box in boxes]
+    weight = {"y": -1.0, "live": False}
+    scene = scene_on(boxes_mesh(MPI.COMM_SELF, boxes), body_force=weight, traction=tractions, contact=contact)
+    assert alone(scene).safety.factor == pytest.approx(0.8 / 0.2, rel=1e-6)
 
 
 def test_a_preload_does_not_grow():
