@@ -42,6 +42,12 @@ RUN printf '#!/bin/sh\nexec python3 -m signorini_fx "$@"\n' > /usr/local/bin/sig
 ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,sm \
     OMP_NUM_THREADS=1 MPLBACKEND=Agg HOME=/tmp XDG_CACHE_HOME=/tmp/.cache
 
+# Pictures of bodies in space: PyVista, and a display without a screen that its VTK draws on.
+RUN apt-get update -q \
+ && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends python3-pyvista xvfb libgl1-mesa-dri \
+ && apt-get clean \
+ && rm -rf /var/lib/apt/lists/*
+
 
 FROM environment
 

@@ -30,7 +30,7 @@ from scipy.optimize import minimize
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.contact.table import contact_table
-from signorini_fx.report.style import INK, ORANGE, STYLE
+from signorini_fx.pictures.style import INK, ORANGE, STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, sweep
 from signorini_fx.contact.table import contact_table
-from signorini_fx.report.style import STYLE
+from signorini_fx.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "120"))

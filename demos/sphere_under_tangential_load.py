@@ -48,7 +48,7 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.contact.table import contact_table
-from signorini_fx.report.style import STYLE
+from signorini_fx.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "5"))  # quadratic facets along the radius of contact

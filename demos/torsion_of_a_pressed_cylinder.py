@@ -37,7 +37,7 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.contact.table import contact_table
-from signorini_fx.report.style import STYLE
+from signorini_fx.pictures.style import STYLE
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 from torsion_oracle import torsion

@@ -29,13 +29,13 @@ from signorini_fx import (
     Scene,
     SurfaceTraction,
     UnilateralContact,
-    pictures,
+    plot,
     print_progress,
     solve,
     sweep,
     write_results,
 )
-from signorini_fx.report.style import STYLE
+from signorini_fx.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))  # along the block
@@ -76,11 +76,11 @@ solution = solve(scene, observers=[print_progress])
 solution
 
 # %% [markdown]
-# `pictures` draws the deformed body with its von Mises stress, the curves along the contact boundary and the iteration,
+# `plot` draws the deformed body with its von Mises stress, the curves along the contact boundary and the iteration,
 # as they are written to a result folder below:
 
 # %%
-pictures(solution)
+plot(solution)
 
 # %% [markdown]
 # *converged* says more than that an iteration ended: the conditions above, the equilibrium and the supports were

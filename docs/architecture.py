@@ -26,6 +26,7 @@ LAYERS = (
     "check",
     "results",
     "report",
+    "pictures",
     "accuracy",
     "algorithms",
     "problem",
@@ -61,6 +62,7 @@ OUTSIDE = (
     "meshio",
     "scipy",
     "matplotlib",
+    "pyvista",
     "pydantic",
 )
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+# The columns of a table by name, arrays of one entry per row.
+Table = Mapping[str, Any]
 # What begins a formula in Excel, LibreOffice or Google Sheets; the apostrophe is their sign for text.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 _TEXT = "'"

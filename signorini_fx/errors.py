@@ -85,6 +85,14 @@ class OutputError(SignoriniError):
     """A result cannot be written."""
 
 
+# What draws bodies in space, for messages.
+PYVISTA = "PyVista (pip install pyvista; on Debian: python3-pyvista and xvfb)"
+
+
+class PictureError(SignoriniError):
+    """A picture cannot be drawn on this machine."""
+
+
 def cannot_be_written(path: object, error: Exception) -> OutputError:
     """The error of a file or folder that cannot be written, with the system's reason."""
     return OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}")

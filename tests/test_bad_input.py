@@ -28,7 +28,8 @@ from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputErr
 from signorini_fx.linalg import options
 from signorini_fx.machine import compilation, requirements, terminal
 from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.report import deformed_body, page
+from signorini_fx.pictures import deformed_body
+from signorini_fx.report import page
 from signorini_fx.report import reading as result_files
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder

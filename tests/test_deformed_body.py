@@ -8,11 +8,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from signorini_fx.report import deformed_body, moving_body
-from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
-from signorini_fx.report.fields import FIELDS
-from signorini_fx.report.moving_body import Moment
-from signorini_fx.report.style import finish
+from signorini_fx.pictures import deformed_body, moving_body
+from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.pictures.style import finish
+from signorini_fx.pictures.tiling import tiling
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))
@@ -20,6 +21,8 @@ POINTS = np.vstack((BOTTOM, BOTTOM + np.array([0.0, 1.0])))
 OUTLINE = np.array([[0, 1], [1, 14]])
 CELLS = np.array([[k, k + 1, k + 14, k + 13] for k in range(12)])
 DOWN = np.array([0.0, -1.0])
+WITHIN = np.column_stack((CELLS, CELLS[:, 0]))  # the point in the middle of a cell is not used
+BODY = Body(POINTS, WITHIN, tiling(4, 1), np.zeros((26, 2)), {"von_mises": np.ones(12)}, False, OUTLINE)
 
 
 def drawn(monkeypatch, gap, displacement, **options):
@@ -32,7 +35,7 @@ def drawn(monkeypatch, gap, displacement, **options):
         "nowhere", POINTS, CELLS, displacement, np.ones(12), outline=OUTLINE, foundation=foundation, **options
     )
     figure, title = kept[0]
-    return [axes for axes in figure.axes if axes.get_xlabel() == "$x_1$"], title
+    return [axes for axes in figure.axes if axes.get_xlabel() == "$x$"], title
 
 
 def body_of(axes):
@@ -107,9 +110,7 @@ def test_frames_of_a_round_body(monkeypatch, tmp_path):
     moments = [
         Moment(str(depth), sinking(depth), np.ones(12), depth >= 0.3 * (X - 1.5) ** 2) for depth in (0.0, 0.01, 0.03)
     ]
-    moving_body.moving_body(
-        tmp_path / "body.gif", POINTS, CELLS, moments, outline=OUTLINE, foundation=foundation, title="A round body"
-    )
+    moving_body.moving_body(tmp_path / "body.gif", BODY, moments, foundation=foundation, title="A round body")
     assert [np.count_nonzero(how["foundation"].touching) for how in kept] == [1, 1, 3]
     assert {how["factor"] for how in kept} == {10.0}
     np.testing.assert_allclose(kept[0]["frame"], [[-0.12, -0.42], [3.12, 1.12]])
@@ -145,8 +146,8 @@ def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
     monkeypatch.setattr(moving_body, "deformed_mesh", draw)
     gap = 0.001 + 0.0005 * (X - 1.5) ** 2
     foundation = Foundation(BOTTOM, gap[:, None] * DOWN)
-    moments = [moving_body.Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
-    moving_body.moving_body(tmp_path / "a.gif", POINTS, CELLS, moments, outline=OUTLINE, foundation=foundation)
+    moments = [Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
+    moving_body.moving_body(tmp_path / "a.gif", BODY, moments, foundation=foundation)
     assert [one[:2] for one in seen] == [(True, 200.0)] * 2
     low, high = seen[0][2]
     assert (low < POINTS.min(axis=0) - 200 * 0.001 * np.array([0, 1])).all()

@@ -9,9 +9,12 @@ import pytest
 from dolfinx import fem, mesh
 from mpi4py import MPI
 from scenes import alone, example1
+from scipy.spatial import cKDTree
+from spaces import block
 
 import signorini_fx as sfx
 from signorini_fx import SceneError
+from signorini_fx.results import plot
 
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
@@ -181,11 +184,34 @@ def test_signature_of_a_table():
     assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, hypothesis='plane strain'")
 
 
-def test_pictures(tmp_path, monkeypatch):
-    """Those of a result folder, for a notebook; nothing stays behind."""
+def test_plot(tmp_path, monkeypatch):
+    """The pictures of a result folder, for a notebook; nothing stays behind."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    drawn = sfx.pictures(alone(example1(bound=1.5, nx=12, ny=4)))
-    assert repr(drawn) == "<Pictures: deformed, profiles, history>"
+    drawn = alone(example1(bound=1.5, nx=12, ny=4)).plot("displacement")
+    assert repr(drawn) == "<Pictures: deformed, profiles, history, field_displacement>"
     assert all(data.startswith(b"\x89PNG") for data in drawn.png.values())
-    assert drawn._repr_html_().count("<img") == 3
+    assert drawn._repr_html_().count("<img") == 4
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(3, "tetrahedra", degree=2)])
+def test_grid_for_pyvista(scene, monkeypatch):
+    """Its volume is that of the body, and the fields are those of the solution where they are; without PyVista an
+    error says what to install.
+    """
+    pytest.importorskip("pyvista")
+    solution = alone(scene())
+    grid = sfx.pyvista_grid(solution)
+    whole = grid.compute_cell_sizes()
+    assert whole["Area"].sum() + whole["Volume"].sum() == pytest.approx(3.0)
+    space = solution.displacement.function_space
+    size = space.dofmap.bs
+    away, at = cKDTree(space.tabulate_dof_coordinates()).query(grid.points)
+    assert away.max() < 1e-12
+    np.testing.assert_allclose(
+        grid["displacement"][:, :size], solution.displacement.x.array.reshape(-1, size)[at], atol=1e-15
+    )
+    assert {"von_mises", "recovered_von_mises", "stress", "density"} <= set(grid.point_data)
+    monkeypatch.setattr(plot, "find_spec", lambda name: None)
+    with pytest.raises(sfx.PictureError, match="pip install pyvista"):
+        sfx.pyvista_grid(solution)

@@ -71,10 +71,12 @@ def test_cells_for_pictures(name, hypothesis, cell):
     gradient = GRADIENTS[name]
     comm = MPI.COMM_WORLD
     gathered = gather_cells(solve(scene(gradient, hypothesis, cell), comm))
-    assert comm.rank == 0 or len(gathered.cells) == len(gathered.points) == 0  # the other ranks do not hold the mesh
+    assert (
+        comm.rank == 0 or len(gathered.perimeters) == len(gathered.points) == 0
+    )  # the other ranks do not hold the mesh
     gathered = comm.bcast(gathered)
-    assert len(gathered.cells) == {"quadrilateral": 24, "triangle": 48}[cell]
-    corners = gathered.points[gathered.cells]
+    assert len(gathered.perimeters) == {"quadrilateral": 24, "triangle": 48}[cell]
+    corners = gathered.points[gathered.perimeters]
     following = np.roll(corners, -1, axis=1)
     areas = np.abs((corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)) / 2
     np.testing.assert_allclose(areas, 3.0 / len(areas), rtol=1e-12)

@@ -11,9 +11,9 @@ from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
 
 from signorini_fx.cli import main
 from signorini_fx.errors import SceneError
+from signorini_fx.pictures.load_steps import load_steps
+from signorini_fx.pictures.moving_body import MOST_FRAMES, shown
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.report.load_steps import load_steps
-from signorini_fx.report.moving_body import MOST_FRAMES, shown
 from signorini_fx.report.page import write_report
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import ConvergenceError
@@ -400,7 +400,7 @@ def test_pictures(failed, monkeypatch):
     """An animation with a frame for each step with a solution; the curve leaves the others out."""
     from PIL import Image
 
-    from signorini_fx.report import load_steps as drawing
+    from signorini_fx.pictures import load_steps as drawing
 
     solution, _, folder = failed
     with Image.open(folder / "deformed.gif") as moving:

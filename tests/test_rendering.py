@@ -1,139 +1,150 @@
-"""Surfaces in space as images: what is in front, values and light at every pixel, hidden lines, views, foundations."""
+"""Bodies in space as pictures: views, perspective, foundations, colours, and the process that draws them."""
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
-from scipy.spatial import ConvexHull
 
-from signorini_fx.report import view
-from signorini_fx.report.rendering import fans, normals_of, render, smooth_normals
-from signorini_fx.report.solid_body import deformed_solid, solid_figure, telling_view
-from signorini_fx.report.solid_foundation import FoundationSurface
+from signorini_fx.errors import PictureError
+from signorini_fx.pictures import offscreen, view
+from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.foundation import FoundationSurface, normals_of
+from signorini_fx.pictures.solid import Lines, Solid
+from signorini_fx.pictures.solid_body import Skin, solid_figure, telling_view
+from signorini_fx.pictures.style import VALUES
+from signorini_fx.pictures.tiling import tiling
 
-SHARP = np.cos(np.radians(40.0))
 CUBE = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
 SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+TRIANGLES = SIDES[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+NONE = np.empty((0, 2), dtype=np.int64)
+WIDTH = 120
 
 
-def square(height, low=0.0, high=8.0):
-    """Two triangles, at a height that is a number or depends on the place."""
-    x = np.array([[low, low], [high, low], [high, high], [low, high]])
-    z = np.broadcast_to(height(x) if callable(height) else height, 4)
-    return np.column_stack((x, z))[[[0, 1, 2], [0, 2, 3]]]
+@pytest.fixture(autouse=True)
+def needed():
+    """PyVista is not everywhere."""
+    pytest.importorskip("pyvista")
 
 
-def test_every_pixel_has_the_value_at_its_place():
-    """Exactly, for a field that is linear; no pixel is missing, and none is outside."""
-    corners = square(0.0)
-    image = render(corners, np.array([-0.95, -0.95]), 0.1, (100, 100))
-    middles = -0.95 + 0.1 * np.arange(100)
-    inside = (middles > 0) & (middles < 8)
-    np.testing.assert_array_equal(image.triangle >= 0, inside[:, None] & inside)
-    row, column = np.nonzero(image.triangle >= 0)
-    field = image.interpolated(3 * corners[..., 0] - 2 * corners[..., 1] + 1)
-    np.testing.assert_allclose(field, 3 * middles[column] - 2 * middles[row] + 1, atol=1e-12)
-    vectors = image.interpolated(corners)
-    np.testing.assert_allclose(vectors[:, :2], np.column_stack((middles[column], middles[row])), atol=1e-12)
+def cube(values, displacement=(0.0, 0.0, 0.0)):
+    """A cube with one value on each side; each side has a point in its middle too."""
+    points = np.concatenate((CUBE, CUBE[SIDES].mean(axis=1)))
+    within = np.column_stack((SIDES, 8 + np.arange(6)))
+    motion = np.tile(displacement, (14, 1))
+    return Skin.of(Body(points, within, tiling(4, 1), motion, {"von_mises": np.asarray(values)}, False), "von_mises")
 
 
-@pytest.mark.parametrize("order", [1, -1])
-def test_the_nearest_is_seen(order):
-    """Whichever is given first, and where two pass through each other."""
-    sloping = square(lambda x: x[:, 0] - 4.02)
-    image = render(np.concatenate((square(0.0), sloping)[::order]), np.zeros(2) + 0.05, 0.1, (80, 80))
-    x = 0.05 + 0.1 * np.arange(80)
-    first_is_sloping = order == -1
-    sloped = (image.triangle < 2) == first_is_sloping
-    np.testing.assert_array_equal(sloped, np.tile(x > 4.02, (80, 1)))
-    np.testing.assert_allclose(image.depth, np.tile(np.maximum(x - 4.02, 0.0), (80, 1)), atol=1e-12)
+def solid(values, points=CUBE, triangles=TRIANGLES, **more):
+    """What is drawn of triangles with one value each, or one for each corner."""
+    values = np.broadcast_to(np.asarray(values, dtype=float).reshape(len(triangles), -1), (len(triangles), 3))
+    return Solid(points, triangles, values, VALUES, (0.0, 1.0), NONE, **more)
 
 
-def test_large_and_small_triangles_agree():
-    """A surface that is cut into 800 triangles looks like one of two; triangles beyond the frame are left out."""
-    n = 20
-    grid = np.stack(np.meshgrid(np.linspace(0, 8, n + 1), np.linspace(0, 8, n + 1)), axis=-1).reshape(-1, 2)
-    points = np.column_stack((grid, grid @ [0.3, -0.2]))
-    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    triangles = fans(np.column_stack((corner, corner + 1, corner + n + 2, corner + n + 1)))
-    assert len(triangles) == 800
-    frame = (np.array([2.013, 3.017]), 0.05, (90, 70))
-    fine, coarse = render(points[triangles], *frame), render(square(lambda x: x @ [0.3, -0.2]), *frame)
-    assert (coarse.triangle >= 0).all()
-    np.testing.assert_allclose(fine.depth, coarse.depth, atol=1e-12)
+def hue(colours):
+    """Colours without their brightness, which the light changes."""
+    colours = np.asarray(colours, dtype=float)[..., :3]
+    return colours / np.linalg.norm(colours, axis=-1, keepdims=True)
 
 
-def test_triangles_seen_from_the_side_are_not_seen():
-    """They cover no pixel, and give no warning."""
-    edge_on = np.array([[[0.0, 1, 0], [8, 1, 0], [4, 1, 5]]])
-    assert (render(edge_on, np.zeros(2), 0.1, (80, 80)).triangle == -1).all()
+def at(picture, camera, points):
+    """The colours at points in space."""
+    share = (camera.flat(np.asarray(points, dtype=float)) / camera.half + 1) / 2
+    column, row = np.floor(share * picture.shape[1::-1]).astype(int).T
+    return picture[::-1][row, column]
 
 
-def test_hidden_lines():
-    """What is behind is hidden, what is on the surface is not, unless lines apart from it are asked for."""
-    image = render(square(1.0, 2.0, 6.0), np.zeros(2) + 0.05, 0.1, (80, 80))
+def test_points_are_where_the_camera_says():
+    """Small spheres, as squares, at the corners of a cube; the nearest ones are drawn over those behind."""
+    seen = view.oblique()
+    camera = view.Camera.on(seen, CUBE)
+    tiny = 0.03 * (SQUARE @ np.stack((seen.right, seen.up)))
+    points = (CUBE[:, None] + tiny).reshape(-1, 3)
+    triangles = (4 * np.arange(8)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
+    values = np.linspace(0.0, 1.0, 8).repeat(2)
+    picture = offscreen.drawn(solid(values, points, triangles), camera, WIDTH)
+    assert picture.shape[1] == WIDTH
+    assert picture.shape[0] == pytest.approx(WIDTH * camera.half[1] / camera.half[0], abs=0.5)
+    np.testing.assert_allclose(hue(at(picture, camera, CUBE)), hue(VALUES(values[::2])), atol=0.02)
+    # Perspective: what is near is larger.
+    flat = camera.flat(CUBE)
+    lengths = np.linalg.norm(flat[[4, 5, 6, 7]] - flat[[0, 1, 2, 3]], axis=1)
+    nearness = CUBE[:4] @ seen.toward
+    assert (np.argsort(lengths) == np.argsort(nearness)).all()
+    assert np.abs(flat).max() < camera.half.max()
+    np.testing.assert_allclose(flat.max(axis=0), -flat.min(axis=0), rtol=1e-3)
 
-    def lengths(height, **options):
-        line = np.array([[0.0, 4.0, height], [8.0, 4.0, height]])
-        return [float(np.ptp(part[:, 0])) for part in image.visible_parts([line], **options)]
 
-    assert lengths(0.0) == pytest.approx([2.0, 2.0], abs=0.35)
-    assert lengths(1.0) == pytest.approx([8.0])
-    assert lengths(2.0) == pytest.approx([8.0])
-    assert lengths(1.0, apart=True) == pytest.approx([1.5, 1.5], abs=0.35)
-    assert lengths(2.0, apart=True) == pytest.approx([8.0])
-    assert image.visible_parts([]) == []
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-def test_light_turns_smoothly_but_at_sharp_edges():
-    """On a cube each side keeps its normal; on a sphere they are those of the sphere."""
-    triangles = fans(SIDES)
-    expected = normals_of(CUBE, SIDES).repeat(2, axis=0)
-    np.testing.assert_allclose(np.abs(expected).sum(axis=1), 1.0)
-    np.testing.assert_allclose(smooth_normals(CUBE, triangles, SHARP), expected[:, None].repeat(3, axis=1))
-    points = np.random.default_rng(4).normal(size=(2000, 3))
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    hull = ConvexHull(points).simplices.astype(np.int64)
-    a, b, c = points[hull].transpose(1, 0, 2)
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
-    hull[inwards] = hull[inwards][:, ::-1]
-    assert np.einsum("tij,tij->ti", smooth_normals(points, hull, SHARP), points[hull]).min() > 0.99
-    flat = normals_of(points, hull)
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    assert np.einsum("tj,tij->ti", flat, points[hull]).min() < 0.99
+def test_colours_are_those_of_the_field():
+    """On each side one value, or a field that is linear on it; the light changes the brightness only."""
+    camera = view.Camera.on(view.oblique(), CUBE)
+    sides = np.array([0.0, 0.9, 0.5, 0.0, 0.0, 0.2])
+    front = [1, 2, 5]  # top, front, right
+    picture = offscreen.drawn(solid(sides.repeat(2)), camera, WIDTH)
+    middles = CUBE[SIDES].mean(axis=1)[front]
+    np.testing.assert_allclose(hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02)
+    brightness = at(picture, camera, middles).sum(axis=1) / VALUES(sides[front])[:, :3].sum(axis=1)
+    assert np.ptp(brightness) > 0.05 * brightness.max()
+    assert (at(picture, camera, np.array([camera.centre + 0.98 * camera.half[0] * camera.view.right])) == 255).all()
+    rising = offscreen.drawn(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH)
+    along = np.array([[x, 0.5, 1.0] for x in (0.1, 0.4, 0.6, 0.9)])
+    np.testing.assert_allclose(hue(at(rising, camera, along)), hue(VALUES(along[:, 0])), atol=0.02)
+    np.testing.assert_array_equal(offscreen.drawn(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising)
+
+
+def test_a_jump_of_the_field_is_not_smeared():
+    """Beside an edge between two values there is neither of the other, however smooth the surface."""
+    flat = view.View(*np.eye(3))
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]])
+    triangles = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+    camera = view.Camera.on(flat, points)
+    picture = offscreen.drawn(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
+    for x, value in ((0.95, 0.0), (1.05, 1.0)):
+        np.testing.assert_allclose(hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02)
+
+
+def test_lines_are_hidden_by_the_body():
+    """Those on the surface are seen, those behind it are not."""
+    camera = view.Camera.on(view.View(*np.eye(3)), CUBE)
+    for height, seen in ((1.0, True), (0.5, False)):
+        line = np.array([[[0.2, 0.5, height], [0.8, 0.5, height]]])
+        picture = offscreen.drawn(solid(np.full(12, 0.5), lines=[Lines(line, "red", 6.0)]), camera, WIDTH)
+        (colour,) = at(picture, camera, [[0.5, 0.5, height]])
+        assert (colour[0] > 200 and colour[1] < 60) == seen
+
+
+def test_foundations_are_seen_from_the_body():
+    """A plane from above, gray; not from below, where it would hide the body."""
+    ground = over([0.2] * 4).shape(1.0)
+    np.testing.assert_allclose(ground[0][:, 2], -0.2)
+    assert normals_of(*ground)[0, 2] > 0
+    corner = ground[0][np.argmin(ground[0] @ view.oblique().right)]
+    inside = corner + 0.1 * (ground[0].mean(axis=0) - corner)
+    for elevation in (24.0, -24.0):
+        camera = view.Camera.on(view.oblique(elevation=elevation), np.concatenate((CUBE, ground[0])))
+        picture = offscreen.drawn(solid(np.ones(12), grounds=[ground]), camera, WIDTH)
+        (colour,) = at(picture, camera, [inside]).astype(int)
+        assert np.ptp(colour) < 6
+        assert (colour[0] < 250) == (elevation > 0)
 
 
 def test_the_view_shows_the_cut():
     """Of a cube that is stressed on one side only, that side is seen; of a uniform one the front and the right."""
     usual = view.oblique()
     for loaded, azimuth in ((2, -58.0), (5, -58.0), (3, 122.0), (4, -122.0)):
-        values = np.where(np.arange(6) == loaded, 1.0, 0.0)
-        seen = telling_view(CUBE, SIDES, values)
+        seen = telling_view(cube(np.where(np.arange(6) == loaded, 1.0, 0.0)))
         towards = normals_of(CUBE, SIDES)[loaded] @ seen.toward
         assert towards > 0.4
         if azimuth == -58.0:
             np.testing.assert_array_equal(seen.toward, usual.toward)
     for values in (np.ones(6), np.zeros(6), np.full(6, np.nan)):
-        np.testing.assert_array_equal(telling_view(CUBE, SIDES, values).toward, usual.toward)
-
-
-@pytest.mark.parametrize("size", [(3.0, 1.0, 1.0), (1.0, 3.0, 1.0), (1.0, 1.0, 3.0), (1.0, 1.0, 0.1)])
-@pytest.mark.parametrize("azimuth", [-58.0, 122.0])
-def test_the_axes_are_beside_the_body(size, azimuth):
-    """Where they are named nothing is drawn, and the directions are those of the view."""
-    points = CUBE * size
-    seen = view.oblique(azimuth)
-    figure, _ = solid_figure(points, SIDES, np.zeros((8, 3)), np.ones(6), seen=seen)
-    axes = figure.axes[0]
-    names = [text for text in axes.texts if text.get_text() in ("$x_1$", "$x_2$", "$x_3$")]
-    places = np.array([text.get_position() for text in names])
-    (image,) = axes.images
-    left, right, bottom, top = image.get_extent()
-    rows, columns = image.get_array().shape[:2]
-    column, row = np.floor((places - [left, bottom]) / [right - left, top - bottom] * [columns, rows]).astype(int).T
-    assert (image.get_array()[row, column, 3] == 0).all()
-    steps = np.diff(places, axis=0)
-    along = np.diff(seen.flat(np.eye(3)), axis=0)
-    np.testing.assert_allclose(steps / steps[0, 0], along / along[0, 0], rtol=1e-9)
+        np.testing.assert_array_equal(telling_view(cube(values)).toward, usual.toward)
 
 
 def over(gap):
@@ -142,49 +153,102 @@ def over(gap):
     return FoundationSurface(CUBE[:4], down, np.array(gap), np.array([[0, 1, 3, 2]]))
 
 
-def test_foundations_that_are_magnified_or_not():
-    """A plane stays one and is drawn in the same map; a bent one would be another: then there are two panels."""
+@pytest.fixture
+def painted(monkeypatch):
+    """What would be drawn, in place of drawing it."""
+    kept = []
+    blank = np.full((4, 4, 3), 255, dtype=np.uint8)
+    monkeypatch.setattr(offscreen, "drawn", lambda *request: kept.append(request) or blank)
+    return kept
+
+
+def test_foundations_that_are_magnified_or_not(painted):
+    """A plane stays one and is drawn in the same panel; a bent one would be another: then there are two panels."""
     size = np.sqrt(3.0)
     assert over([0.01] * 4).looks_like_itself(50.0, size)
     assert not over([0.01] * 4).looks_like_itself(200.0, size)  # it would be far away
     assert over([0.0, 0.0, 0.1, 0.1]).looks_like_itself(2.0, size)
     assert not over([0.0, 0.0, 0.1, 0.1]).looks_like_itself(8.0, size)  # as steep as 39 degrees
-    displacement = np.tile([0.0, 0.0, -0.001], (8, 1))
-    values = np.ones(6)
 
     def panels(gap, **options):
-        figure, remark = solid_figure(CUBE, SIDES, displacement, values, foundations=[over(gap)], **options)
-        axes = [one for one in figure.axes if one.get_label() != "<colorbar>"]
-        return remark, [sum(isinstance(c, PolyCollection) for c in one.collections) for one in axes]
+        painted.clear()
+        _, remark = solid_figure(cube(np.ones(6), (0.0, 0.0, -0.001)), foundations=[over(gap)], **options)
+        return remark, [len(solid.grounds) for solid, *_ in painted]
 
     assert panels([0.001] * 4) == (r"displacement and gap $\times\,100$", [1])
+    np.testing.assert_allclose(painted[0][0].points[:8], CUBE - [0, 0, 0.1])
+    np.testing.assert_array_equal(painted[0][0].at_rest[:8], CUBE)
     assert panels([0.001, 0.001, 0.5, 0.5]) == (r"left: as it is; right: displacement $\times\,100$", [1, 0])
+    np.testing.assert_allclose(painted[0][0].points[:8], CUBE - [0, 0, 0.001])
+    assert painted[0][0].at_rest is None
     assert panels([0.001, 0.001, 0.5, 0.5], factor=2.0)[1] == [1]
 
 
-def test_a_curved_foundation_is_seen():
-    """A ridge from above, gray; not from below, where it would hide the body."""
-    x = np.linspace(-2.0, 3.0, 21)
-    nodes = np.column_stack((x.repeat(2), np.tile([-2.0, 3.0], 21), np.zeros(42)))
-    down = np.tile([0.0, 0.0, -1.0], (42, 1))
-    row = 2 * np.arange(20)
-    facets = np.column_stack((row, row + 1, row + 3, row + 2))
-    ridge = FoundationSurface(nodes, down, 0.2 * (nodes[:, 0] - 0.5) ** 2, facets)
-    still = np.zeros((8, 3))
-    figure, _ = solid_figure(CUBE, SIDES, still, np.ones(6), foundations=[ridge], factor=1.0)
-    picture = figure.axes[0].images[0].get_array()
-    gray = (np.ptp(picture[..., :3], axis=2) < 1e-6) & (picture[..., 3] == 1)
-    body = (np.ptp(picture[..., :3], axis=2) > 0.1) & (picture[..., 3] == 1)
-    assert gray.sum() > body.sum() > 1000
-    middle = 0.5 * (x[1:] + x[:-1])
-    for elevation in (24.0, 60.0, -60.0):
-        triangles = ridge.facing(view.oblique(0.0, elevation), 1.0)
-        lift = np.radians(elevation)
-        assert len(triangles) == 2 * np.count_nonzero(0.4 * (middle - 0.5) * np.cos(lift) + np.sin(lift) > 0)
-        assert (np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] > 0).all()
+@pytest.mark.parametrize("size", [(30.0, 1.0, 1.0), (1.0, 3.0, 1.0), (1.0, 1.0, 3.0), (1.0, 1.0, 0.1)])
+@pytest.mark.parametrize("azimuth", [-58.0, 122.0])
+def test_lengths_beside_the_body(painted, size, azimuth):
+    """Each axis has an arrow along it, beside the body, with the length of the undeformed body."""
+    unit = cube(np.ones(6), (0.0, 0.0, 0.05))
+    figure, _ = solid_figure(replace(unit, points=unit.points * size), seen=view.oblique(azimuth))
+    ((_, camera, _),) = painted
+    axes = figure.axes[0]
+    assert sorted(text.get_text() for text in axes.texts if text.get_text()) == [
+        f"{name}: ${length:g}$" for name, length in zip("xyz", size, strict=True)
+    ]
+    corners = camera.flat(CUBE * size)
+    arrows = [text for text in axes.texts if not text.get_text()]
+    for axis, arrow in enumerate(arrows):
+        along = np.subtract(arrow.xy, arrow.xyann)
+        edges = [corners[k | (1 << axis)] - corners[k] for k in range(8) if not k & (1 << axis)]
+        assert min(np.linalg.norm(along - edge) for edge in edges) < 1e-9
 
 
-def test_a_body_without_facets(tmp_path):
+# --- the process that draws ------------------------------------------------------------------------------------------
+
+
+def test_without_pyvista(monkeypatch):
+    """The error says what to install."""
+    monkeypatch.setattr(offscreen, "find_spec", lambda name: None)
+    with pytest.raises(PictureError, match="pip install pyvista"):
+        offscreen.drawn(solid(np.ones(12)), view.Camera.on(view.oblique(), CUBE), WIDTH)
+
+
+def test_a_process_that_dies_takes_nobody_along(monkeypatch):
+    """An error that says what is needed; the next picture is drawn by another process."""
+    camera = view.Camera.on(view.oblique(), CUBE)
+    monkeypatch.setattr(offscreen, "_painter", None)
+    broken = solid(np.ones(12), lines=[Lines(np.zeros((1, 2, 3)), "no such colour", 1.0)])
+    with pytest.raises(PictureError, match=r"ended .* needs PyVista"):
+        offscreen.drawn(broken, camera, WIDTH)
+    assert offscreen.drawn(solid(np.ones(12)), camera, WIDTH).shape[1] == WIDTH
+    first = offscreen._painter
+    assert offscreen.drawn(solid(np.ones(12)), camera, WIDTH).shape[1] == WIDTH
+    assert offscreen._painter is first
+    first.close()
+
+
+def test_it_knows_nothing_of_mpi(monkeypatch):
+    """Neither the ranks of its parent nor a library of MPI: it would take itself for one of them, or wait for them."""
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+    monkeypatch.setenv("PMIX_RANK", "0")
+    seen = {}
+
+    class Process:
+        def __init__(self, command, **options):
+            seen.update(options["env"])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(offscreen.subprocess, "Popen", Process)
+        offscreen._Painter()._said.close()
+    assert not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & set(seen)
+    code = "import sys, signorini_fx.pictures.offscreen; print([n for n in ('mpi4py', 'dolfinx') if n in sys.modules])"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "[]"
+    pickle.dumps(solid(np.ones(12)))
+
+
+def test_a_body_without_facets():
     """There is nothing to draw."""
+    body = Body(CUBE, SIDES[:0], tiling(4, 1), np.zeros((8, 3)), {"von_mises": np.ones(0)}, False)
     with pytest.raises(ValueError, match="no facets"):
-        deformed_solid(tmp_path / "none", CUBE, SIDES[:0], np.zeros((8, 3)), np.ones(0))
+        Skin.of(body, "von_mises")

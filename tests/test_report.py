@@ -26,11 +26,12 @@ from scenes import alone, example1, on_mesh, rectangle
 from signorini_fx import cli, parallel
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.pictures import load_steps
+from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
-from signorini_fx.report import advice, evidence, interactive, load_steps, markup
+from signorini_fx.report import advice, evidence, interactive, markup
 from signorini_fx.report import page as report
 from signorini_fx.report.digits import between, estimated_errors, figure
-from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.reading import read_csv, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results

@@ -6,9 +6,8 @@ import re
 import shutil
 import subprocess
 import sys
-from itertools import pairwise
+from dataclasses import replace
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -24,14 +23,16 @@ from test_report import Page, pictures, rows_of, summary_of
 
 from signorini_fx import cli
 from signorini_fx.errors import ResultError
-from signorini_fx.report import contact_surface, load_steps, page, sections_in_space, solid_body, view
-from signorini_fx.report.boundary_profiles import STATES
-from signorini_fx.report.deformed_body import magnification
+from signorini_fx.pictures import contact_surface, load_steps, offscreen, view
+from signorini_fx.pictures.boundary_profiles import STATES
+from signorini_fx.pictures.deformed_body import magnification
+from signorini_fx.pictures.foundation import normals_of, plane_of
+from signorini_fx.pictures.solid_body import Skin, solid_figure
+from signorini_fx.pictures.style import VALUES
+from signorini_fx.report import page, sections_in_space
 from signorini_fx.report.digits import figure
 from signorini_fx.report.reading import read_csv, read_facets
-from signorini_fx.report.solid_body import solid_figure
-from signorini_fx.report.solid_foundation import FoundationSurface, plane_of
-from signorini_fx.results import outer_surface
+from signorini_fx.results import outer_surface, picture_data
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -140,7 +141,7 @@ def test_pressure_is_that_of_the_table(folder):
         low, high = mesh.get_clim()
         assert low == 0
         assert high == pytest.approx(pressure.max())
-        assert mesh.get_cmap().name == "viridis_r"
+        assert mesh.get_cmap() is VALUES
         # What is coloured is what touches: every node in contact, and no facet without one.
         corners = mesh._triangulation.triangles
         used = np.unique(corners[corners < len(pressure)])
@@ -200,13 +201,13 @@ def test_axes_are_those_of_space(folders):
     sides, figure = drawn(folders["walls"])
     assert [side.name for side in sides] == ["left", "right"]
     left, state, right, none = panels(figure)
-    assert left.get_title(loc="left").startswith("left, seen along $-x_1$")
-    assert right.get_title(loc="left").startswith("right, seen along $x_1$")
+    assert left.get_title(loc="left").startswith("left, seen along $-x$")
+    assert right.get_title(loc="left").startswith("right, seen along $x$")
     assert "no friction" in none.texts[0].get_text()
     for axes in (left, right, state):
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_2$", "$x_3$")
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("$y$", "$z$")
         assert axes.get_aspect() == 1
-    # Seen along x_1 with x_3 upwards, x_2 grows to the left.
+    # Seen along x with z upwards, y grows to the left.
     assert right.xaxis.get_major_formatter()(-0.5, 0) == "0.5"
     assert left.xaxis.get_major_formatter().__class__.__name__ == "ScalarFormatter"
     assert "arrows: shear" in left.get_title(loc="left")
@@ -225,14 +226,14 @@ def test_views(direction):
         assert np.abs(seen.toward).max() == 1
     unit, label, falls = view.coordinate(seen.right)
     assert unit @ seen.right == pytest.approx(-1 if falls else 1)
-    assert "x_" in label
+    assert set("xyz") & set(label)
     assert label[1] != "-" or np.abs(seen.right).max() < 1
-    assert view.combination(np.array([0.6, 0.0, -0.8])) == r"0.60\,x_1-0.80\,x_3"
-    assert view.combination(np.array([0.0, -1.0, 0.0])) == "-x_2"
+    assert view.combination(np.array([0.6, 0.0, -0.8])) == r"0.60\,x-0.80\,z"
+    assert view.combination(np.array([0.0, -1.0, 0.0])) == "-y"
 
 
 def wall(touching):
-    """Table and facets of the wall of a hole around the axis x_3, its nodes in contact where the function says."""
+    """Table and facets of the wall of a hole around the axis z, its nodes in contact where the function says."""
     angle, height = np.meshgrid(2 * np.pi * np.arange(24) / 24, (0.0, 0.5, 1.0), indexing="ij")
     angle, height = angle.ravel(), height.ravel()
     row = np.arange(72).reshape(24, 3)
@@ -283,9 +284,9 @@ def test_small_zones_are_enlarged(folders):
 
 def areas_of(surface):
     """Area vectors of the facets."""
-    corners = surface.points[surface.facets]
-    one, other = (2, 3) if surface.facets.shape[1] == 4 else (1, 2)
-    start = 1 if surface.facets.shape[1] == 4 else 0
+    corners = surface.points[surface.perimeters]
+    one, other = (2, 3) if surface.perimeters.shape[1] == 4 else (1, 2)
+    start = 1 if surface.perimeters.shape[1] == 4 else 0
     return np.cross(corners[:, one] - corners[:, 0], corners[:, other] - corners[:, start]) / 2
 
 
@@ -295,23 +296,23 @@ def test_outer_surface(cells):
     """It is closed, has the area and the volume of the body, and is the same on any number of ranks."""
     comm = MPI.COMM_WORLD
     together = outer_surface.gather_outer_surface(solve(block(6, cells, bound=1.5, comm=comm)))
-    assert comm.rank == 0 or len(together.facets) == len(together.points) == 0  # the other ranks do not hold it
+    assert comm.rank == 0 or len(together.perimeters) == len(together.points) == 0  # the other ranks do not hold it
     together = comm.bcast(together)
     solution = alone(block(6, cells, bound=1.5))
     single = outer_surface.gather_outer_surface(solution)
-    assert outer_surface.outer_facets(solution) == len(single.facets) == len(together.facets)
+    assert outer_surface.outer_facets(solution) == len(single.perimeters) == len(together.perimeters)
     for surface in (together, single):
         areas = areas_of(surface)
         np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
         assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(14.0)
-        middle = surface.points[surface.facets].mean(axis=1)
+        middle = surface.points[surface.perimeters].mean(axis=1)
         assert np.einsum("ij,ij->", middle, areas) / 3 == pytest.approx(3.0)
     scale, top = np.abs(single.displacement).max(), single.values["von_mises"].max()
     rows = [
         np.hstack(
             (
-                s.points[s.facets].mean(axis=1),
-                s.displacement[s.facets].mean(axis=1) / scale,
+                s.points[s.perimeters].mean(axis=1),
+                s.displacement[s.perimeters].mean(axis=1) / scale,
                 s.values["von_mises"][:, None] / top,
             )
         )
@@ -321,63 +322,28 @@ def test_outer_surface(cells):
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
-def test_colours_of_the_body_are_its_stress():
-    """Darker by the light at most, never another stress; a body under uniform pressure has that stress everywhere."""
-    scene = parse_scene(
-        {
-            "mesh": box("hexahedra", (3, 2, 2), size=(3.0, 1.0, 1.0)),
-            "material": {"young": 1000.0, "poisson": 0.25},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
-            "traction": [{"boundary": "top", "pressure": 5.0}],
-            "contact": [{"boundary": "bottom"}],
-        }
-    )
-    surface = outer_surface.gather_outer_surface(alone(scene))
-    np.testing.assert_allclose(surface.values["von_mises"], 5.0, rtol=1e-6)  # uniaxial
-    rising = np.arange(len(surface.facets)) + 0.5  # none is at the border between two of the 256 colours
-    plane = np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]])
-    foundation = FoundationSurface(plane, np.tile([0.0, 0.0, -1.0], (4, 1)), np.zeros(4), np.arange(4)[None])
-    seen = view.oblique()
-    figure, remark = solid_figure(
-        surface.points, surface.facets, surface.displacement, rising, foundations=[foundation], seen=seen
-    )
-    front = areas_of(surface) @ seen.toward > 0
-    bar = figure.axes[1]
-    assert bar.get_xlabel() == "von Mises stress, one value per cell"
+def test_the_body_is_drawn_with_its_stress(monkeypatch):
+    """Each facet with its value, where the displacement has moved it; the label says that there is one per cell."""
+    kept = []
+    blank = np.full((4, 4, 3), 255, dtype=np.uint8)
+    monkeypatch.setattr(offscreen, "drawn", lambda *request: kept.append(request) or blank)
+    surface = outer_surface.gather_outer_surface(alone(block(3)))
+    figure, remark = solid_figure(Skin.of(surface, "von_mises"))
+    assert figure.axes[1].get_xlabel() == "von Mises stress, one value per cell"
     factor = magnification(surface.points, surface.displacement)
     assert factor > 1
-    assert remark == rf"displacement and gap $\times\,{factor:g}$"
-    # In the middle of each facet; the light takes the same share of red, green and blue.
+    assert remark == rf"displacement $\times\,{factor:g}$"
+    ((solid, _, width),) = kept
     moved = surface.points + factor * surface.displacement
-    ours = colours_at(figure.axes[0], seen.flat(moved[surface.facets[front]]).mean(axis=1))
-    theirs = mpl.colormaps["viridis_r"](rising[front] / rising[front].max())
-    assert (ours[:, 3] == 1).all()
-    assert ours[:, :3].max(axis=1).min() > 0
-    ours, theirs = (rgb[:, :3] / np.linalg.norm(rgb[:, :3], axis=1, keepdims=True) for rgb in (ours, theirs))
-    np.testing.assert_allclose(ours, theirs, atol=1e-6)
-    (ground,) = figure.axes[0].collections[0].get_paths()  # below, so behind the body
-    assert ground.contains_points(seen.flat(plane)).all()
-
-
-def colours_at(axes, places):
-    """What is drawn at places in the picture of a body, shape (n, 4)."""
-    (image,) = axes.images
-    left, right, bottom, top = image.get_extent()
-    rows, columns = image.get_array().shape[:2]
-    share = (places - [left, bottom]) / [right - left, top - bottom]
-    column, row = np.floor(share * [columns, rows]).astype(int).T
-    return np.asarray(image.get_array())[row, column]
-
-
-def test_lines_of_edges():
-    """All edges once, in as few lines as there are: an open one, a closed one, and three that meet."""
-    edges = np.array([[0, 1], [2, 1], [2, 3], [10, 11], [12, 11], [12, 10], [20, 21], [20, 22], [23, 20]])
-    lines = view.lines_of(edges)
-    steps = {frozenset(step) for line in lines for step in pairwise(line)}
-    assert steps == {frozenset(edge) for edge in edges.tolist()}
-    assert sum(len(line) - 1 for line in lines) == len(edges)
-    assert sorted(len(line) for line in lines) == [2, 2, 2, 4, 4]
-    assert view.lines_of(edges[:0]) == []
+    np.testing.assert_allclose(solid.points, moved)
+    own = np.arange(len(surface.within)).repeat(len(surface.tiles.triangles))
+    np.testing.assert_array_equal(solid.values, surface.values["von_mises"][own][:, None].repeat(3, axis=1))
+    np.testing.assert_allclose(
+        solid.points[solid.triangles].mean(axis=1)[own == 7].mean(axis=0),
+        moved[surface.within[7][surface.tiles.triangles]].mean(axis=(0, 1)),
+    )
+    assert width > 500
+    assert len(solid.edges) == len(view.outline(surface.points, surface.perimeters)) + 2 * len(surface.perimeters)
 
 
 def test_flat_foundations_only():
@@ -386,7 +352,9 @@ def test_flat_foundations_only():
     points = np.column_stack((rng.random((40, 2)), np.zeros(40)))
     turn = np.linalg.qr(rng.random((3, 3)))[0]
     for frame in (np.eye(3), turn):
-        corners, normal = plane_of(points @ frame)
+        corners = plane_of(points @ frame)
+        (normal,) = normals_of(corners, np.arange(4)[None])
+        normal /= np.linalg.norm(normal)
         assert abs(normal @ frame[2]) == pytest.approx(1)
         np.testing.assert_allclose((corners - (points @ frame)[0]) @ normal, 0.0, atol=1e-12)
     assert plane_of(points + [0, 0, 0.1] * (points**2).sum(axis=1)[:, None]) is None
@@ -398,7 +366,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path / "out"))
-    monkeypatch.setattr(solid_body, "MOST_FACETS", 50)
+    monkeypatch.setattr(picture_data, "MOST_FACETS", 50)
     solution = solve(block(6, bound=1.5, comm=comm))
     write_results(solution, folder, fields=False)
     comm.Barrier()
@@ -550,7 +518,8 @@ def test_pictures_of_what_failed(folders):
     contact_surface.contact_figure(table, facets).savefig(io.BytesIO())
     surface = outer_surface.gather_outer_surface(alone(block(6)))
     nothing = np.full_like(surface.displacement, np.nan)
-    figure, remark = solid_figure(surface.points, surface.facets, nothing, np.full(len(surface.facets), np.nan))
+    nowhere = replace(surface, displacement=nothing, values={"von_mises": np.full(len(surface.within), np.nan)})
+    figure, remark = solid_figure(Skin.of(nowhere, "von_mises"))
     figure.savefig(io.BytesIO())
     assert remark == r"displacement $\times\,1$"
     assert isinstance(figure, Figure)
@@ -601,13 +570,21 @@ from signorini_fx.results.files import write_results
 from signorini_fx.report.page import write_report
 write_results(alone(example1(nx=6, ny=2)), sys.argv[1], fields=False)
 write_report(sys.argv[1])
-print([name for name in sys.modules if name.startswith("signorini_fx.re")])
+print([name for name in sys.modules if name.startswith("signorini_fx.")])
 """
     run = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path / "out")], check=True, capture_output=True, text=True, cwd="tests"
     )
-    assert "signorini_fx.report.boundary_profiles" in run.stdout
-    for name in ("contact_surface", "solid_body", "in_space", "report.view", "outer_surface", "results.surface"):
+    assert "signorini_fx.pictures.boundary_profiles" in run.stdout
+    for name in (
+        "pictures.contact",
+        "pictures.solid",
+        "offscreen",
+        "in_space",
+        "pictures.view",
+        "outer_surface",
+        "results.surface",
+    ):
         assert name not in run.stdout
 
 

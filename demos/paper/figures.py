@@ -17,8 +17,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from signorini_fx.contact.table import ContactTable
-from signorini_fx.report.deformed_body import Foundation, deformed_mesh
-from signorini_fx.report.fields import FIELDS
+from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
+from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.solution import Solution
 
@@ -405,7 +405,7 @@ def _deformed(stem: Path, solution: Solution) -> None:
     deformed_mesh(
         stem,
         cells.points,
-        cells.cells,
+        cells.perimeters,
         cells.displacement,
         cells.values["density"],
         outline=cells.outline,

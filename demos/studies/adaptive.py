@@ -19,7 +19,7 @@ from cases import reference_of, scene_of
 from effectivity import as_asked, one_after_the_other
 from matplotlib.figure import Figure
 
-from signorini_fx.report.style import RULE, STYLE, finish
+from signorini_fx.pictures.style import RULE, STYLE, finish
 from signorini_fx.results.files import write_csv
 from signorini_fx.studies.reference import on_mesh
 

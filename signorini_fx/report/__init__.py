@@ -1,5 +1,5 @@
-"""Pictures and the report page of a result, made from the files of a result folder.
+"""The report page of a result, made from the files of a result folder.
 
-This package reads files, or is given plain arrays; its functions are called on one rank.  It must not import dolfinx or
+This package reads files; its functions are called on one rank.  It must not import dolfinx or
 know how a solution was found.
 """

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.csv_text import Table
 from signorini_fx.display import clean
-from signorini_fx.report.reading import ResultFiles, Table, read_summary, seconds_of
+from signorini_fx.report.reading import ResultFiles, read_summary, seconds_of
 
 Floats = npt.NDArray[np.float64]
 _WIDTH = 36  # of a column with a value

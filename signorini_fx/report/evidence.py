@@ -126,7 +126,7 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
 
 def price_list(rows: list[dict[str, Any]]) -> Markup:
     """Estimated errors and costs of each mesh."""
-    from signorini_fx.report.convergence import errors_and_costs
+    from signorini_fx.pictures.convergence import errors_and_costs
 
     names = ["h", "dofs", "linear_solves", "seconds", "memory", "energy", "pressure", "force", "zone", "peak"]
     names += ["regularisation", "iteration"]
@@ -155,7 +155,7 @@ def _two_digits(value: float | None) -> Any:
 
 def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any], *, dimension: int = 2) -> Markup:
     """How many linear solves it took; the convergence history and its tables on demand."""
-    from signorini_fx.report.convergence import iteration_history
+    from signorini_fx.pictures.convergence import iteration_history
 
     solves, factorised = summary["linear_solves"], summary.get("factorisations")
     told = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"

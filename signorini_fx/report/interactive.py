@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.report.boundary_profiles import SIDES, STATES, Boundary, Panel, panels_of
+from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Boundary, Panel, panels_of
 from signorini_fx.report.markup import Markup, script, tag
 
 # Where Debian's libjs-dygraphs and others put it.
@@ -72,7 +72,7 @@ def _data(boundary: Boundary) -> dict[str, Any]:
     sides = SIDES if boundary.has_friction else SIDES[:1]
     panels = [panel for side in sides for panel in panels_of(boundary, side)]
     return {
-        "x": boundary.label.replace("$x_1$", "x\N{SUBSCRIPT ONE}").replace("$s$", "s"),
+        "x": boundary.label.replace("$", ""),
         "window": boundary.window,
         "panels": [_panel(panel, x, order, breaks) for panel in panels],
         "states": _states(boundary, x, order, breaks),

@@ -18,7 +18,6 @@ from signorini_fx.errors import ResultError
 from signorini_fx.manifest import PART
 from signorini_fx.records import Status
 
-Table = Mapping[str, npt.NDArray[Any]]
 # Columns of our files that are text even if every entry looks like a number: a boundary may be called "1".
 _TEXT_COLUMNS = frozenset({"boundary", "friction", "name", "state", "status"})
 # The outcomes of a solution that is less accurate than required.

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.display import clean, results_of, safety_in_words
+from signorini_fx.errors import PYVISTA
+from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
-from signorini_fx.report.fields import FIELDS
 from signorini_fx.report.interactive import plots
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
@@ -98,9 +99,9 @@ _PLANE_BODY = (
     "foundation it is drawn beside, with the body as it is."
 )
 _SOLID_BODY = (
-    f"{_COLOURS}It is darker where the surface turns away from the light. Dashed lines: undeformed body; gray "
-    "surface or dashed frame: the foundation. The title says what is magnified; where a magnified gap would bend the "
-    "foundation it is drawn beside, with the body as it is."
+    f"{_COLOURS}Gray lines: undeformed body; arrows: how long it is along each axis; gray surface: the foundation. The "
+    "title says what is magnified; where a magnified gap would bend the foundation it is drawn beside, with the body "
+    "as it is."
 )
 
 
@@ -108,7 +109,9 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
     """The picture of the deformed body, and those of the other fields that were asked for."""
     data = folder.picture("deformed.png")
     if data is None:
-        reason = "this was solved with --no-pictures" + (", or has too many facets to be drawn" if solid else "")
+        reason = "this was solved with --no-pictures"
+        if solid:
+            reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return tag("p", f"No picture: {reason}.", class_="note")
     caption = _SOLID_BODY if solid else _PLANE_BODY
     whole = picture(data, "png", "deformed body on its foundation", caption)
@@ -122,7 +125,7 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
 
 def profiles(contact: dict[str, Any]) -> Markup:
     """Curves along the contact boundary, to be zoomed where the page can; contact and friction beside each other."""
-    from signorini_fx.report.boundary_profiles import boundaries_of, boundary_profiles
+    from signorini_fx.pictures.boundary_profiles import boundaries_of, boundary_profiles
 
     frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
     sides = {"contact": "Contact pressure; normal displacement and foundation; below, what is in contact."}
@@ -205,7 +208,7 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
 
 def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
     """Forces step by step, the animation, and the table of the steps."""
-    from signorini_fx.report.load_steps import load_steps, step_animation
+    from signorini_fx.pictures.load_steps import load_steps, step_animation
 
     parts = []
     body = folder.picture("deformed.gif")

@@ -59,7 +59,7 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
 
 def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
     """The contact surface seen along its normal, and the table of its nodes."""
-    from signorini_fx.report.contact_surface import contact_surface
+    from signorini_fx.pictures.contact_surface import contact_surface
 
     captions = {"pressure": "Contact pressure, shear as arrows."}
     if np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import basix
 import numpy as np
@@ -12,43 +11,15 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.report.tiling import Tiling, tiling
+from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class GatheredCells:
-    """The whole mesh with its result on one rank, for a picture; nothing on the others.
-
-    Attributes:
-        points: positions, length, shape (n, 2); each cell has its own.
-        within: points of each cell, shape (m, p): those of ``tiles``.
-        tiles: how a cell is divided: its corners, more points along sides that may be curved, and some within.
-        displacement: at the points, length, shape (n, 2).
-        outline: pairs of points along the boundary of the body, shape (e, 2).
-        values: fields at the midpoints of the cells, see ``sampling.cell_values``; or, if ``recovered``, at the points
-            of each cell, see ``sampling.values_within``.
-        recovered: whether the values are at points, the stress recovered.
-    """
-
-    points: Floats
-    within: npt.NDArray[np.int64]
-    tiles: Tiling
-    displacement: Floats
-    outline: npt.NDArray[np.int64]
-    values: Mapping[str, Floats]
-    recovered: bool
-
-    @property
-    def cells(self) -> npt.NDArray[np.int64]:
-        """The points along the perimeter of each cell, in order, shape (m, k)."""
-        return self.within[:, : self.tiles.rim]
-
-
-def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> GatheredCells:
+def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> Body:
     """Cells and their values from all ranks, on the first one; collective.
 
     Args:
@@ -81,14 +52,14 @@ def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: b
     values = {name: parallel.rows_on_root(comm, rows) for name, rows in found.items()}
     points = parallel.rows_on_root(comm, x)
     numbers = np.arange(len(points), dtype=np.int64).reshape(-1, len(inside))
-    return GatheredCells(
+    return Body(
         points,
         numbers,
         tiles,
         parallel.rows_on_root(comm, u),
-        parallel.rows_on_root(comm, outline),
         values,
         functions is not None,
+        parallel.rows_on_root(comm, outline),
     )
 
 

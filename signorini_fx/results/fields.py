@@ -113,6 +113,11 @@ def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
     return fields | {"displacement": displacement}
 
 
+def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
+    """Every field under its name, in discontinuous functions of the degree of the element; collective."""
+    return _fields(solution, VTU)
+
+
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
     """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
     d = solution.discretisation

@@ -16,15 +16,18 @@ from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import parallel
-from signorini_fx.contact.table import contact_table
+from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
-from signorini_fx.errors import cannot_be_written
+from signorini_fx.errors import PictureError, cannot_be_written
+from signorini_fx.machine.terminal import say
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.pictures.fields import FIELDS, unknown
+from signorini_fx.pictures.result_pictures import ResultPictures
 from signorini_fx.records import as_rows
-from signorini_fx.report.fields import FIELDS, unknown
-from signorini_fx.results.body_pictures import BodyPictures, draw_load_steps
+from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
+from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.values import kind_of
@@ -112,7 +115,7 @@ def _write(
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if steps and table is not None else []
-    drawn = BodyPictures.gathered(solution, asked) if pictures is not False else None
+    drawn = gather_pictures(solution, asked) if pictures is not False else None
     facets = None if plane else _contact_facets(solution)
 
     def write() -> None:
@@ -134,9 +137,7 @@ def _write(
             if along_steps:
                 write_csv(part / "contact_steps.csv", chain.from_iterable(map(_rows, along_steps)))
             if drawn is not None:
-                drawn.draw(solution, table, part)
-            if drawn is not None and table is not None and len(steps) > 1:
-                draw_load_steps(part)
+                _draw(drawn, part, table, several=len(steps) > 1)
             text = json.dumps(_finite(summary), indent=2, allow_nan=False)
             (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
         except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
@@ -146,6 +147,16 @@ def _write(
 
     parallel.on_root(comm, write)
     return summary
+
+
+def _draw(pictures: ResultPictures, part: Path, table: ContactTable | None, *, several: bool) -> None:
+    """All pictures, beside the tables that some of them are drawn from."""
+    contact = None if table is None else table.columns
+    facets = read_facets(part / "contact.vtu") if contact is not None and pictures.dimension == 3 else None
+    try:
+        pictures.draw(part, contact, facets, read_csv(part / "steps.csv") if several else None)
+    except PictureError as error:
+        say(f"the deformed body is not drawn: {error}")
 
 
 def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import basix
@@ -13,40 +12,13 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.report.tiling import Tiling, tiling
+from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
 Floats = npt.NDArray[np.float64]
 _SAME = 1e-8  # of the size of the body: points that are closer are one
-
-
-@dataclass(frozen=True)
-class OuterSurface:
-    """The exterior facets of the body; the same on any number of ranks except for their order.
-
-    Attributes:
-        points: positions, length, shape (n, 3).
-        within: points of each facet, shape (m, p): those of ``tiles``, counterclockwise as seen from outside.
-        tiles: how a facet is divided: its corners, more points along sides that may be curved, and some within.
-        displacement: at the points, length, shape (n, 3).
-        values: fields at the midpoint of the cell behind each facet, see ``sampling.cell_values``; or, if
-            ``recovered``, at the points of each facet, see ``sampling.values_within``: facets of two materials may have
-            different values at the points that they share.
-        recovered: whether the values are at points, the stress recovered.
-    """
-
-    points: Floats
-    within: npt.NDArray[np.int64]
-    tiles: Tiling
-    displacement: Floats
-    values: Mapping[str, Floats]
-    recovered: bool
-
-    @property
-    def facets(self) -> npt.NDArray[np.int64]:
-        """The points along the perimeter of each facet, in order, shape (m, k)."""
-        return self.within[:, : self.tiles.rim]
 
 
 def outer_facets(solution: Solution) -> int:
@@ -57,7 +29,7 @@ def outer_facets(solution: Solution) -> int:
     return int(parallel.global_sum(solution.comm, np.array(own)))
 
 
-def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> OuterSurface:
+def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> Body:
     """The outer surface of all ranks, on the first one, and an empty one on the others; collective.
 
     Args:
@@ -102,7 +74,7 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
     size = float(np.ptp(both[:, :3], axis=0).max()) if len(both) else 1.0
     grid = np.round(both[:, :3] / (_SAME * size)).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    return OuterSurface(
+    return Body(
         both[first, :3],
         number.reshape(-1, len(tiles.points)).astype(np.int64),
         tiles,

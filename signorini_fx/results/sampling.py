@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.element_stress import ElementStress
-from signorini_fx.report.fields import FROM_STRESS
+from signorini_fx.pictures.fields import FROM_STRESS
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 
@@ -65,7 +65,7 @@ def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem
 
     Args:
         solution: where from.
-        fields: names in ``report.fields.FIELDS``; only what they need is computed.
+        fields: names in ``pictures.fields.FIELDS``; only what they need is computed.
 
     Returns:
         By name, with ``stress`` for those that need the tensor; None for a solution that is not finite, from which
@@ -104,7 +104,7 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     Args:
         solution: where from.
         cells: local numbers, shape (n,).
-        fields: names in ``report.fields.FIELDS``; only what they need is computed.
+        fields: names in ``pictures.fields.FIELDS``; only what they need is computed.
 
     Returns:
         ``von_mises`` and ``density``, shape (n,), and if needed ``displacement``, its size, shape (n,), and ``stress``,

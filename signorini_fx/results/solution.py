@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from dolfinx import fem
 from mpi4py import MPI
 
+import signorini_fx
 from signorini_fx.accuracy.price_list import LevelResult, Price
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.deformation import Deformation
@@ -225,6 +227,10 @@ class Solution:
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
         return safety_of(self.discretisation, self.contact, self._place)
+
+    def plot(self, *fields: str) -> Any:
+        """Pictures that a notebook displays, see the function ``plot``; collective."""
+        return signorini_fx.plot(self, *fields)
 
     @property
     def _place(self) -> float:

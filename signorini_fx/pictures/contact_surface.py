@@ -17,14 +17,15 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.tri import Triangulation
 
-from signorini_fx.report import view
-from signorini_fx.report.boundary_profiles import STATES, state_patches
-from signorini_fx.report.reading import Table
-from signorini_fx.report.style import (
+from signorini_fx.csv_text import Table
+from signorini_fx.pictures import view
+from signorini_fx.pictures.boundary_profiles import STATES, state_patches
+from signorini_fx.pictures.style import (
     BOTH,
     INK,
     MUTED,
     STYLE,
+    VALUES,
     Floats,
     decimal_power,
     finish,
@@ -34,7 +35,7 @@ from signorini_fx.report.style import (
     readable,
     unit_of,
 )
-from signorini_fx.report.tones import upper_tone
+from signorini_fx.pictures.tones import upper_tone
 
 Rows = npt.NDArray[np.int64]
 PANELS = ("pressure", "state")
@@ -45,7 +46,6 @@ _POLYGONS = {
     4: [[0, 1, 2, 3]],
     9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
 }
-_PRESSURES = "viridis_r"
 _UNTOUCHED = "#f0f0f0"
 _TURNED = 0.3  # length of a mean normal below which a boundary counts as closed
 _ARROWS = 28  # number of arrows side by side along the longer side
@@ -284,7 +284,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
             Triangulation(*points.T, triangles),
             values * 10.0**power,
             shading="gouraud",
-            cmap=_PRESSURES,
+            cmap=VALUES,
             vmin=bottom * 10.0**power,
             vmax=top * 10.0**power,
             rasterized=True,

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from signorini_fx.report.reading import Table
-from signorini_fx.report.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
+from signorini_fx.csv_text import Table
+from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
 
 
 def iteration_history(

@@ -20,14 +20,14 @@ class Field:
         label: what stands at the colour bar.
         signed: whether it has both signs, so that the scale need not begin at zero.
         remark: what the caption adds to the label.
-        colours: name of a colour map of matplotlib, or one; perceptually uniform, dark for large values.
+        colours: a colour map of matplotlib, or its name; None: that of all fields.
         of_stress: whether it follows from the stress, of which there are a raw and a recovered one.
     """
 
     label: str
     signed: bool = False
     remark: str = ""
-    colours: Any = "viridis_r"
+    colours: Any = None
     of_stress: bool = True
 
     def told(self, *, at_points: bool) -> Field:
@@ -48,7 +48,7 @@ FIELDS = {
             "; strokes: directions of the principal stresses, as long as the stresses are large, blue and thick for "
             "compression, orange for tension"
         ),
-        colours="Greys",
+        colours="Greys",  # dark for large values: the strokes are seen on light ground
     ),
     "displacement": Field("size of the displacement", of_stress=False),
     "density": Field("elastic shear energy density"),

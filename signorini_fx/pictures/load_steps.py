@@ -13,10 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from signorini_fx.records import Status
-from signorini_fx.report.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
-from signorini_fx.report.reading import Table
-from signorini_fx.report.style import (
+from signorini_fx.csv_text import Table
+from signorini_fx.pictures.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
+from signorini_fx.pictures.style import (
     BOTH,
     LIMIT,
     MOTION,
@@ -31,6 +30,7 @@ from signorini_fx.report.style import (
     plain,
     unit_of,
 )
+from signorini_fx.records import Status
 
 _ORDINALS = {"x": "first", "y": "second", "z": "third"}
 

@@ -3,44 +3,26 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
-from signorini_fx.report.deformed_body import Foundation, deformed_mesh, magnification
-from signorini_fx.report.style import Floats
-from signorini_fx.report.tiling import Tiling
+from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.pictures.style import Floats
 
 if TYPE_CHECKING:
-    from signorini_fx.report.solid_foundation import FoundationSurface
+    from signorini_fx.pictures.foundation import FoundationSurface
 
 MOST_FRAMES = 40  # matplotlib takes half a second for each
 _MILLISECONDS, _LAST = 300, 1500  # of a frame, and of the last one
 _MARGIN = 0.04
 _PALE = 248  # red, green and blue of what is taken for white
-
-
-@dataclass(frozen=True)
-class Moment:
-    """The body at a load step.
-
-    Attributes:
-        name: of the load step.
-        displacement: at the points, length, shape (n, d).
-        values: von Mises stress of each cell, in space of each facet, shape (m,); or at its points, shape (m, p).
-        touching: the nodes of ``Foundation`` in contact, shape (k,); None: without contact, or in space.
-    """
-
-    name: str
-    displacement: Floats
-    values: Floats
-    touching: npt.NDArray[np.bool_] | None = None
 
 
 def shown(count: int) -> list[int]:
@@ -51,36 +33,94 @@ def shown(count: int) -> list[int]:
 
 def moving_body(
     path: str | Path,
-    points: Floats,
-    cells: npt.NDArray[np.int64],
+    body: Body,
     moments: Sequence[Moment],
     *,
-    tiles: Tiling | None = None,
-    outline: npt.NDArray[np.int64] | None = None,
     foundation: Foundation | None = None,
-    foundations: Sequence[FoundationSurface] = (),
     title: str = "",
 ) -> None:
-    """Write a GIF of the deformed body, one frame per load step; magnification, colours and frame stay the same.
+    """Write a GIF of the deformed body of the plane, one frame per load step.
 
-    Foundations that a magnified gap would bend are left out.
+    Magnification, colours and frame stay the same.  Where a magnified gap would bend the foundation (see
+    ``deformed_mesh``), the contact zone of each load step is marked instead.
 
     Args:
         path: the file.
-        points: positions, length, shape (n, d).
-        cells: the cells of a body of the plane, see ``deformed_mesh``, or the facets of one in space, see
-            ``deformed_solid``.
+        body: of any load step.
         moments: the load steps, in order.
-        tiles: how each cell or facet is divided; None: it has one value.
-        outline: of a body of the plane, see ``deformed_mesh``.
-        foundation: of a body of the plane; where the magnified gap would bend it (see ``deformed_mesh``) the contact
-            zone of each load step is marked instead.
-        foundations: of a body in space.
+        foundation: None: none is drawn.
         title: what to say above each frame.
 
     Raises:
         ValueError: there is nothing to draw.
     """
+    assert body.outline is not None
+    outline = body.outline
+    factor, top, places = _alike(body.points, moments)
+    whole = foundation is not None and foundation.keeps_its_shape(factor, body.points)
+    frame = _frame(places, foundation if whole else None, factor)
+
+    def draw(stem: Path, number: int, said: str) -> None:
+        moment = moments[number]
+        ground = None if foundation is None else replace(foundation, touching=moment.touching)
+        deformed_mesh(
+            stem,
+            body.points,
+            body.polygons,
+            moment.displacement,
+            moment.values,
+            outline=outline,
+            tiles=body.divided,
+            foundation=ground,
+            factor=factor,
+            top=top,
+            frame=frame,
+            title=said,
+            suffixes=[".png"],
+        )
+
+    _animate(path, moments, draw, title)
+
+
+def moving_solid(
+    path: str | Path,
+    body: Body,
+    moments: Sequence[Moment],
+    *,
+    foundations: Sequence[FoundationSurface] = (),
+    title: str = "",
+) -> None:
+    """Write a GIF of the deformed body in space, see ``moving_body``; foundations that a magnified gap would bend are
+    left out.
+    """
+    from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
+
+    factor, top, places = _alike(body.points, moments)
+    skins = [
+        Skin.of(replace(body, displacement=one.displacement, values={"von_mises": one.values}), "von_mises")
+        for one in moments
+    ]
+    shown = [one for one in foundations if one.looks_like_itself(factor, skins[0].size)]
+    reach, seen = np.concatenate(places), telling_view(skins[-1])
+
+    def draw(stem: Path, number: int, said: str) -> None:
+        deformed_solid(
+            stem,
+            skins[number],
+            foundations=shown,
+            factor=factor,
+            top=top,
+            reach=reach,
+            seen=seen,
+            title=said,
+            suffixes=[".png"],
+        )
+
+    _animate(path, moments, draw, title)
+
+
+def _alike(points: Floats, moments: Sequence[Moment]) -> tuple[float, float, list[Floats]]:
+    """The magnification and the end of the scale for all load steps, and the points in all of them."""
     if not moments:
         raise ValueError("there are no load steps")
     furthest = max((moment.displacement for moment in moments), key=lambda y: float(np.abs(y).max(initial=0.0)))
@@ -88,27 +128,16 @@ def moving_body(
     # Singular corners would leave the rest without colour: the scale ends where a hundredth of the cells is above.
     stresses = np.concatenate([moment.values.ravel() for moment in moments])
     top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0
-    places = [points, *(points + factor * moment.displacement for moment in moments)]
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    how: dict[str, Any] = {"tiles": tiles, "factor": factor, "top": top, "suffixes": [".png"]}
-    if outline is not None:
-        shown_whole = foundation is not None and foundation.keeps_its_shape(factor, points)
-        how |= {"outline": outline, "frame": _frame(places, foundation if shown_whole else None, factor)}
-    else:
-        from signorini_fx.report.solid_body import deformed_solid, frame_of, telling_view
+    return factor, top, [points, *(points + factor * moment.displacement for moment in moments)]
 
-        foundations = [one for one in foundations if one.looks_like_itself(factor, size)]
-        seen = telling_view(points, cells, moments[-1].values, tiles)
-        how |= {"foundations": foundations, "seen": seen, "frame": frame_of(seen, places, foundations, factor)}
-    draw = deformed_mesh if outline is not None else deformed_solid
+
+def _animate(path: str | Path, moments: Sequence[Moment], draw: Callable[[Path, int, str], None], title: str) -> None:
+    """Draw all load steps, ``draw(stem, number, title)``, and join them."""
     with tempfile.TemporaryDirectory() as folder:
         pictures = []
         for number, moment in enumerate(moments):
             stem = Path(folder) / f"{number:04d}"
-            said = f"{title}\n{moment.name}" if title else moment.name
-            if foundation is not None:
-                how["foundation"] = replace(foundation, touching=moment.touching)
-            draw(stem, points, cells, moment.displacement, moment.values, title=said, **how)
+            draw(stem, number, f"{title}\n{moment.name}" if title else moment.name)
             with Image.open(stem.with_suffix(".png")) as picture:
                 half = (picture.width // 2, picture.height // 2)
                 pictures.append(picture.convert("RGB").resize(half, Image.Resampling.LANCZOS))

@@ -2,8 +2,8 @@
 
 Every picture is written twice, ``stem.png`` for screens and ``stem.pdf`` for print, unless ``suffixes`` names others,
 as the report does with ``.svg``.  Pictures are readable in black and white: line styles and lightness differ as well,
-and in every field the darker colour is the larger value.  Lettering has 9 points in pictures of at most 5 to 7 inches,
-so that it can still be read where a telephone shows them with a width of 9 cm.
+and in every field the lighter colour is the larger value, as in most programs.  Lettering has 9 points in pictures of
+at most 5 to 7 inches, so that it can still be read where a telephone shows them with a width of 9 cm.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 Floats = npt.NDArray[np.float64]
@@ -23,6 +25,8 @@ _PNG_DPI = 200
 _PDF_DPI = 300  # of what is rasterised in the PDF
 BOTH = (".png", ".pdf")
 INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
+# Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
+VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
 BLUE, ORANGE = "#0072b2", "#e69f00"
 MULTIPLIER: dict[str, Any] = {"color": INK, "linewidth": 1.5}
 LIMIT: dict[str, Any] = {"color": MUTED, "linewidth": 1.3, "linestyle": (0, (1, 1.4))}

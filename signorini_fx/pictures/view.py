@@ -1,4 +1,4 @@
-"""Projections of surfaces in space: viewing directions, axes in the picture, and their names."""
+"""How surfaces in space are seen: directions, perspective, axes in the picture, and their names."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.report.style import Floats
+from signorini_fx.pictures.style import Floats
 
 # Above this cosine a direction is taken for that of the nearest coordinate axis.
 _ALONG = 0.99
 _UPRIGHT = 0.9
+_FAR = 4.0  # distance of the viewer, over the diagonal of what is seen
+_CENTRING = 6  # steps that move what is seen to the middle of the window
 
 
 @dataclass(frozen=True)
 class View:
-    """A parallel projection.
+    """A direction of sight, and what is right and above in it.
 
     Attributes:
         right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to the viewer; each of
@@ -27,20 +29,62 @@ class View:
     up: Floats
     toward: Floats
 
+    @property
+    def axes(self) -> Floats:
+        """Its three directions, shape (3, 3)."""
+        return np.stack((self.right, self.up, self.toward))
+
     def flat(self, points: Floats) -> Floats:
         """Points of shape (..., 3) in the picture, shape (..., 2)."""
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
-    def depth(self, points: Floats) -> Floats:
-        """How near points of shape (..., 3) are to the viewer, shape (...)."""
-        nearness: Floats = points @ self.toward
-        return nearness
+
+@dataclass(frozen=True)
+class Camera:
+    """A view in perspective, of the part of space that is seen in a window.
+
+    Attributes:
+        view: its directions.
+        centre: the point in the middle of the window, in whose distance lengths in the picture are those in space;
+            shape (3,).
+        distance: from there to the viewer.
+        half: half the width and height of the window, shape (2,).
+    """
+
+    view: View
+    centre: Floats
+    distance: float
+    half: Floats
+
+    @classmethod
+    def on(cls, view: View, points: Floats, margin: float = 0.06) -> Camera:
+        """One that sees all points, shape (n, 3), with a margin over the longer side of the window."""
+        low, high = (np.array([bound(points @ axis) for axis in view.axes]) for bound in (np.min, np.max))
+        centre = 0.5 * (low + high) @ view.axes
+        distance = _FAR * (float(np.linalg.norm(high - low)) or 1.0)
+        camera = cls(view, centre, distance, np.ones(2))
+        for _ in range(_CENTRING):
+            flat = camera.flat(points)
+            middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+            camera = cls(view, camera.centre + middle @ view.axes[:2], distance, np.ones(2))
+        half = np.abs(camera.flat(points)).max(axis=0)
+        return cls(view, camera.centre, distance, half + margin * (float(half.max()) or 1.0))
+
+    def flat(self, points: Floats) -> Floats:
+        """Points of shape (..., 3) in the picture, shape (..., 2)."""
+        away = points - self.centre
+        return np.asarray(self.view.flat(away) / (1 - away @ self.view.toward / self.distance)[..., None])
+
+    @property
+    def position(self) -> Floats:
+        """Of the viewer, shape (3,)."""
+        return self.centre + self.distance * self.view.toward
 
 
 def along(direction: Floats) -> View:
     """The view along a direction, shape (3,): upright as far as possible.
 
-    A direction close to a coordinate axis is replaced by it.  Upwards is x_3, or x_2 if one looks up or down.
+    A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or down.
     """
     sight = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(sight)))
@@ -71,7 +115,7 @@ def coordinate(direction: Floats) -> tuple[Floats, str, bool]:
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:
-        return np.eye(3)[axis], f"$x_{axis + 1}$", bool(direction[axis] < 0)
+        return np.eye(3)[axis], f"${'xyz'[axis]}$", bool(direction[axis] < 0)
     return direction, f"${combination(direction)}$", False
 
 
@@ -83,7 +127,7 @@ def combination(direction: Floats) -> str:
             continue
         size = "" if abs(share) > 0.995 else rf"{abs(share):.2f}\,"
         sign = ("-" if share < 0 else "+") if text else ("-" if share < 0 else "")
-        text += f"{sign}{size}x_{axis + 1}"
+        text += f"{sign}{size}{'xyz'[axis]}"
     return text
 
 
@@ -94,26 +138,3 @@ def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.i
     _, where, count = np.unique(key, return_index=True, return_counts=True)
     once = where[count == 1]
     return np.column_stack((a[once], b[once]))
-
-
-def lines_of(edges: npt.NDArray[np.int64]) -> list[list[int]]:
-    """Edges of shape (e, 2) as lines, each given by the points along it, so that dashes continue across edges.
-
-    A line begins and ends where there is not exactly one other edge to continue with; the remaining lines are closed.
-    """
-    rest: dict[int, list[int]] = {}
-    for a, b in ((int(a), int(b)) for a, b in edges):
-        rest.setdefault(a, []).append(b)
-        rest.setdefault(b, []).append(a)
-    ends = [point for point, near in rest.items() if len(near) != 2]
-    inner = set(rest) - set(ends)
-    lines = []
-    for start in [*ends, *rest]:
-        while rest[start]:
-            line = [start]
-            while rest[line[-1]] and (len(line) == 1 or line[-1] in inner):
-                following = rest[line[-1]].pop()
-                rest[following].remove(line[-1])
-                line.append(following)
-            lines.append(line)
-    return lines

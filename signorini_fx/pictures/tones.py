@@ -13,15 +13,15 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from signorini_fx.report.fields import Field, principal
-from signorini_fx.report.style import BLUE, ORANGE, Floats, decimal_power, unit_of
+from signorini_fx.pictures.fields import Field, principal
+from signorini_fx.pictures.style import BLUE, ORANGE, VALUES, Floats, decimal_power, unit_of
 
-_STROKES = 26  # side by side along the longer side of the picture
+STROKES = 26  # side by side along the longer side of the picture
 _USUAL = 0.99  # of the area has colours of its own
 
 
 def upper_tone(values: Floats, area: Floats) -> float:
-    """The value drawn in the darkest colour: the largest or, if that is far above, what 99 % of the area stay below."""
+    """The value drawn in the last colour: the largest or, if that is far above, what 99 % of the area stay below."""
     finite = np.isfinite(values)
     values, area = values[finite], area[finite]
     largest = float(values.max(initial=0.0))
@@ -73,6 +73,11 @@ class Tones:
         self.power = decimal_power(max(-self.low, self.high))
 
     @property
+    def colours(self) -> Any:
+        """The colour map."""
+        return VALUES if self.field.colours is None else self.field.colours
+
+    @property
     def norm(self) -> Normalize:
         """From values times the power of ten to [0, 1]."""
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
@@ -83,7 +88,7 @@ class Tones:
         below = self.field.signed and float(self._values.min(initial=self.low)) < self.low - margin
         above = float(self._values.max(initial=self.high)) > self.high + margin
         bar = figure.colorbar(
-            ScalarMappable(self.norm, self.field.colours),
+            ScalarMappable(self.norm, self.colours),
             ax=axes,
             orientation="horizontal",
             extend={(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[int(below), int(above)],
@@ -96,33 +101,48 @@ class Tones:
         return bar
 
 
-def draw_principal(axes: Axes, points: Floats, stress: Floats, plane: Floats, size: float) -> None:
-    """Strokes along the principal stresses at some of the points, as many as are readable.
+def draw_principal(axes: Axes, points: Floats, stress: Floats, size: float) -> None:
+    """Strokes along the principal stresses at some of the points of a plane, as many as are readable.
 
     Args:
         axes: where to draw.
         points: in the picture, shape (m, 2).
         stress: tensors, shape (m, 3, 3).
-        plane: the axes of the picture in space, shape (2, 3): strokes are projected.
         size: of the longer side of the picture.
     """
-    rows = thinned(points, size / _STROKES)
-    values, directions = principal(stress[rows])
-    flat = np.einsum("ax,ixk->ika", plane, directions)  # row, principal stress, axis of the picture
-    usual = float(np.nanquantile(np.abs(values).max(axis=1, initial=0.0), 0.95)) if len(values) else 0.0
-    if not usual > 0:
-        return
-    strokes = flat * np.clip(values / usual, -1.2, 1.2)[..., None] * 0.42 * size / _STROKES
-    ends = np.stack((points[rows][:, None] - strokes, points[rows][:, None] + strokes), axis=2)
-    long = np.linalg.norm(strokes, axis=2) > 0.02 * size / _STROKES
+    rows = thinned(points, size / STROKES)
+    flat = np.column_stack((points[rows], np.zeros(len(rows))))
+    pressed, drawn_out = strokes(flat, stress[rows], size / STROKES, plane=True)
     # White rims keep both colours apart from any ground.
-    pressed, drawn_out = ends[long & (values < 0)], ends[long & (values > 0)]
     for lines, colour, width in ((pressed, BLUE, 1.7), (drawn_out, ORANGE, 1.1)):
         for tone, more in (("white", 1.0), (colour, 0.0)):
             axes.add_collection(
-                LineCollection(list(lines), colors=tone, linewidths=width + more, capstyle="butt", zorder=4),
+                LineCollection(list(lines[..., :2]), colors=tone, linewidths=width + more, capstyle="butt", zorder=4),
                 autolim=False,
             )
+
+
+def strokes(points: Floats, stress: Floats, spacing: float, *, plane: bool = False) -> tuple[Floats, Floats]:
+    """Lines along principal stresses, as long as these are large.
+
+    Args:
+        points: their middles, shape (m, 3).
+        stress: tensors, shape (m, 3, 3).
+        spacing: between the points; the lines are hardly longer.
+        plane: leave out what points along z.
+
+    Returns:
+        The ends of those of compression and of those of tension, each of shape (., 2, 3).
+    """
+    values, directions = principal(stress)
+    usual = float(np.nanquantile(np.abs(values).max(axis=1, initial=0.0), 0.95)) if len(values) else 0.0
+    if not usual > 0:
+        return np.empty((0, 2, 3)), np.empty((0, 2, 3))
+    along = directions.swapaxes(1, 2) * np.clip(values / usual, -1.2, 1.2)[..., None] * 0.42 * spacing
+    along = along * [1.0, 1.0, 0.0] if plane else along
+    ends = np.stack((points[:, None] - along, points[:, None] + along), axis=2)
+    long = np.linalg.norm(along, axis=2) > 0.02 * spacing
+    return ends[long & (values < 0)], ends[long & (values > 0)]
 
 
 def thinned(points: Floats, spacing: float) -> npt.NDArray[np.intp]:

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
-from signorini_fx.report.reading import Table
-from signorini_fx.report.style import (
+from signorini_fx.csv_text import Table
+from signorini_fx.pictures.style import (
     BLUE,
     BOTH,
     LIMIT,
@@ -284,7 +284,7 @@ def boundaries_of(table: Table) -> list[Boundary]:
         x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
         starts = _starts(s)
         if np.ptp(y) <= 1e-9 * np.ptp(x):
-            found.append(Boundary(plain(name), columns, x, "$x_1$", starts))
+            found.append(Boundary(plain(name), columns, x, "$x$", starts))
         else:
             before = np.zeros_like(s)
             for start in starts[1:]:

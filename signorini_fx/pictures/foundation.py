@@ -7,18 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 
-from signorini_fx.report import view
-from signorini_fx.report.rendering import fans, normals_of
-from signorini_fx.report.style import MUTED, Floats
+from signorini_fx.pictures import view
+from signorini_fx.pictures.style import Floats
 
 Rows = npt.NDArray[np.int64]
 
-GROUND = "#e3e3e3"
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
+_MARGIN = 0.12  # of a plane around the contact boundary, over its longer side
 
 
 @dataclass(frozen=True)
@@ -41,14 +38,16 @@ class FoundationSurface:
         """The foundation at the nodes with the gap times a factor, shape (k, 3)."""
         return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
 
-    def facing(self, seen: view.View, factor: float) -> Floats:
-        """Triangles that show the viewer the side that the body is on, counterclockwise, shape (t, 3, 3)."""
-        triangles = fans(self.facets)
-        corners = self.drawn(factor)[triangles]
-        upward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        inwards = np.einsum("ij,ij->i", upward, self.normals[triangles].sum(axis=1)) > 0
-        corners[inwards], upward[inwards] = corners[inwards][:, ::-1], -upward[inwards]
-        return np.asarray(corners[upward @ seen.toward > 0])
+    def shape(self, factor: float) -> tuple[Floats, Rows]:
+        """Points and polygons to draw, counterclockwise as seen from the body; of a plane a rectangle around it."""
+        points = self.drawn(factor)
+        rectangle = plane_of(points)
+        if rectangle is not None:
+            inwards = -self.normals.mean(axis=0)
+            order = np.arange(4)[:: 1 if normals_of(rectangle, np.arange(4)[None])[0] @ inwards > 0 else -1]
+            return rectangle, order[None].astype(np.int64)
+        outwards = np.einsum("ij,ij->i", normals_of(points, self.facets), self.normals[self.facets].sum(axis=1)) > 0
+        return points, np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
 
     def looks_like_itself(self, factor: float, size: float) -> bool:
         """Whether it keeps its shape where its gap is magnified.
@@ -64,8 +63,8 @@ class FoundationSurface:
         return bool((along >= _BENT * np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)).all())
 
 
-def plane_of(points: Floats) -> tuple[Floats, Floats] | None:
-    """Corners of a rectangle around points that lie in a plane, shape (4, 3), and its normal, shape (3,)."""
+def plane_of(points: Floats) -> Floats | None:
+    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape (4, 3)."""
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
         return None
@@ -78,17 +77,14 @@ def plane_of(points: Floats) -> tuple[Floats, Floats] | None:
         seen = view.View(axes[0], axes[1], axes[2])
     flat = seen.flat(points)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = 0.12 * float(max(high - low))
+    margin = _MARGIN * float(max(high - low))
     (left, bottom), (right, top) = low - margin, high + margin
     height = float(middle @ seen.toward)
     corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners]), seen.toward
+    return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners])
 
 
-def draw_plane(axes: Axes, corners: Floats, *, in_front: bool) -> None:
-    """A foundation with corners in the picture of shape (4, 2): gray, or a dashed frame in front of the body."""
-    face = "none" if in_front else GROUND
-    dashes = (0, (6, 3)) if in_front else "solid"
-    plane = PolyCollection([corners], facecolors=face, edgecolors=MUTED, linewidths=0.6, linestyles=[dashes])
-    plane.set_zorder(4 if in_front else 1)
-    axes.add_collection(plane, autolim=False)
+def normals_of(points: Floats, facets: Rows) -> Floats:
+    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
+    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
+    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from scipy.spatial import cKDTree
 
-from signorini_fx.report.fields import FIELDS, Field
-from signorini_fx.report.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
-from signorini_fx.report.tiling import Tiling, refined
-from signorini_fx.report.tones import Tones, draw_principal
+from signorini_fx.pictures.fields import FIELDS, Field
+from signorini_fx.pictures.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
+from signorini_fx.pictures.tiling import Tiling, refined
+from signorini_fx.pictures.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
@@ -193,8 +193,8 @@ def deformed_mesh(
             panel.draw(axes, nodal, triangles, tones, cell_size, frames[0])
             if stress is not None:
                 size = float(np.max(high - low)) * max(1.0, widest / width)
-                draw_principal(axes, panel.corners.mean(axis=1), stress, np.eye(2, 3), size)
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x_1$", ylabel="$x_2$")
+                draw_principal(axes, panel.corners.mean(axis=1), stress, size)
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$", ylabel="$y$")
             axes.spines[:].set_visible(False)
             axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
             axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
@@ -260,7 +260,7 @@ class _Panel:
         edged = cell_size >= (_VISIBLE_CELL if triangles is None else _LARGE_CELL)
         coloured: dict[str, Any] = {
             "array": values * 10.0**tones.power,
-            "cmap": tones.field.colours,
+            "cmap": tones.colours,
             "norm": tones.norm,
         }
         if triangles is not None:

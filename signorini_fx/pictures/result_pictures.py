@@ -1,0 +1,150 @@
+"""All pictures of a result folder, from plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.csv_text import Table
+from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.fields import FIELDS, values_of
+
+if TYPE_CHECKING:
+    from signorini_fx.pictures.foundation import FoundationSurface
+
+MOST_FACETS = 40_000  # of a body in space: a picture takes seconds, and a page megabytes
+
+
+@dataclass(frozen=True)
+class ResultPictures:
+    """What the pictures of a result are drawn from.
+
+    Attributes:
+        title: above each of the large ones, a text of the user.
+        dimension: 2 or 3.
+        fields: names of the fields that are drawn on the body, the von Mises stress first.
+        body: None if it has too many facets.
+        moments: the body at each of several load steps, for an animation.
+        history: one mapping per linear solve, the columns of history.csv.
+        prices: one mapping per mesh, the columns of price_list.csv.
+    """
+
+    title: str
+    dimension: int
+    fields: tuple[str, ...]
+    body: Body | None
+    moments: Sequence[Moment]
+    history: Sequence[Mapping[str, Any]]
+    prices: Sequence[Mapping[str, Any]]
+
+    def draw(
+        self,
+        folder: Path,
+        contact: Table | None = None,
+        facets: npt.NDArray[np.int64] | None = None,
+        steps: Table | None = None,
+    ) -> None:
+        """All of them.
+
+        Args:
+            folder: where to write.
+            contact: the columns of contact.csv; None: without contact.
+            facets: of a body in space, its rows at each facet of the contact surface, see ``read_facets``.
+            steps: the columns of steps.csv if there are several.
+
+        Raises:
+            PictureError: a body in space cannot be drawn; all others pictures are there.
+        """
+        # matplotlib takes a while to import
+        from signorini_fx.pictures.convergence import errors_and_costs, iteration_history
+        from signorini_fx.pictures.load_steps import load_steps
+        from signorini_fx.pictures.style import plain
+
+        title = plain(self.title)
+        if self.history:
+            iteration_history(folder / "history", self.history, dimension=self.dimension)
+        if self.prices:
+            errors_and_costs(folder / "price_list", self.prices, title=title)
+        if contact is not None and steps is not None:
+            load_steps(folder / "load_steps", steps)
+        if contact is not None and self.dimension == 2:
+            from signorini_fx.pictures.boundary_profiles import boundary_profiles
+
+            boundary_profiles(folder / "profiles", contact, title=title)
+        elif contact is not None and facets is not None:
+            from signorini_fx.pictures.contact_surface import contact_surface
+
+            contact_surface(folder / "contact_surface", contact, facets, title=title)
+        if self.body is not None and self.dimension == 2:
+            self._draw_in_the_plane(self.body, contact, folder, title)
+        elif self.body is not None:
+            foundations = [] if contact is None or facets is None else foundations_of(contact, facets)
+            self._draw_in_space(self.body, foundations, folder, title)
+
+    def _draw_in_the_plane(self, body: Body, contact: Table | None, folder: Path, title: str) -> None:
+        from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
+        from signorini_fx.pictures.moving_body import moving_body
+
+        assert body.outline is not None
+        foundation = None
+        if contact is not None:
+            offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
+            foundation = Foundation(np.column_stack((contact["x"], contact["y"])), offset, contact["state"] != "open")
+        for name in self.fields:
+            deformed_mesh(
+                folder / _stem(name),
+                body.points,
+                body.polygons,
+                body.displacement,
+                values_of(name, body.values),
+                outline=body.outline,
+                tiles=body.divided,
+                field=FIELDS[name],
+                stress=body.stress_in_the_middle() if name == "principal" else None,
+                foundation=foundation,
+                title=title,
+            )
+        if self.moments:
+            moving_body(folder / "deformed.gif", body, self.moments, foundation=foundation, title=title)
+
+    def _draw_in_space(self, body: Body, foundations: Sequence[FoundationSurface], folder: Path, title: str) -> None:
+        from signorini_fx.pictures.moving_body import moving_solid
+        from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
+
+        seen = telling_view(Skin.of(body, "von_mises"))
+        for name in self.fields:
+            deformed_solid(
+                folder / _stem(name),
+                Skin.of(body, name),
+                field=FIELDS[name],
+                stress=body.stress_in_the_middle() if name == "principal" else None,
+                foundations=foundations,
+                seen=seen,
+                title=title,
+            )
+        if self.moments:
+            moving_solid(folder / "deformed.gif", body, self.moments, foundations=foundations, title=title)
+
+
+def _stem(field: str) -> str:
+    return "deformed" if field == "von_mises" else f"field_{field}"
+
+
+def foundations_of(c: Table, facets: npt.NDArray[np.int64]) -> list[FoundationSurface]:
+    """The foundation of each contact boundary in space; ``facets`` are rows of the contact table, shape (m, k)."""
+    from signorini_fx.pictures.foundation import FoundationSurface
+
+    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
+    gap = np.asarray(c["gap"])
+    corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
+    found = []
+    for name in dict.fromkeys(c["boundary"]):
+        here = np.asarray(c["boundary"] == name)
+        row = np.cumsum(here) - 1
+        found.append(FoundationSurface(nodes[here], normals[here], gap[here], row[corners[here[corners].all(axis=1)]]))
+    return found

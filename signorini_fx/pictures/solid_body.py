@@ -1,0 +1,277 @@
+"""The deformed body in space on its foundation: its outer surface, a field in colours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from signorini_fx.pictures import offscreen, view
+from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.deformed_body import magnification
+from signorini_fx.pictures.fields import FIELDS, Field, values_of
+from signorini_fx.pictures.foundation import FoundationSurface, normals_of
+from signorini_fx.pictures.solid import Lines, Solid
+from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, STYLE, Floats, finish, math_number
+from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
+
+Rows = npt.NDArray[np.int64]
+
+_VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
+_MORE = 1.15  # how much more of the field another view must show to be preferred to the usual one
+_LARGEST = 4.8  # width and height of the body, inches
+_NARROWEST = 3.4  # width of a picture, inches: for its lettering
+_PIXELS = 240.0  # per inch
+_ABOVE = 1e-3  # of the size of the body: strokes are drawn so far above it
+_FROM_THE_SIDE = 0.2  # cosine of the angle from which on a facet has no strokes
+
+
+@dataclass(frozen=True)
+class Skin:
+    """The outer surface of a body with a field.
+
+    Attributes:
+        points: positions, length, shape (n, 3).
+        displacement: at the points, length, shape (n, 3).
+        triangles: their points, counterclockwise as seen from outside, shape (t, 3).
+        values: the field at their corners, shape (t, 3).
+        perimeters: points along the perimeter of each facet, shape (m, k).
+        at_points: whether the field varies within a facet.
+    """
+
+    points: Floats
+    displacement: Floats
+    triangles: Rows
+    values: Floats
+    perimeters: Rows
+    at_points: bool
+
+    @classmethod
+    def of(cls, body: Body, field: str) -> Skin:
+        """A body in space with one of its fields, see ``FIELDS``."""
+        if not body.within.size:
+            raise ValueError("the body has no facets")
+        values, inside = values_of(field, body.values), body.tiles.triangles
+        at = (
+            values[:, inside]
+            if body.recovered
+            else np.broadcast_to(values[:, None, None], (len(values), *inside.shape))
+        )
+        return cls(
+            body.points,
+            body.displacement,
+            body.within[:, inside].reshape(-1, 3),
+            at.reshape(-1, 3),
+            body.perimeters,
+            body.recovered,
+        )
+
+    @property
+    def size(self) -> float:
+        """Of the body, length."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    @property
+    def edges(self) -> Rows:
+        """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
+        pairs = np.stack((self.perimeters, np.roll(self.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
+        return np.unique(np.sort(pairs, axis=1), axis=0)
+
+    def moved(self, factor: float) -> Floats:
+        """The points with the displacement times a factor; a failed solve may have left anything behind."""
+        moved = self.points + factor * self.displacement
+        return np.where(np.isfinite(moved), moved, self.points)
+
+
+def deformed_solid(
+    path_stem: str | Path,
+    skin: Skin,
+    *,
+    field: Field = FIELDS["von_mises"],
+    stress: Floats | None = None,
+    foundations: Sequence[FoundationSurface] = (),
+    factor: float | None = None,
+    top: float | None = None,
+    reach: Floats | None = None,
+    seen: view.View | None = None,
+    title: str = "",
+    suffixes: Sequence[str] = BOTH,
+) -> None:
+    """Draw the outer surface of a deformed body in space on its foundation, in perspective.
+
+    The colour is a field.  Values at points of the facets are drawn with colours that vary within each facet; the label
+    of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
+    the value that is not exceeded on 99 % of the visible area.  Dark lines on the body are its sharp edges, gray ones
+    those of the undeformed body; the edges of the facets are drawn if they are large enough to see them.  Arrows show
+    the axes, and how long the undeformed body is along each.  A foundation is gray, and seen from the side of the body
+    only.
+
+    As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
+    plane under a sphere, there are two panels: body and foundation as they are; and the body with its displacement
+    magnified, without foundation.
+
+    Args:
+        path_stem: where to write, without suffix.
+        skin: the body.
+        field: what its values are.
+        stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
+        foundations: of each contact boundary.
+        factor: of displacement and gap, in one panel; None: one that makes the displacement visible, in two panels
+            where one would not be true.
+        top: the value where the colours end; None: see above.
+        reach: points that the picture shows too, shape (k, 3).
+        seen: the view; None: ``telling_view(skin)``.
+        title: title of the picture.
+        suffixes: of the files to write.
+
+    Raises:
+        PictureError: PyVista is missing.
+    """
+    with mpl.rc_context(STYLE):
+        figure, remark = solid_figure(
+            skin,
+            field=field,
+            stress=stress,
+            foundations=foundations,
+            factor=factor,
+            top=top,
+            reach=reach,
+            seen=seen,
+        )
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+
+
+def solid_figure(
+    skin: Skin,
+    *,
+    field: Field = FIELDS["von_mises"],
+    stress: Floats | None = None,
+    foundations: Sequence[FoundationSurface] = (),
+    factor: float | None = None,
+    top: float | None = None,
+    reach: Floats | None = None,
+    seen: view.View | None = None,
+) -> tuple[Figure, str]:
+    """The figure that ``deformed_solid`` writes, and what it magnifies."""
+    chosen = magnification(skin.points, skin.displacement) if factor is None else factor
+    true = factor is not None or all(one.looks_like_itself(chosen, skin.size) for one in foundations)
+    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    if true:
+        remark = what if chosen == 1 or not foundations else what.replace("displacement", "displacement and gap")
+    else:
+        remark = f"left: as it is; right: {what}"
+    seen = telling_view(skin) if seen is None else seen
+    tones = tones_of(skin, seen, field, top)
+    factors = [chosen] if true else [1.0, chosen]
+    shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
+    cameras = [view.Camera.on(seen, _extent(one, reach)) for one in shown]
+    inch = (_LARGEST if true else 0.75 * _LARGEST) / max(2 * float(camera.half.max()) for camera in cameras)
+    widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
+    figure = Figure(figsize=(max(float(widths.sum()), _NARROWEST), float(heights.max()) + 0.9), layout="constrained")
+    grid = figure.subplots(1, len(shown), squeeze=False, width_ratios=list(map(float, widths)))[0]
+    for axes, solid, camera, at in zip(grid, shown, cameras, factors, strict=True):
+        if math.sqrt(float(np.median(_areas(solid.points, skin.perimeters)))) * 72 * inch >= _VISIBLE_FACET:
+            solid = replace(solid, edges=skin.edges)
+        if stress is not None:
+            solid = replace(solid, lines=_strokes(skin, at, stress, camera))
+        picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
+        right, top_edge = camera.half
+        axes.imshow(picture, extent=(-right, right, -top_edge, top_edge), aspect="equal")
+        axes.set_axis_off()
+        if solid is shown[0] or axes is grid[0]:
+            _draw_lengths(axes, camera, skin.points)
+    tones.bar(figure, list(grid))
+    return figure, remark
+
+
+def solid_of(skin: Skin, tones: Tones, factor: float, foundations: Sequence[FoundationSurface]) -> Solid:
+    """What is drawn of a body with its displacement and the gaps times a factor."""
+    return Solid(
+        skin.moved(factor),
+        skin.triangles,
+        skin.values,
+        tones.colours,
+        (tones.low, tones.high),
+        np.empty((0, 2), dtype=np.int64),
+        None if factor == 1 else skin.points,
+        [one.shape(factor) for one in foundations],
+    )
+
+
+def tones_of(skin: Skin, seen: view.View, field: Field, top: float | None = None) -> Tones:
+    """The scale of the field, by what faces the viewer."""
+    area = normals_of(skin.points, skin.triangles) @ seen.toward
+    facing = area > 0
+    told = field.told(at_points=skin.at_points)
+    return Tones(told, skin.values[facing].ravel(), area[facing].repeat(3) / 3, top)
+
+
+def telling_view(skin: Skin) -> view.View:
+    """Of the views from above onto the four corners the one that shows most of a field: the cut of a symmetric body
+    rather than its back; from the front and the right if that makes no difference.
+    """
+    area = normals_of(skin.points, skin.triangles)
+    size = np.abs(np.nan_to_num(skin.values)).mean(axis=1)
+    views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
+    shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
+    # Of sides that show as much but for round-off the first.
+    best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
+    return views[best] if shown[best] > _MORE * shown[0] else views[0]
+
+
+def _extent(solid: Solid, reach: Floats | None) -> Floats:
+    """Points that a picture shows; of a foundation that runs far away only the part next to the body."""
+    body = np.concatenate([solid.points, *([solid.at_rest] if solid.at_rest is not None else [])])
+    body = body if reach is None else np.concatenate((body, reach))
+    low, high = body.min(axis=0), body.max(axis=0)
+    far = 0.4 * float(max(high - low))
+    return np.concatenate([body, *(np.clip(points, low - far, high + far) for points, _ in solid.grounds)])
+
+
+def _areas(points: Floats, facets: Rows) -> Floats:
+    return np.linalg.norm(normals_of(points, facets), axis=1)
+
+
+def _strokes(skin: Skin, factor: float, stress: Floats, camera: view.Camera) -> list[Lines]:
+    """Along principal stresses at the middles of some facets that are seen, not too much from the side."""
+    points = skin.moved(factor)
+    area = normals_of(points, skin.perimeters)
+    normals = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
+    front = normals @ camera.view.toward > _FROM_THE_SIDE
+    middles = points[skin.perimeters].mean(axis=1)[front]
+    spacing = 2 * float(camera.half.max()) / STROKES
+    rows = thinned(camera.flat(middles), spacing)
+    above = middles[rows] + _ABOVE * skin.size * normals[front][rows]
+    pressed, drawn_out = strokes(above, stress[front][rows], spacing)
+    return [Lines(pressed, BLUE, 5.0), Lines(drawn_out, ORANGE, 3.5)]
+
+
+def _draw_lengths(axes: Axes, camera: view.Camera, points: Floats) -> None:
+    """An arrow beside the body along each axis, with the length of the undeformed body."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = camera.flat(0.5 * (low + high))
+    beside = 0.05 * 2 * float(camera.half.max())
+    for axis, name in enumerate("xyz"):
+        others = [k for k in range(3) if k != axis]
+        ends = []
+        for k in range(4):
+            start, end = np.array(low), np.array(high)
+            start[others] = end[others] = np.where([k & 1, k & 2], high[others], low[others])
+            ends.append(camera.flat(np.stack((start, end))))
+        # The edge that is lowest in the picture, of the upright ones that on the left.
+        start, end = min(ends, key=lambda line: line.mean(axis=0) @ ([1.0, 0.0] if axis == 2 else [0.0, 1.0]))
+        along = (end - start) / (float(np.linalg.norm(end - start)) or 1.0)
+        aside = np.array([-along[1], along[0]])
+        aside *= math.copysign(beside, float(aside @ (0.5 * (start + end) - middle)))
+        style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+        axes.annotate("", tuple(end + aside), tuple(start + aside), arrowprops=style, annotation_clip=False)
+        x, y = 0.5 * (start + end) + 2.0 * aside
+        length = math_number(float(f"{high[axis] - low[axis]:.4g}"))
+        axes.text(x, y, f"{name}: ${length}$", ha="center", va="center", color=INK, fontsize=8.5, clip_on=False)

@@ -1,0 +1,61 @@
+"""What the pictures of a solution are drawn from, from all ranks on the first one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from signorini_fx import parallel
+from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
+from signorini_fx.records import as_rows
+from signorini_fx.results.solution import Solution
+
+
+def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPictures:
+    """Of a solution, with fields beside the von Mises stress; collective."""
+    fields = tuple(dict.fromkeys(("von_mises", *asked)))
+    dimension = solution.discretisation.tagged.dimension
+    gather = _gatherer(solution)
+    return ResultPictures(
+        solution.scene.title,
+        dimension,
+        fields,
+        None if gather is None else gather(solution, fields, recovered=True),
+        () if gather is None else _moments(solution, gather),
+        as_rows(solution.history.iterations),
+        as_rows(solution.price_list),
+    )
+
+
+def _gatherer(solution: Solution) -> Callable[..., Body] | None:
+    """What gathers the body; None if it is too large to be drawn; collective."""
+    if solution.discretisation.tagged.dimension == 2:
+        from signorini_fx.results.body_cells import gather_cells
+
+        return gather_cells
+    from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
+
+    count = outer_facets(solution)
+    if count <= MOST_FACETS:
+        return gather_outer_surface
+    parallel.log_on_root(
+        solution.comm,
+        f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView",
+    )
+    return None
+
+
+def _moments(solution: Solution, gather: Callable[..., Body]) -> list[Moment]:
+    """The body at the load steps that an animation shows, none if there is only one; collective."""
+    steps = solution.shown_steps
+    if len(steps) < 2:
+        return []
+    from signorini_fx.pictures.moving_body import shown
+
+    found = []
+    for step in (steps[k] for k in shown(len(steps))):
+        then = solution.at(step)
+        body = gather(then, ("von_mises",), recovered=True)
+        touching = None if then.contact is None else then.table.columns["state"] != "open"
+        found.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
+    return found
