@@ -234,6 +234,40 @@ def test_what_supports_press_hides_no_shear():
     assert problem.law_residual(newton.x) == pytest.approx(0.1, rel=1e-12)
 
 
+def undone(problem):
+    """Where a support holds a node: a large pressure and a shear whose forces along the free direction cancel."""
+    boundary = problem.boundary
+    held = ~boundary.free[:, 0]
+    pressure = np.where(held, 1e9 * boundary.tangents[:, 1, 0], 0.0)
+    return held, pressure, np.where(held, -1e9 * boundary.normal[:, 1], 0.0)[:, None]
+
+
+def test_what_pressure_and_shear_undo_in_each_other_hides_no_shear():
+    """Neither is a scale for the friction law at other nodes, nor is the bound that follows such a pressure."""
+    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
+    problem = newton.problem
+    held, pressure, shear = undone(problem)
+    assert 0 < np.count_nonzero(held) < held.size
+    problem.away = lambda x: np.where(held, 0.0, 1.0)
+    problem.friction_bounds = lambda x: (np.where(held, 1e9, 10.0),) * 2
+    problem.multipliers = lambda x, sets: (pressure, np.where(held[:, None], shear, 10.0))
+    assert problem.law_residual(newton.x) == pytest.approx(0.1, rel=1e-6)
+
+
+def test_what_pressure_and_shear_undo_in_each_other_does_not_settle():
+    """Changes that cancel are none, and what cancels is no scale for them."""
+    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
+    held, pressure, shear = undone(newton.problem)
+    zero = np.zeros(held.size)
+    data = replace(begun(wedge(20.0, 0.2, 0.0)).start.data, lambda_hat=zero, mu_hat=zero[:, None], bound=zero + 1e12)
+    newton.problem.set_data(data)
+    newton.shifts = lambda data: (pressure + ~held * 10.0, shear)
+    augmentation = Augmentation(newton, 1e8, 1e-9)
+    assert augmentation.measure(data) == pytest.approx(1.0, rel=1e-6)
+    area = newton.problem.boundary.weight[~held].sum()
+    assert augmentation.changes == pytest.approx((10.0 * np.sqrt(area), 0.0), rel=1e-6, abs=1e-3)
+
+
 @pytest.mark.mpi
 def test_every_rank_judges_alike():
     """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""

@@ -16,6 +16,7 @@ from signorini_fx.linalg import choice, krylov, multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.model import PrescribedDisplacement
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
 from signorini_fx.solving.strategy import run
@@ -291,3 +292,25 @@ def test_one_rank_or_many(name, steps):
         size = max(np.abs(wanted[one]).max() for one in group)
         for one in group:
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
+
+
+@pytest.mark.parametrize("touching", [True, False])
+@pytest.mark.parametrize("generator", ["rectangle", "box"])
+def test_a_body_that_its_support_lifts_off(generator, touching):
+    """Nothing strains it: what the support does to its neighbours, however large, is no scale."""
+    dim = {"rectangle": 2, "box": 3}[generator]
+    lifted = dict(zip("xyz", (3.3, 10.1) if dim == 2 else (3.3, 2.4, 10.1), strict=False))
+    scene = {
+        "mesh": {"generator": generator, "parameters": dict(zip(("nx", "ny", "nz"), (6, 4, 3)[:dim], strict=False))},
+        "material": {"young": 1000.0, "poisson": 0.2},
+        "displacement": {"boundary": "top", **{axis: 1e-5 * value for axis, value in lifted.items()}},
+        "solver": {"linear_algebra": "krylov"},
+    }
+    if touching:
+        scene["displacement"]["factors"] = [-1.0, 0.3]
+        scene["contact"] = {"boundary": "bottom"}
+    solution = alone(parse_scene(scene), check=False)
+    assert solution.status is Status.CONVERGED
+    y = solution.displacement.x.array.reshape(-1, dim)
+    wanted = (0.3 if touching else 1.0) * 1e-5 * np.array(list(lifted.values()))
+    np.testing.assert_allclose(y, np.broadcast_to(wanted, y.shape), rtol=0, atol=1e-14)

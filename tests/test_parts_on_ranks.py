@@ -170,7 +170,7 @@ def test_outward_displacement(side, component, sign):
 
     def prescribed(d):
         start = d.cases[-1].start if d.cases[-1].start.norm() > 0 else d.cases[0].start
-        values = start.getArray(readonly=True).reshape(-1, 2)[:, component]
+        values = start.getArray(readonly=True).reshape(-1, 2)[d.fixed.reshape(-1, 2)[:, component], component]
         return [parallel.global_max(d.tagged.mesh.comm, parallel.local_max(s * values, -np.inf)) for s in (1, -1)]
 
     together, alone = both(prescribed, scene)

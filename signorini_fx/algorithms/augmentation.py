@@ -10,15 +10,19 @@ increased, up to ten times k or the natural one.  A gamma so large that its roun
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.laws import RegularisedData
+from signorini_fx.contact.laws import Nodal, RegularisedData
 from signorini_fx.contact.laws import length as length_of
 from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
+
+T = TypeVar("T")
 
 
 def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
@@ -69,13 +73,13 @@ class Augmentation:
         newton, before = self.newton, (data.lambda_hat, data.mu_hat)
         boundary, comm = newton.problem.boundary, newton.problem.system.comm
         after = newton.shifts(data)
-        changes = tuple(boundary.scale(new - old) for new, old in zip(after, before, strict=True))
-        size = sum(map(boundary.scale, after)) or sum(map(boundary.scale, before))
+        changes = _both(boundary.scale, *(new - old for new, old in zip(after, before, strict=True)))
+        size = sum(_both(boundary.scale, *after)) or sum(_both(boundary.scale, *before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*map(boundary.felt, after))))
+        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*_both(boundary.felt, *after))))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
         # At its bound the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])
@@ -89,7 +93,7 @@ class Augmentation:
             slow.append(bool(share > SLOW_SHARE) and max(left, violation) > self.tolerance)
             lefts.append(left)
             violations.append(violation)
-        self.changes, self.slow = (changes[0], changes[1]), (slow[0], slow[1])
+        self.changes, self.slow = changes, (slow[0], slow[1])
         self.left, self.violation = sum(lefts), max(violations)
         return sum(changes) / (size or 1.0)
 
@@ -109,3 +113,8 @@ class Augmentation:
             gamma_n=grown(data.gamma_n, self.slow[0]),
             gamma_t=grown(data.gamma_t, self.slow[1]),
         )
+
+
+def _both(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:
+    """What the body feels of a pressure and of a shear, each beside the other."""
+    return measure(pressure, shear), measure(shear, pressure)

@@ -235,7 +235,8 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
             stiffness.zeroRowsColumns((first + np.flatnonzero(body.fixed)).astype(PETSc.IntType), diag=0.0)
             diagonal = _fill_prescribed(stiffness, body)
             cases = tuple(
-                turned_case(load, whole, rotation, body.fixed, diagonal, body.motions) for load in body.applied
+                turned_case(load, whole, rotation, body.fixed, diagonal, body.motions, body.turned)
+                for load in body.applied
             )
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
     known = {field.name: getattr(body, field.name) for field in fields(body)}

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
-from signorini_fx.body.rigid import RigidLoad, RigidMotions, total_work
+from signorini_fx.body.rigid import RigidLoad, RigidMotions, nearest_motion, total_work
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Inventory
@@ -62,7 +62,7 @@ class LoadCase:
         factors: one number per load step.
         load: L minus the contribution of its prescribed displacements; the ``diagonal`` of their rows
             times their value there.
-        start: zero, with its prescribed displacements inserted.
+        start: the rigid motion that is nearest to its prescribed displacements, with these inserted.
         resultant: L on the free rigid motions; forces that strains cause do no work on them.
     """
 
@@ -213,6 +213,7 @@ def load_case(
     load, start = stiffness.createVecRight(), stiffness.createVecRight()
     load.getArray()[:], start.getArray()[:] = applied.forces, applied.start
     if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
+        start.getArray()[~fixed] = _nearest(applied, fixed, motions, None)[~fixed]
         touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
         blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
         load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
@@ -227,6 +228,7 @@ def turned_case(
     fixed: npt.NDArray[np.bool_],
     diagonal: float,
     motions: RigidMotions,
+    turned: TurnedNodes,
 ) -> LoadCase:
     """The same where nodes are turned; ``whole`` is a(., .) without supports, ``rotation`` is Q; collective."""
     start, load, force = whole.createVecRight(), whole.createVecRight(), whole.createVecRight()
@@ -239,7 +241,19 @@ def turned_case(
     free = np.where(fixed, 0.0, force.getArray(readonly=True))
     load.getArray()[:] = free
     load.getArray()[fixed] = diagonal * start.getArray(readonly=True)[fixed]
+    force.getArray()[:] = _nearest(applied, fixed, motions, turned)
+    moved = force.duplicate()
+    rotation.multTranspose(force, moved)
+    start.getArray()[~fixed] = moved.getArray(readonly=True)[~fixed]
     return LoadCase(applied.factors, load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
+
+
+def _nearest(
+    applied: AppliedLoad, fixed: npt.NDArray[np.bool_], motions: RigidMotions, turned: TurnedNodes | None
+) -> npt.NDArray[np.float64]:
+    """The rigid motion that is nearest to what an applied load prescribes, shape (owned dofs,); collective."""
+    comm, shape = applied.prescribed.function_space.mesh.comm, (-1, motions.x.shape[1])
+    return nearest_motion(motions, fixed.reshape(shape), applied.start.reshape(shape), turned, comm).ravel()
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

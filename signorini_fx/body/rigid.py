@@ -232,18 +232,58 @@ def rigid_motions(
     length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
     none = np.zeros((0, 0))
     motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
-    node, component = np.nonzero(fixed)
-    modes = motions._modes(node)
-    if turned is not None:
-        modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
-    rows = modes[np.arange(node.size), component]
-    supported: _Floats = np.zeros((pieces.count, motions.each, motions.each))
-    for number in range(pieces.count):
-        mine = rows[piece[node] == number]
-        supported[number] = mine.T @ mine
-    supported = parallel.global_sum(comm, supported)
+    supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
     free, assembly = _null_space(supported, motions)
     return RigidMotions(pieces, x, piece, centre, length, free, assembly)
+
+
+def nearest_motion(
+    motions: RigidMotions,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: _Floats,
+    turned: TurnedNodes | None,
+    comm: MPI.Comm,
+) -> _Floats:
+    """The motion without strain that is nearest to prescribed displacements, shape (owned nodes, d); collective.
+
+    Pieces that pins join to others stay where they are.
+
+    Args:
+        motions: of the body.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+        prescribed: the displacement at these nodes, length, shape (owned nodes, d).
+        turned: nodes whose components in ``fixed`` are in a frame of their own.
+        comm: the ranks that share the body.
+    """
+    supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
+    alone = np.bincount(motions.pieces.assembly)[motions.pieces.assembly] == 1
+    nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=_HELD, hermitian=True), moved)
+    return motions.displacement(np.where(alone[:, None], nearest, 0.0).ravel())[: fixed.shape[0]]
+
+
+def _at_supports(
+    motions: RigidMotions,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: _Floats,
+    turned: TurnedNodes | None,
+    comm: MPI.Comm,
+) -> tuple[_Floats, _Floats]:
+    """Products of the motions of each piece with each other at its prescribed components, shape (p, m, m), and with
+    what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
+    """
+    node, component = np.nonzero(fixed)
+    modes, given = motions._modes(node), prescribed[node]
+    if turned is not None:
+        frames = turned.frames_at(node)
+        modes, given = np.einsum("nij,nik->njk", frames, modes), np.einsum("nij,ni->nj", frames, given)
+    here = np.arange(node.size), component
+    rows, piece = np.column_stack((modes[here], given[here])), motions.piece[node]
+    products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
+    for number in range(motions.pieces.count):
+        mine = rows[piece == number]
+        products[number] = mine[:, :-1].T @ mine
+    products = parallel.global_sum(comm, products)
+    return products[:, :, :-1], products[:, :, -1]
 
 
 def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:

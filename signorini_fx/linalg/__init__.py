@@ -22,7 +22,8 @@ class ElasticSystem(Protocol):
         comm: the ranks that share the system.
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
         load: b of the current load step.
-        start: a vector x that satisfies the prescribed displacements of the current load step.
+        start: a vector x that satisfies the prescribed displacements of the current load step, elsewhere the rigid
+            motion that is nearest to them.
         fixed: the prescribed entries of the local part of x.
         contact: B, from x to the relative displacement at the contact points.
     """

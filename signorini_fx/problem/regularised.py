@@ -159,6 +159,11 @@ class ProblemState(ABC):
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """See ``ContactProblem``."""
         self.data = data
+        moved = self.system.start.copy()
+        moved.getArray()[self.system.fixed] = 0.0
+        self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
+        if self._lifted is not None:
+            self.system.matrix.mult(moved, self._lifted)
         self._escaping: tuple[Escape | None] | None = None
         self._forced_first = first_sets is not None
         if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
@@ -186,9 +191,12 @@ class ProblemState(ABC):
     def law_residual(self, x: PETSc.Vec) -> float:
         """See ``ContactProblem``."""
         bound, _ = self.friction_bounds(x)
-        _, shear = self.multipliers(x, self.sets)
-        # What follows the pressure of nodes that supports press into the foundation is no scale for others.
-        felt = np.maximum(self.boundary.felt(np.where(np.isfinite(bound), bound, 0.0)), self.boundary.felt(shear))
+        pressure, shear = self.multipliers(x, self.sets)
+        alone, felt = self.boundary.felt(shear), self.boundary.felt(shear, pressure)
+        left = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
+        # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
+        # what a pressure and a shear undo in each other.
+        felt = np.maximum(left * self.boundary.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
         size = parallel.local_max(felt)
         away, size = (
             parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
@@ -254,11 +262,14 @@ class ProblemState(ABC):
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Use the size of the forces A x as the scale of the residual.
 
-        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.
+        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.  Beside one
+        there is its force on the free rows, however large; only what differs from a rigid motion does anything.
         """
         acting = []
         for vector in (forces, self.system.load):
             free = vector.copy()
+            if self._lifted is not None:
+                free.axpy(-1.0, self._lifted)
             free.getArray()[self.system.fixed] = 0.0
             acting.append(free.norm())
         self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())

@@ -207,7 +207,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
-                    ksp.solve(system.load, x)
+                    missing, change = system.load.duplicate(), system.load.duplicate()
+                    system.matrix.mult(system.start, missing)
+                    missing.aypx(-1.0, system.load)
+                    ksp.solve(missing, change)
+                    x.waxpy(1.0, system.start, change)
                 status = Status.CONVERGED
                 if ksp.getConvergedReason() <= 0:
                     status = Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
