@@ -112,3 +112,13 @@ def test_what_is_not_whole_is_compiled_again(folder, missing):
     comm.Barrier()
     assert compile_it(comm) == pytest.approx(1.0)
     assert len(list(folder.glob(missing))) == 1
+
+
+def test_a_form_that_is_loaded_is_not_looked_for_again(folder):
+    """The third time it is not even missed: the first time it is compiled, the second time it is loaded."""
+    for _ in range(2):
+        assert compile_it() == pytest.approx(1.0)
+    for path in folder.iterdir():
+        path.unlink()
+    assert compile_it() == pytest.approx(1.0)
+    assert not list(folder.glob("*.c"))

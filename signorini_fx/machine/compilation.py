@@ -28,6 +28,8 @@ from signorini_fx.machine import signals, terminal
 _LOCKS = ".signorini_fx.locks"
 _PAUSE = 0.05  # seconds between two attempts to get a lock
 _SILENT = 10.0  # seconds of waiting without a word
+# What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
+_LOADED: dict[tuple[str, str], Any] = {}
 
 
 @contextmanager
@@ -59,8 +61,14 @@ def _locks() -> Iterator[None]:
     with ExitStack() as held:
 
         def locked(module: str, objects: Any, folder: Any, timeout: int) -> Any:
+            key = (str(folder), module)
+            if key in _LOADED:
+                return _LOADED[key]
             prepare(Path(folder), module, float(timeout), held)
-            return look(module, objects, folder, timeout)
+            found = look(module, objects, folder, timeout)
+            if found[0] is not None:  # None: it has to be compiled
+                _LOADED[key] = found
+            return found
 
         jit.get_cached_module = locked
         try:
