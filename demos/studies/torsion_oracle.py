@@ -39,19 +39,18 @@ def torsion(shear_modulus, height, bound, turned, nr=60, nz=40):
     r, z = np.linspace(0.0, 1.0, nr + 1), height * np.linspace(0.0, 1.0, nz + 1) ** 1.5
     number = np.arange((nr + 1) * (nz + 1)).reshape(nz + 1, nr + 1)
     matrix = np.zeros((number.size, number.size))
+    corners = np.stack((number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]), axis=-1).reshape(-1, 4)
+    size = np.array([(dr, dz) for dz in np.diff(z) for dr in np.diff(r)])
     gauss, weights = np.polynomial.legendre.leggauss(3)
-    for i in range(nz):
-        for j in range(nr):
-            dr, dz = r[j + 1] - r[j], z[i + 1] - z[i]
-            nodes = number[i : i + 2, j : j + 2].ravel()
-            for s, ws in zip((gauss + 1) / 2, weights / 2, strict=True):
-                for t, wt in zip((gauss + 1) / 2, weights / 2, strict=True):
-                    at = r[j] + s * dr
-                    shape = np.array([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t])
-                    along = np.array([-(1 - t), 1 - t, -t, t]) / dr - shape / at
-                    up = np.array([-(1 - s), -s, 1 - s, s]) / dz
-                    share = 2 * np.pi * at * shear_modulus * dr * dz * ws * wt
-                    matrix[np.ix_(nodes, nodes)] += share * (np.outer(along, along) + np.outer(up, up))
+    for s, ws in zip((gauss + 1) / 2, weights / 2, strict=True):
+        for t, wt in zip((gauss + 1) / 2, weights / 2, strict=True):
+            at = np.tile(r[:-1] + s * np.diff(r), nz)
+            shape = np.array([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t])
+            along = np.array([-(1 - t), 1 - t, -t, t]) / size[:, :1] - shape / at[:, None]
+            up = np.array([-(1 - s), -s, 1 - s, s]) / size[:, 1:]
+            share = 2 * np.pi * at * shear_modulus * size.prod(axis=1) * ws * wt
+            cells = np.einsum("c,ci,cj->cij", share, along, along) + np.einsum("c,ci,cj->cij", share, up, up)
+            np.add.at(matrix, (corners[:, :, None], corners[:, None, :]), cells)
     base, top, axis = number[0, 1:], number[-1], number[:, 0]
     inner = np.setdiff1d(number.ravel(), np.concatenate((base, top, axis)))
     given = np.zeros(number.size)
