@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import gc
 import io
 import os
 import sys
@@ -39,6 +40,12 @@ def pytest_configure(config):
     if COMM.rank > 0:
         reporter = config.pluginmanager.get_plugin("terminalreporter")
         reporter._tw = create_terminal_writer(config, io.StringIO())
+
+
+def pytest_collection_finish():
+    """The garbage collector need not visit libraries and tests, most of all objects that there are, again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)
