@@ -215,6 +215,45 @@ def test_a_signal_on_one_of_two_ranks(rank, older, tmp_path):
     assert left_alone(older, out)
 
 
+IN_PYTHON = """
+import os, signal, sys
+from mpi4py import MPI
+from signorini_fx import solve
+from signorini_fx.linalg.multigrid import ContactPreconditioner
+from signorini_fx.solving import one_mesh
+
+rank, place, scene = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (one_mesh, "discretise")}[place]
+function, count = getattr(owner, name), [0]
+
+def entered(*args, **options):
+    count[0] += 1
+    if count[0] == 1 and MPI.COMM_WORLD.rank == rank:
+        os.kill(os.getpid(), signal.SIGINT)
+    return function(*args, **options)
+
+setattr(owner, name, entered)
+try:
+    solve(scene)
+except KeyboardInterrupt:
+    MPI.COMM_WORLD.Barrier()
+    sys.stdout.write(f"rank {MPI.COMM_WORLD.rank}: interrupted, then {solve(scene).status.value}\\n")
+"""
+
+
+@pytest.mark.parametrize(("rank", "place"), [(0, "krylov"), (1, "krylov"), (1, "assembly")])
+def test_a_signal_on_one_of_two_ranks_in_python(rank, place, tmp_path):
+    """It is raised on both, none waits for ever, and the next solve knows nothing of it."""
+    if shutil.which("mpirun") is None:
+        pytest.skip("there is no mpirun")
+    scene = written(tmp_path / "scene.toml", SOLID, KRYLOV)
+    (tmp_path / "run.py").write_text(IN_PYTHON)
+    command = ["mpirun", "-n", "2", sys.executable, str(tmp_path / "run.py"), str(rank), place, str(scene)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stderr
+    assert sorted(ended.stdout.split("\n"))[-2:] == [f"rank {k}: interrupted, then converged" for k in (0, 1)]
+
+
 def test_handlers_of_others(monkeypatch):
     """A handler that does not raise is called once, and the solve goes on; afterwards it is in place again."""
     called = []

@@ -25,6 +25,7 @@ from signorini_fx.contact.laws import (
 from signorini_fx.linalg import callbacks, finite, options
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.petsc_c import call
+from signorini_fx.machine import signals
 from signorini_fx.problem.regularised import ContactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 
@@ -301,11 +302,13 @@ class SemismoothNewton:
                     np.count_nonzero(side < 0),
                     np.count_nonzero(sets.changed(following)),
                     self._fingerprint(following),
+                    signals.waiting(),
                 ],
                 dtype=np.uint64,
             ),
         )
-        active, plus, minus, changed, fingerprint = (int(count) for count in counts)
+        active, plus, minus, changed, fingerprint, waiting = (int(count) for count in counts)
+        signals.agree(problem.system.comm, waiting)
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:

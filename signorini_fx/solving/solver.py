@@ -25,6 +25,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.linalg.mesh_levels import MeshLevel
+from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord, Progress
 from signorini_fx.results.checkpoint import Checkpoint
@@ -52,6 +53,10 @@ def solve(
 ) -> Solution:
     """Solve a scene.
 
+    On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.  It is served at the
+    next Newton step, mesh or end of the solve, and what it raises is raised on all ranks (an exception other than
+    ``SystemExit`` as ``KeyboardInterrupt`` on the others).  An observer must raise on all ranks or on none.
+
     Args:
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
@@ -78,7 +83,25 @@ def solve(
     options.refuse_mistyped(comm)
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
-    history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
+    with signals.together(comm):
+        history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
+        solution = _solved(scene, comm, history, on_level, checkpoint, restart=restart)
+        signals.agree(comm)
+    if check and not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
+
+
+def _solved(
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[Solution], object],
+    checkpoint: str | Path | None,
+    *,
+    restart: bool,
+) -> Solution:
+    """The solution, or the last iterate; arguments as for ``solve``."""
     coarse = coarser_scenes(scene, scene.solver.levels)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.accuracy is not None:
@@ -94,14 +117,10 @@ def solve(
             coarser = MeshLevel.of(solved.solution.discretisation, coarser)
             return solved
 
-        solution = solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
-    elif not coarse:
-        solution = _solve_alone(scene, comm, history, None if stored is None else Kept(stored, 0))
-    else:
-        solution = _solve_nested([*coarse, scene], comm, history, on_level, stored)
-    if check and not solution.converged:
-        raise ConvergenceError(solution)
-    return solution
+        return solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
+    if not coarse:
+        return _solve_alone(scene, comm, history, None if stored is None else Kept(stored, 0))
+    return _solve_nested([*coarse, scene], comm, history, on_level, stored)
 
 
 def _checkpoint(
@@ -189,6 +208,7 @@ def solve_level(
     kept: Kept | None = None,
 ) -> Solved:
     """Solve on one of several meshes, and estimate its errors; collective."""
+    signals.agree(comm)
     history.add(f"level {number}")
     before = history.linear_solves
     found: list[Errors] = []
