@@ -2,20 +2,20 @@
 # # Will the bracket slip?
 #
 # An angle bracket is bolted down through its foot; a load on its upright leg pulls it forwards and sideways. There is
-# clearance around the bolt: friction alone must hold the foot. Dividing the friction of the bolt's force $N$ by the
-# pull $T$ gives a safety of
+# clearance around the bolt: friction alone must hold the foot. The pull $T$ uses the share
 #
-# $$s_1 = \frac{F N}{T},$$
+# $$s_1 = \frac{T}{F N}$$
 #
-# but the pull is beside the bolt and also turns the foot, and friction that resists turning is missing elsewhere. Let
-# the foot move as a rigid body with the velocity $v(x) = (v_1 - \omega x_2,\, v_2 + \omega x_1)$. As soon as the power
-# of the load exceeds what friction can dissipate, the foot slips, so for a given pressure $\lambda$ the safety is
+# of the friction of the bolt's force $N$. But it is beside the bolt and also turns the foot, and friction that resists
+# turning is missing elsewhere. Let the foot move as a rigid body with the velocity
+# $v(x) = (v_1 - \omega x_2,\, v_2 + \omega x_1)$. As soon as the power of the load exceeds what friction can dissipate,
+# the foot slips: of the friction under a given pressure $\lambda$ the load uses the share
 #
-# $$s = \min_{v_1, v_2, \omega} \frac{\int F \lambda\, |v|}{T_1 v_1 + T_2 v_2 + M \omega},$$
+# $$s = \max_{v_1, v_2, \omega} \frac{T_1 v_1 + T_2 v_2 + M \omega}{\int F \lambda\, |v|},$$
 #
-# with the moment $M$ of the load about the vertical axis through the origin. (This is a convex problem in two unknowns;
-# the foot turns about the axis where $v = 0$.) Only the contact problem tells where the pressure is: the foot is a
-# plate that is pressed near its bolt and lifts off elsewhere, and the load changes the pressure.
+# with the moment $M$ of the load about the vertical axis through the origin. This is `friction_used` of
+# `solution.safety`. Only the contact problem tells where the pressure is: the foot is a plate that is pressed near its
+# bolt and lifts off elsewhere, and the load changes the pressure.
 
 # %%
 import os
@@ -25,8 +25,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 from mpi4py import MPI
-from scipy.linalg import null_space
-from scipy.optimize import minimize
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.contact.table import contact_table
@@ -78,30 +76,17 @@ through = np.column_stack((-moments[:, 1], moments[:, 0])) / force[:, None]
 statics = np.array([BOLT, 0.0]) + 50.0 * pull / force[:, None]
 
 # %% [markdown]
-# ## Safety against sliding
-
+# ## How much of the friction is used
+#
+# The safety factor says what statics alone can promise: with the best of all pressures, at the rim of the foot, the
+# bracket would hold more than five times the load. It is an upper bound, and here a poor one.
 
 # %%
-def safety(columns, pull):
-    """The least load factor at which the foot moves as a rigid body, by the pressure of this step."""
-    x, y = columns["x"] - BOLT, columns["y"]
-    available = friction * columns["weight"] * columns["pressure"]
-    # Velocities as (v_1, v_2, 10 omega) at the bolt; the load acts above x[0] = 4 mm, the middle of the leg.
-    power = np.array([pull[0], pull[1], (4.0 - BOLT) * pull[1] / 10])
-    unit, others = power / (power @ power), null_space(power[None])
-
-    def taken(free):
-        v = unit + others @ free
-        return available @ np.hypot(v[0] - v[2] * y / 10, v[1] + v[2] * x / 10)
-
-    return minimize(taken, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}).fun
-
-
-simple = friction * force[-1] / np.hypot(*pull[-1])
-turning = safety(steps[-1], pull[-1])
+simple = np.hypot(*pull[-1]) / (friction * force[-1])
+factor, used = solution.safety.factor, solution.safety.friction_used
 
 # %% [markdown]
-# ## Checking the safety
+# ## Checking it
 #
 # The solver knows nothing of rigid bodies. It finds an equilibrium just below the load where the foot should slip, and
 # none just above. There the fixed-point iteration finds that the foot slides under the friction of its last pressure.
@@ -109,9 +94,9 @@ turning = safety(steps[-1], pull[-1])
 # foot.
 
 # %%
-held = 0.97 * turning
+held = 0.97 / used
 below = solve(loaded(0.0, 1.0, held))
-at_limit = held * safety(below.table.columns, -below.contact.forces[1][:2])
+at_limit = held / below.safety.friction_used
 above = solve(loaded(0.0, 1.0, 1.03 * at_limit), check=False)
 
 # %% [markdown]
@@ -127,7 +112,8 @@ if MPI.COMM_WORLD.rank == 0:
     for row in zip((0.0, 0.5, 1.0), force, np.hypot(*pull.T), *through.T, *statics.T, areas, strict=True):
         line = "{:9.1f}      {:9.1f}  {:7.1f}   ({:.3f}, {:.3f})    ({:.3f}, {:.3f})      {:5.0f}    {:5.0f}"
         print(line.format(*row[:-1], row[-1]["contact"], row[-1]["stick"]))
-    print(f"safety: F N / T = {simple:.2f}; with the turning of the foot {turning:.3f}")
+    print(f"safety factor by statics: at most {factor:.2f}")
+    print(f"friction used: T / (F N) = {100 * simple:.1f} %; with the turning of the foot {100 * used:.1f} %")
     print(f"{held:.3f} times the load: {below.status.value}; the pressure there bears {at_limit:.3f} times the load")
     print(f"{1.03 * at_limit:.3f} times the load: {above.status.value}")
     print(*above.history.events, sep="\n")

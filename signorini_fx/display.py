@@ -55,14 +55,22 @@ def results_of(summary: dict[str, Any]) -> str:
 
 
 def safety_in_words(safety: dict[str, Any]) -> str:
-    """The safety factor of a summary, what it is worth, and the motion beyond it."""
-    factor, statics, present = (safety[name] for name in ("factor", "statics", "present"))
-    if factor is None:
-        return "statics sets no limit to the live loads"
-    worth = "the limit of the live loads"
-    if not safety["exact"]:
-        worth = "times the live loads by statics, at most: friction may give way before"
-        if statics is None or (present is not None and present < 0.999 * statics):
-            bound = "sets no limit" if statics is None else f"allows {statics:.4g} at most"
-            worth = f"times the live loads with the friction bounds as they are; statics alone {bound}"
-    return f"{factor:.4g}, {worth}; beyond, {safety['motion']}"
+    """The safety factor of a summary, the motion beyond it, and what it does not say."""
+    beyond = "" if safety["factor"] is None else f"; beyond, {safety['motion']}"
+    return "; ".join([safety_factor(safety) + beyond, *friction_in_use(safety)])
+
+
+def safety_factor(safety: dict[str, Any]) -> str:
+    """The safety factor of a summary, an upper bound if it is not exact."""
+    if safety["factor"] is None:
+        return "no limit by statics"
+    return f"{safety['factor']:.4g}" if safety["exact"] else f"at most {safety['bound']:.4g}"
+
+
+def friction_in_use(safety: dict[str, Any]) -> list[str]:
+    """What Coulomb friction makes of a safety factor; nothing without it."""
+    if safety["exact"]:
+        return []
+    used = safety["friction_used"]
+    share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with the pressures as they are"
+    return [f"friction may give way before{share}"]

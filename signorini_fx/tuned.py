@@ -202,7 +202,7 @@ FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
 # Source: docs/accuracy.md.  Tuned on the effectivities there: displacement 0.74 to 1.06, pressure 0.54 to 1.73.
-SAFETY, SAFETY_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
+MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
 # By dimension: a mesh is at most this many times finer than the previous one, whose contact state is its start and

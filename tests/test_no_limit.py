@@ -1,5 +1,7 @@
 """Where the stress has no limit as the mesh is refined: what is said against what four meshes show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -46,7 +48,52 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
     growth = np.diff(np.log([one.largest().value for one in found]))
     assert (growth > 0.1).all() if end else np.abs(growth).max() < 1e-6
     if end:
-        assert [one.as_dict()["no_limit"] for one in found] == [end] * 4
+        extremes = [one.as_dict() for one in found]
+        assert [one["von_mises"]["no_limit"] for one in extremes] == [end] * 4
+        # Each extreme is judged where it is.
+        assert all(one["largest_principal"]["no_limit"] == end for one in extremes)
+        assert all(one["recovered"]["largest_principal"]["no_limit"] == end for one in extremes)
+
+
+JUMPS = {
+    "shear": ({"boundary": "top", "x": "1 if x[0] > 1 else 0"}, "it is where the load along the boundary top jumps"),
+    "pressure": ({"boundary": "top", "pressure": "1 if x[0] > 1 else 0"}, None),
+    "continuous": ({"boundary": "top", "x": "max(x[0] - 1, 0)"}, None),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", JUMPS)
+def test_loads_that_jump(kind):
+    """Shear that begins within a side makes the stress along it grow by as much with each mesh, pressure does not."""
+    load, said_of = JUMPS[kind]
+    found = [solve(block(CLAMPED, n, traction=load), COMM).stress.component("xx") for n in (16, 32, 64)]
+    at = [largest_near(field, (1.0, 1.0)) for field in found]
+    # With a jump, 2 / pi ln 2 times the shear, from theory.
+    growth, of_theory = np.abs(np.diff(at)), 2 / np.pi * np.log(2)
+    if said_of:
+        np.testing.assert_allclose(growth, of_theory, rtol=0.12)
+    else:
+        assert growth[1] < 0.75 * growth[0]
+    assert said(block(CLAMPED, 8, traction=load), (1.0, 1.0)) == said_of
+    assert said(block(CLAMPED, 8, traction=load), (1.5, 1.0)) is None
+
+
+def largest_near(field, place):
+    """The largest size of a field at a place, on all ranks."""
+    x = field.function_space.tabulate_dof_coordinates()[:, :2]
+    here = np.linalg.norm(x - place, axis=1) < 1e-9
+    return COMM.allreduce(float(np.abs(field.x.array[here]).max(initial=0.0)), op=MPI.MAX)
+
+
+@pytest.mark.mpi
+def test_shear_that_ends_at_a_mirror():
+    """At a side that only guides, a shear at right angles to it jumps to its mirror image."""
+    sheared = {"traction": {"boundary": "top", "x": 1.0}}
+    assert said(block(ROLLERS, **sheared), (0.0, 1.0)) == "it is where the load along the boundary top jumps"
+    assert said(block(CLAMPED, **sheared), (2.0, 1.0)) is None
+    steps = {"traction": {"boundary": "top", "x": 1.0, "factors": [0.0, 1.0]}}
+    assert said(block(ROLLERS, **steps), (0.0, 1.0)) is None
 
 
 @pytest.mark.mpi
@@ -111,3 +158,53 @@ def test_reentrant_corner_and_edges_in_space():
     assert said(solid, (0.0, 0.0, 1 / 3)) == "it is at the end of the boundary left"
     assert said(solid, (1.5, 0.0, 0.0)) is None
     assert said(solid, (3.0, 1.0, 1.0)) is None
+
+
+def parted(scene, where, comm=COMM):
+    """The scene with two materials, the second one where a rule says so of the middle of a cell."""
+    tagged = load_mesh(scene, comm)
+    dim = tagged.dimension
+    known = tagged.mesh.topology.index_map(dim)
+    cells = np.arange(known.size_local + known.num_ghosts, dtype=np.int32)
+    second = where(dmesh.compute_midpoints(tagged.mesh, dim, cells))
+    tags = dmesh.meshtags(tagged.mesh, dim, cells, 1 + second.astype(np.int32))
+    first = scene.material[0]
+    materials = tuple(
+        first.model_copy(update={"young": young, "region": name}) for young, name in ((100.0, "one"), (1e4, "other"))
+    )
+    own = replace(tagged, cell_tags=tags, regions={"one": 1, "other": 2})
+    return scene.model_copy(update={"mesh": own, "material": materials})
+
+
+MEET, CORNER = "it is where materials meet at the boundary", "it is at a corner of the interface of materials"
+
+
+@pytest.mark.mpi
+def test_materials_that_meet():
+    """At a free side the stress grows with each mesh; within the body, and at a mirror, it does not."""
+    side = lambda x: x[:, 0] > 1.0  # noqa: E731
+    corner = lambda x: (x[:, 0] > 1.0) & (x[:, 1] > 0.5)  # noqa: E731
+    scenes = [parted(block(ROLLERS, n), side) for n in (8, 16, 32)]
+    fields = [solve(scene, COMM).stress.component("xx") for scene in scenes]
+    free, inside, mirror = (
+        [largest_near(field, place) for field in fields] for place in ((1.0, 1.0), (1.0, 0.5), (1.0, 0.0))
+    )
+    assert np.diff(np.log(free)).min() > 0.03
+    for one in (inside, mirror):
+        before, last = np.abs(np.diff(one))
+        assert last < 0.6 * before
+    assert [said(scenes[0], place) for place in ((1.0, 1.0), (1.0, 0.5), (1.0, 0.0))] == [MEET, None, None]
+    assert said(parted(block(ROLLERS, 8), corner), (1.0, 0.5)) == CORNER
+    assert said(parted(block(ROLLERS, 8), corner), (1.0, 0.75)) is None
+    solid = parse_scene(
+        {
+            "mesh": box("tetrahedra", (4, 4, 4), size=(1.0, 1.0, 1.0), comm=COMM),
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+            "traction": PULL,
+        }
+    )
+    middle = parted(solid, lambda x: x[:, 0] > 0.5)
+    assert said(middle, (0.5, 0.5, 0.5)) is None
+    assert said(middle, (0.5, 0.0, 0.5)) == MEET
+    assert said(parted(solid, lambda x: (x[:, 0] > 0.5) & (x[:, 1] > 0.5)), (0.5, 0.5, 0.5)) == CORNER

@@ -195,7 +195,7 @@ LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 
 @pytest.mark.parametrize("law", LAWS)
 def test_estimates_of_the_block(law):
-    """With the safety of an asked-for accuracy none is below 0.7 of what a finer mesh says, and few are far above.
+    """With the margin of an asked-for accuracy none is below 0.7 of what a finer mesh says, and few are far above.
 
     The largest pressure has no limit with Coulomb friction, and after two refinements none is given.
     """
@@ -233,7 +233,7 @@ def hertz(cells, n):
 
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_pressure_of_hertz(cells):
-    """With the safety factor not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
+    """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
     for n in (6, 10):
         solved = solve_level(hertz(cells, n), MPI.COMM_SELF, History(), None, 0)
         force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns

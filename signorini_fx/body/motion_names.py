@@ -19,10 +19,11 @@ _FAR_AXIS = 30.0
 def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
     """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one per column."""
     found = []
+    moved = moved / np.abs(moved).max()  # the size of a motion means nothing
     for piece in members:
         own = moved[motions.each * piece : motions.each * (piece + 1)]
         vectors, values, _ = np.linalg.svd(own, full_matrices=False)
-        own = own if members.size == 1 else vectors[:, values > _SLIGHT * np.abs(moved).max()]
+        own = own if members.size == 1 else vectors[:, values > _SLIGHT]
         if own.shape[1]:
             names = names_of_piece(own, motions.centre[piece], float(motions.length[piece]))
             found.append(names if members.size == 1 else f"{motions.pieces.describe(int(piece))} in {names}")

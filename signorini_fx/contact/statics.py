@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linprog
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
@@ -24,8 +25,12 @@ from signorini_fx.records import Status
 
 # A node that moves by less than this share of the others stays where it is.
 _STILL = 1e-6
-# Bounds of a multiple that are tried, and by how much less than the last one the multiple itself is tried.
-_BOUNDS, _SHORT = 100, (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+# Linear programmes for a multiple; how near its bounds are to each other in the end; programmes in a row that may gain
+# less.
+_PROGRAMMES, _CLOSE, _STALLED = 300, 1e-12, 5
+# Price of an unbalanced unit of the load, relative to its multiple: motions are smaller.
+_UNBALANCED = 1e4
+_EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "presolve": False}
 
 
 @dataclass(frozen=True)
@@ -193,9 +198,9 @@ class Limit:
 def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
     """The largest multiple of the live load that admissible tractions balance together with the dead load.
 
-    Each motion on which a load does more work than tractions can bounds the multiple from above; the motion of the load
-    at that bound gives the next bound.  The bounds fall until there is a balance: Newton's method for a convex function
-    of one variable.
+    A linear programme finds the largest multiple that some tractions balance, columns as in ``nearest``, and the motion
+    on which they all do no work beyond.  Those that do most work on this motion join them (Kelley's cutting planes for
+    the dual problem), until the work of all tractions on the motion proves that there is no larger multiple.
 
     Args:
         here: the reactions of one assembly.
@@ -205,35 +210,50 @@ def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
     Returns:
         The multiple; None if no multiple of the load is balanced.
     """
-    near, factor = nearest(here, live, unlimited=True), np.inf
-    unit_of_force = float(np.linalg.norm(live))
-    motion, pressed = None, near.pressed
-    for _ in range(_BOUNDS):
-        if near.balanced or not near.unbalanced:
+    if nearest(here, live, unlimited=True).balanced:
+        whole = dead + live
+        balanced = not whole.any() or nearest(here, whole).balanced
+        return Limit(np.inf, np.inf, None, np.zeros(0, dtype=np.int64)) if balanced else None
+    k, size = live.size, float(np.linalg.norm(live))
+    target, along = np.append(dead / size, 1.0), np.append(live / size, 0.0)
+    columns, pressing = np.eye(k + 1)[-1:], np.array([-1])
+    # What is not balanced costs more than any motion gains.
+    rest = np.eye(k + 1)[:k]
+    limit, found, stalled = np.inf, -np.inf, 0
+    best, pressed = np.zeros(k), pressing
+    for _ in range(_PROGRAMMES):
+        rows = np.vstack((columns, rest, -rest, -along))
+        cost = np.concatenate((np.zeros(len(columns)), np.full(2 * k, _UNBALANCED), [-1.0]))
+        solved = linprog(cost, A_eq=rows.T, b_eq=target, method="highs-ds", options=_EXACT)
+        if solved.status != 0:
             break
-        power = near.motion @ live / unit_of_force
-        if power <= 0:
-            return None
-        motion, pressed = near.motion, near.pressed
-        forces = float(np.linalg.norm(dead)) + (factor if np.isfinite(factor) else 1.0) * unit_of_force
-        most = most_work(here, motion, unit_of_force, forces)
-        bound = float((most - motion @ dead / unit_of_force) / power)
-        if bound >= factor * (1 - 1e-15):
+        # To the last digit.
+        used = solved.x > 0
+        dual = solved.eqlin.marginals
+        dual = dual + np.linalg.lstsq(rows[used], cost[used] - rows[used] @ dual, rcond=None)[0]
+        forces = solved.x
+        forces[used] += np.linalg.lstsq(rows[used].T, target - forces @ rows, rcond=None)[0]
+        motion = dual[:-1]
+        if np.abs(forces[len(columns) : -1]).sum() <= ZERO:
+            stalled = stalled + 1 if forces[-1] <= found * (1 + _CLOSE) else 0
+            found = max(found, float(forces[-1]))
+        scale = float(np.linalg.norm(dead)) + max(found, 1.0) * size
+        bound = most_work(here, motion, size, scale) - float(motion @ dead) / size
+        if bound < limit:
+            limit, best = bound, motion
+            pressed = np.unique(pressing[forces[: len(columns)] > 0])
+        if limit <= found * (1 + _CLOSE) or stalled > _STALLED:
             break
-        factor = bound
-        whole = dead + factor * live
-        if not whole.any():
-            break
-        near = nearest(here, whole)
-    if factor * unit_of_force < -ZERO * np.linalg.norm(dead):
+        edges, node, bounded = here.against(motion, size)
+        lengths = np.linalg.norm(edges, axis=1)
+        real = lengths > ZERO
+        new = np.column_stack((edges[real] / lengths[real, None], np.zeros(np.count_nonzero(real))))
+        work = new @ dual
+        most = np.argsort(-work, kind="stable")[: 4 * (k + 1)]
+        most = most[work[most] > 0]
+        limited = np.append(bounded, 1.0)
+        columns = np.vstack((columns, new[most], limited / np.linalg.norm(limited)))
+        pressing = np.concatenate((pressing, node[real][most], [-1]))
+    if found < 0:
         return None
-    factor = max(factor, 0.0)
-    if np.isinf(factor):
-        return Limit(factor, factor, motion, pressed) if near.balanced and _balanced(here, dead + live) else None
-    tried = (factor * (1 - share) for share in (0.0, *_SHORT))
-    found = next((multiple for multiple in tried if _balanced(here, dead + multiple * live)), None)
-    return None if found is None else Limit(factor, found, motion, pressed)
-
-
-def _balanced(here: Reactions, load: Nodal) -> bool:
-    return not load.any() or nearest(here, load).balanced
+    return Limit(max(limit, found), found, best, pressed[pressed >= 0])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.display import clean, results_of, safety_in_words
+from signorini_fx.display import clean, friction_in_use, results_of, safety_factor
 from signorini_fx.errors import PYVISTA
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
@@ -56,6 +56,8 @@ def outcome(summary: dict[str, Any]) -> Markup:
     ]
     if "stress" in summary:
         cards.insert(-3, _stress_card(summary["stress"]))
+    if "safety" in summary:
+        cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
     measure = "what" if in_space(summary) else "per unit thickness, and what"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
@@ -69,6 +71,13 @@ def _card(label: str, value: str, error: float | None) -> Markup:
     return tag("div", tag("dt", label), tag("dd", value, *estimate), class_="wide" if value.startswith("(") else "")
 
 
+def _safety_card(safety: dict[str, Any]) -> Markup:
+    """The safety factor of the live loads, the motion beyond it, and what it does not say."""
+    beyond = [f"beyond, {safety['motion']}"] if safety["motion"] else []
+    told = tag("small", "; ".join([*beyond, *friction_in_use(safety)]))
+    return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), told), class_="wide")
+
+
 def _stress_card(stress: dict[str, Any]) -> Markup:
     """The larger one of the raw and the recovered von Mises stress, and what it is worth."""
     values = {"raw": stress["von_mises"]["value"]}
@@ -76,8 +85,8 @@ def _stress_card(stress: dict[str, Any]) -> Markup:
         values["recovered"] = stress["recovered"]["von_mises"]["value"]
     shown = {name: figure(value, between(stress)) for name, value in values.items()}
     told = ", ".join(f"{name} {value}" for name, value in shown.items())
-    if stress.get("no_limit"):
-        told = f"no limit as the mesh is refined: {stress['no_limit']} ({told})"
+    if why := stress["von_mises"].get("no_limit"):
+        told = f"no limit as the mesh is refined: {why} ({told})"
     label = tag("dt", "largest von Mises stress")
     return tag("div", label, tag("dd", shown[max(values, key=lambda name: values[name] or 0.0)], tag("small", told)))
 
@@ -168,7 +177,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
-    """Area, mean pressure and friction of each contact boundary; the safety factor."""
+    """Area, mean pressure and friction of each contact boundary."""
     entries = summary.get("contact_boundaries", [])
     if not entries:
         return None
@@ -184,10 +193,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
-    parts = [table([names[key] for key in used], rows)]
-    if "safety" in summary:
-        parts.append(tag("p", f"Safety factor: {safety_in_words(summary['safety'])}."))
-    return joined(parts)
+    return table([names[key] for key in used], rows)
 
 
 def _zones(summary: dict[str, Any]) -> Markup | None:

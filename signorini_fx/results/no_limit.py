@@ -3,6 +3,9 @@
 Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear elasticity grows
 like a negative power of the distance if the angle within the body is large enough (Williams, J. Appl. Mech. 19 (1952)
 526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in space it does so across the edge.
+Where a load along the boundary jumps it grows like a logarithm (Timoshenko and Goodier, Theory of Elasticity, section
+38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
+38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
 """
 
 from __future__ import annotations
@@ -13,11 +16,14 @@ from itertools import combinations
 import basix
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Body
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import friction_acts
 from signorini_fx.tuned import CORNER_ANGLE
 
@@ -37,40 +43,54 @@ _BOUNDED = {
 _CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
 # A place so many facets away from a vertex is beside it.
 _BESIDE = 1.01
+# Share of a facet by which the load beside a vertex is taken within it, and share of a load that is a jump.
+_WITHIN, _JUMP = 1e-6, 1e-3
 
 
 @dataclass(frozen=True)
 class _Facet:
-    """An exterior facet: its vertices, its outward normal, what is prescribed there and by which boundaries."""
+    """An exterior facet.
+
+    Attributes:
+        vertices: shape (n, d).
+        normal: outward, shape (d,).
+        traction: just beside each vertex, but for pressure, shape (n, d); not a number where it is not known.
+        kind: what is prescribed there.
+        names: by which boundaries.
+        loaded: the boundaries whose loads act there.
+    """
 
     vertices: Array
     normal: Array
+    traction: Array
     kind: str
     names: tuple[str, ...]
+    loaded: tuple[str, ...]
 
     @property
     def size(self) -> float:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
-def why_no_limit(body: Body, place: tuple[float, ...]) -> str | None:
+def why_no_limit(body: Body, place: tuple[float, ...], step: float = 0.0) -> str | None:
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
-    Contact boundaries count as pressed, with friction as held.  Jumps of loads and materials are not looked at.
+    Contact boundaries count as pressed, with friction as held.
 
     Args:
         body: the body.
         place: a point, length, shape (d,).
+        step: the load step that the loads are those of, its place in the lists of factors.
     """
-    every = [facet for own in body.comm.allgather(_facets_near(body, np.array(place))) for facet in own]
-    found = []
+    every = [facet for own in body.comm.allgather(_facets_near(body, np.array(place), step)) for facet in own]
+    found = [_where_materials_meet(body, np.array(place), every)]
     for one, other in combinations(every, 2):
         distance = np.linalg.norm(one.vertices[:, None] - other.vertices[None], axis=2)
-        shared = one.vertices[(distance <= 1e-8 * body.tagged.size).any(axis=1)]
+        first, second = np.nonzero(distance <= 1e-8 * body.tagged.size)
         size = min(one.size, other.size)
-        near = np.linalg.norm(shared - place, axis=1) <= _BESIDE * size
-        if len(shared) == body.tagged.dimension - 1 and near.any():
-            found.append(_reason(one, other))
+        near = np.linalg.norm(one.vertices[first] - place, axis=1) <= _BESIDE * size
+        if len(first) == body.tagged.dimension - 1 and near.any():
+            found += [_reason(one, other), _where_loads_jump(one, other, first, second)]
     return min((reason for reason in found if reason is not None), default=None)
 
 
@@ -89,7 +109,99 @@ def _reason(one: _Facet, other: _Facet) -> str | None:
     return f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(names)}"
 
 
-def _facets_near(body: Body, place: Array) -> list[_Facet]:
+def _where_loads_jump(
+    one: _Facet, other: _Facet, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
+) -> str | None:
+    """Whether a load along the boundary jumps where two facets meet that share these vertices of theirs.
+
+    A boundary that only guides is a mirror: a load that ends there at a right angle, or acts along it, is one that
+    jumps.
+    """
+    turn = float(np.degrees(np.arccos(np.clip(one.normal @ other.normal, -1.0, 1.0))))
+    kinds = {one.kind, other.kind}
+    loads = one.traction[first], other.traction[second]
+    if kinds <= {"free", "guided"} and turn <= _CURVED:
+        jump, normal = loads[0] - loads[1], one.normal + other.normal
+    elif kinds == {"free", "guided"} and abs(turn - 90) <= _ROUND_OFF:
+        free, guided = (0, 1) if one.kind == "free" else (1, 0)
+        normal, across = (one, other)[free].normal, (one, other)[guided].normal
+        jump = (loads[free] @ across)[:, None] * across  # along the edge of a mirror nothing jumps
+    else:
+        return None
+    along = jump - np.outer(jump @ normal, normal) / (normal @ normal)
+    size = np.linalg.norm(np.concatenate((one.traction, other.traction)), axis=1).max()
+    if not (np.linalg.norm(along, axis=1) > _JUMP * size).all():
+        return None
+    names = sorted({*one.loaded, *other.loaded})
+    return f"it is where the load along the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(names)} jumps"
+
+
+def _where_materials_meet(body: Body, place: Array, boundary: list[_Facet]) -> str | None:
+    """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
+
+    It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
+    """
+    if not isinstance(body.lame[0], fem.Function):
+        return None
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    kind = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = basix.geometry(kind)
+    neighbours = [
+        [end for edge in basix.topology(kind)[1] if corner in edge for end in edge if end != corner]
+        for corner in range(len(corners))
+    ]
+    cells = np.arange(mesh.topology.index_map(dim).size_local)
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
+    lame = np.column_stack([part.x.array[part.function_space.dofmap.list[cells, 0]] for part in body.lame])
+    edges = vertices[:, neighbours] - vertices[:, :, None]
+    length = np.linalg.norm(edges, axis=3)
+    distance, reach = np.linalg.norm(vertices - place, axis=2), _BESIDE * length.max(axis=2)
+    # All cells at each vertex.
+    close = distance <= parallel.global_max(body.comm, parallel.local_max(reach[distance <= reach]))
+    own = [
+        (vertices[cell, corner], tuple(lame[cell]), _angle(edges[cell, corner]), float(length[cell, corner].max()))
+        for cell, corner in np.argwhere(close)
+    ]
+    every = [row for rows in body.comm.allgather(own) for row in rows]
+    whole = 2 * np.pi if dim == 2 else 4 * np.pi
+    found: list[str] = []
+    for vertex, *_ in every:
+        here = [row for row in every if np.linalg.norm(row[0] - vertex) <= 1e-8 * body.tagged.size]
+        angles = {material: sum(row[2] for row in here if row[1] == material) for _, material, *_ in here}
+        if len(angles) == 1 or np.linalg.norm(vertex - place) > _BESIDE * min(row[3] for row in here):
+            continue
+        total = sum(angles.values())
+        facets = [
+            facet
+            for facet in boundary
+            if (np.linalg.norm(facet.vertices - vertex, axis=1) <= 1e-8 * body.tagged.size).any()
+        ]
+        # A flat boundary that only guides is a mirror.
+        mirror = bool(facets) and all(facet.kind == "guided" for facet in facets) and abs(2 * total / whole - 1) < 1e-6
+        inside = mirror or abs(total / whole - 1) < 1e-6
+        if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
+            continue
+        found.append(
+            "it is at a corner of the interface of materials"
+            if inside
+            else "it is where materials meet at the boundary"
+        )
+    return min(found, default=None)
+
+
+def _angle(edges: Array) -> float:
+    """The angle between two directions, or the solid angle between three, shape (d, d)."""
+    along = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+    pairs = along @ along.T
+    if len(along) == 2:
+        return float(np.arccos(np.clip(pairs[0, 1], -1.0, 1.0)))
+    # Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
+    below = 1 + pairs[0, 1] + pairs[0, 2] + pairs[1, 2]
+    return float(2 * np.arctan2(abs(np.linalg.det(along)), below))
+
+
+def _facets_near(body: Body, place: Array, step: float) -> list[_Facet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -105,8 +217,26 @@ def _facets_near(body: Body, place: Array) -> list[_Facet]:
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))]].mean(axis=0)
         normal = _normal(vertices[k], middle)
-        found.append(_Facet(vertices[k], normal, *_condition(body, int(numbers[k]), normal)))
+        beside = vertices[k] + _WITHIN * (vertices[k].mean(axis=0) - vertices[k])
+        traction, loaded = _traction(body, int(numbers[k]), beside, step)
+        found.append(_Facet(vertices[k], normal, traction, *_condition(body, int(numbers[k]), normal), loaded))
     return found
+
+
+def _traction(body: Body, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
+    """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
+    total, names = np.zeros_like(points), []
+    for load in body.scene.traction:
+        factor = factor_at(body.scene.factors_of(load), step)
+        if facet in body.tagged.facets(load.boundary) and factor != 0:
+            values = load.components[: body.tagged.dimension]
+            # A form of the user's own is not known at a point.
+            known = [
+                np.full(len(points), np.nan) if hasattr(v, "ufl_shape") else sample(v, in_space(points)) for v in values
+            ]
+            total += factor * np.stack(known, axis=1)
+            names.append(load.boundary)
+    return total, tuple(names)
 
 
 def _normal(vertices: Array, inside: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The safety factor of a result: by how much the live loads can grow before statics lets the body move away."""
+"""The safety factor of a result: the multiple of the live loads beyond which statics lets the body move away."""
 
 from __future__ import annotations
 
@@ -28,25 +28,27 @@ _CLOSED = 1e-9
 
 @dataclass(frozen=True)
 class Safety:
-    """Multiples of the live loads, beyond which a body that supports do not hold moves away; inf: no limit.
+    """The largest multiple of the live loads at which a body that supports do not hold stays; inf: there is no limit.
 
     The foundation can press at the nodes that touch it in this solution, or where the rigid body rests: no other node
     is counted on, since the body would have to move there first.
 
     Attributes:
-        factor: the smaller one of the two that follow.
-        statics: no larger multiple is balanced by any pressures and shears that the law allows for.
-        present: the largest one with the friction bounds of this solution, whatever the pressures.
-        exact: whether this is the limit of the problem with these nodes: without Coulomb friction, because the other
-            laws are associated.  With Coulomb friction ``statics`` is an upper bound of what the body holds, and
-            ``present`` a figure for the pressures as they are, which another load changes.
+        factor: pressures and shears that the law allows for were found that balance this multiple.
+        bound: it is proved that none balance a larger one; ``factor`` but for round-off.
+        exact: whether the body stays up to ``factor``: without Coulomb friction, because the other laws are associated.
+            With Coulomb friction ``bound`` is an upper bound only, because the pressures that hold most need not be
+            those that arise.
+        friction_used: with Coulomb friction the share of the friction of this solution that its live loads use: they
+            move the body away at 1 / ``friction_used`` of their size if no friction bound changes.  It describes this
+            solution and sets no limit, because the pressures change with the loads.  None without Coulomb friction.
         motion: the motion beyond ``factor``, in words; "" where there is no limit.
     """
 
     factor: float
-    statics: float
-    present: float
+    bound: float
     exact: bool
+    friction_used: float | None
     motion: str
 
     def as_dict(self) -> dict[str, object]:
@@ -55,7 +57,7 @@ class Safety:
 
 
 def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety | None:
-    """The safety factor of a load step; collective.
+    """The safety factor of a load step with a solution; collective.
 
     Args:
         d: the discretised scene.
@@ -72,36 +74,41 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     live, dead = (total_work([(1.0, motions.load_of(forces, d.comm))], count) for forces in _loads(d, place))
     law = friction_law(d.scene, boundary)
     pressing = _touching(d, contact, live + dead) & ~boundary.immovable
-    if not parallel.any_rank(d.comm, bool(np.isfinite(contact.pressure).all())) or not live.any():
-        return None
-    zero = np.zeros(boundary.size)
-    laws = [law]
     if law is not None:
         # Where a support takes the pressure, no other load changes the friction bound.
-        laws = [replace(law, given=np.where(boundary.immovable, contact.bound, law.given))]
-        if d.scene.has_coulomb:
-            laws.append(FrictionLaw(contact.bound, zero))
-    every = [reactions(boundary, motions, each, contact.bilateral, pressing) for each in laws]
-    worst: Safety | None = None
+        law = replace(law, given=np.where(boundary.immovable, contact.bound, law.given))
+    allowed = reactions(boundary, motions, law, contact.bilateral, pressing)
+    present = None
+    if d.scene.has_coulomb:
+        bounds = FrictionLaw(contact.bound, np.zeros(boundary.size))
+        present = reactions(boundary, motions, bounds, contact.bilateral, pressing)
+    if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
+        return None
+    worst: tuple[Limit, str] | None = None
+    used: list[float] = []
     for number, columns, _ in motions.assemblies():
         if not live[columns].any():
             continue
-        limits: list[Limit] = []
-        for here in (one.of(number, columns) for one in every):
-            limit = largest_multiple(here, dead[columns], live[columns])
-            if limit is None:
+        loads = dead[columns], live[columns]
+        limit = largest_multiple(allowed.of(number, columns), *loads)
+        if limit is None:
+            return None
+        if worst is None or limit.found < worst[0].found:
+            words = ""
+            if limit.motion is not None:
+                along = along_contact(allowed.of(number, columns), limit.motion, limit.pressed)
+                members = np.flatnonzero(motions.pieces.assembly == number)
+                words = names_of((motions.free[:, columns] @ along)[:, None], motions, members)
+            worst = limit, words
+        if present is not None:
+            now = largest_multiple(present.of(number, columns), *loads)
+            if now is None:
                 return None
-            limits.append(limit)
-        least = min(range(len(limits)), key=lambda k: limits[k].found)
-        motion = limits[least].motion
-        words = ""
-        if motion is not None:
-            along = along_contact(every[least].of(number, columns), motion, limits[least].pressed)
-            members = np.flatnonzero(motions.pieces.assembly == number)
-            words = names_of((motions.free[:, columns] @ along)[:, None], motions, members)
-        found = Safety(limits[least].found, limits[0].factor, limits[-1].found, not d.scene.has_coulomb, words)
-        worst = found if worst is None or found.factor < worst.factor else worst
-    return worst
+            used.append(1 / now.found if now.found > 0 else np.inf)
+    if worst is None:
+        return None
+    limit, words = worst
+    return Safety(limit.found, limit.factor, not d.scene.has_coulomb, max(used, default=None), words)
 
 
 def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:

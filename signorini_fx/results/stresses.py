@@ -120,7 +120,7 @@ class StressFields:
         """Where a field is smallest, see ``largest``: by default the largest compression."""
         return self._extreme(field, component, sign=-1.0)
 
-    def _extremes(self) -> dict[str, dict[str, object]]:
+    def _extremes(self) -> dict[str, dict[str, Any]]:
         found = {
             "von_mises": self.largest(),
             "largest_principal": self.largest("principal", 0),
@@ -209,16 +209,19 @@ class Stresses(StressFields):
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
 
-        With them why the largest von Mises stress has no limit, if it is known to have none, see ``no_limit``.  The
-        stress out of the plane is among them in plane strain.
+        With each why it has no limit, if it is known to have none, see ``no_limit``.  The stress out of the plane is
+        among them in plane strain.
         """
-        found: dict[str, Any] = self._extremes()
-        finite = not parallel.any_rank(self.discretisation.comm, not np.isfinite(self.displacement.x.array).all())
-        return found | {
-            "recovered": self.recovered._extremes() if finite else None,
-            "error": self.error if finite else None,
-            "no_limit": why_no_limit(self.discretisation, self.largest().place) if finite else None,
-        }
+        d, found, recovered = self.discretisation, self._extremes(), None
+        finite = not parallel.any_rank(d.comm, not np.isfinite(self.displacement.x.array).all())
+        if finite:
+            recovered = self.recovered._extremes()
+            extremes = [*found.values(), *recovered.values()]
+            places = dict.fromkeys(tuple(extreme["place"]) for extreme in extremes)
+            reasons = {place: why_no_limit(d, place, self.place) for place in places}
+            for extreme in extremes:
+                extreme["no_limit"] = reasons[tuple(extreme["place"])]
+        return {**found, "recovered": recovered, "error": self.error if finite else None}
 
     @property
     def _recovery(self) -> StressRecovery:

@@ -244,6 +244,8 @@ def render(summary: dict[str, Any]) -> str:
     for name, events in kinds.items():
         if events:
             lines.insert(2, f"  {name:16s} {'; '.join(events)}")
+    if "safety" in summary:
+        lines.insert(1, f"  safety factor    {safety_in_words(summary['safety'])}")
     if not summary["converged"]:
         lines.insert(1, f"  what to do       {summary['advice']}")
     if "results_of" in summary:
@@ -318,7 +320,7 @@ def _resultants(summary: dict[str, Any]) -> list[str]:
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
-    """Area, mean pressure and friction of each contact boundary, and the safety factor."""
+    """Area, mean pressure and friction of each contact boundary."""
     rows = summary["contact_boundaries"]
     areas, friction = [], []
     for row in rows[:_MOST_ROWS]:
@@ -327,8 +329,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
         if row["friction_limit"] > 0:
             told = f"{row['tangential_force']:.6g} of at most {row['friction_limit']:.6g}"
             friction.append(f"{row['boundary']}: {told}")
-    safety = [safety_in_words(summary["safety"])] if "safety" in summary else []
-    return [*_labelled("in contact", areas), *_labelled("friction", friction), *_labelled("safety", safety)]
+    return [*_labelled("in contact", areas), *_labelled("friction", friction)]
 
 
 def _labelled(label: str, told: list[str]) -> list[str]:
@@ -343,8 +344,8 @@ def _largest(summary: dict[str, Any]) -> str:
     told = f"{_digits(raw['value'], apart)} at most, at {_point(raw['place'])}"
     if recovered is not None and apart is not None:
         told += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
-    if stress.get("no_limit") is not None:
-        told += f"; it has no limit as the mesh is refined: {stress['no_limit']}"
+    if (why := raw.get("no_limit")) is not None:
+        told += f"; it has no limit as the mesh is refined: {why}"
     return told if stress["error"] is None else f"{told}; estimated error in the mean {percent(stress['error'])}"
 
 

@@ -52,11 +52,11 @@ from signorini_fx.tuned import (
     FEWEST_MESHES,
     LARGEST_GAMMA,
     LARGEST_JUMP,
+    MARGIN,
+    MARGIN_OF_OTHERS,
     MEMORY_SHARE,
     MOST_MESHES,
     REGULARISATION_SHARE,
-    SAFETY,
-    SAFETY_OF_OTHERS,
     SMALLEST_JUMP,
 )
 
@@ -147,12 +147,12 @@ def solve_to_accuracy(
             if rows
             else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
         )
-        safety = SAFETY.get((goal.of, meshes.degree), SAFETY_OF_OTHERS)
-        error = inf if estimate is None else estimate * safety
+        margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
+        error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
         if enough and error + left <= goal.target:
             return solution
-        hopeless = _out_of_reach(goal, levels, safety, solution.discretisation.tagged.size)
+        hopeless = _out_of_reach(goal, levels, margin, solution.discretisation.tagged.size)
         if hopeless:
             notify(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
@@ -179,7 +179,7 @@ def solve_to_accuracy(
             return replace(solution, status=Status.BUDGET)
 
 
-def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size: float) -> str:
+def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:
     """Why no mesh will reach the accuracy; "" if one may."""
     table = levels[-1].table
     if goal.of == "peak" and grows_for_ever(levels):
@@ -192,7 +192,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], safety: float, size
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
     bare = replace(levels[-1], energy=0.0, pressure=0.0, data=0.0)
-    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * safety
+    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * margin
     if polygon > goal.target:
         return (
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
