@@ -15,6 +15,7 @@ Rows = npt.NDArray[np.int64]
 
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
+_EQUAL = 1e-9  # gaps that differ by less are equal
 _MARGIN = 0.12  # of a plane around the contact boundary, over its longer side
 
 
@@ -42,12 +43,25 @@ class FoundationSurface:
         """Points and polygons to draw, counterclockwise as seen from the body; of a plane a rectangle around it."""
         points = self.drawn(factor)
         rectangle = plane_of(points)
-        if rectangle is not None:
-            inwards = -self.normals.mean(axis=0)
-            order = np.arange(4)[:: 1 if normals_of(rectangle, np.arange(4)[None])[0] @ inwards > 0 else -1]
-            return rectangle, order[None].astype(np.int64)
+        if rectangle is None:
+            return points, self._towards_body(points)
+        inwards = -self.normals.mean(axis=0)
+        order = np.arange(4)[:: 1 if normals_of(rectangle, np.arange(4)[None])[0] @ inwards > 0 else -1]
+        return rectangle, order[None].astype(np.int64)
+
+    def moving(self) -> tuple[Floats, Floats, Rows]:
+        """Points and polygons for any factor: where they are with a gap of nought, and how they move with the gap."""
+        motion = self.gap[:, None] * self.normals
+        alike = np.ptp(motion, axis=0).max() <= _EQUAL * np.abs(motion).max()
+        if alike and plane_of(self.nodes) is not None:
+            points, polygons = self.shape(0.0)
+            return points, np.broadcast_to(motion.mean(axis=0), points.shape), polygons
+        return self.nodes, motion, self._towards_body(self.drawn(1.0))
+
+    def _towards_body(self, points: Floats) -> Rows:
+        """The facets in the order in which they face the body."""
         outwards = np.einsum("ij,ij->i", normals_of(points, self.facets), self.normals[self.facets].sum(axis=1)) > 0
-        return points, np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
+        return np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
 
     def looks_like_itself(self, factor: float, size: float) -> bool:
         """Whether it keeps its shape where its gap is magnified.

@@ -17,6 +17,7 @@ from signorini_fx.pictures.fields import FIELDS, values_of
 if TYPE_CHECKING:
     from signorini_fx.pictures.foundation import FoundationSurface
 
+TURNING = "body.json"  # the body in space for the page on which it can be turned
 MOST_FACETS = 40_000  # of a body in space: a picture takes seconds, and a page megabytes
 
 
@@ -115,8 +116,11 @@ class ResultPictures:
     def _draw_in_space(self, body: Body, foundations: Sequence[FoundationSurface], folder: Path, title: str) -> None:
         from signorini_fx.pictures.moving_body import moving_solid
         from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
+        from signorini_fx.pictures.turning import write_turning
 
-        seen = telling_view(Skin.of(body, "von_mises"))
+        skin = Skin.of(body, "von_mises")
+        seen = telling_view(skin)
+        write_turning(folder / TURNING, skin, foundations, seen)
         for name in self.fields:
             deformed_solid(
                 folder / _stem(name),

@@ -18,7 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Boundary, Panel, panels_of
+from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.report.markup import Markup, script, tag
+from signorini_fx.report.reading import ResultFiles
 
 # Where Debian's libjs-dygraphs and others put it.
 _PLACES = tuple(Path(root) / "share/javascript/dygraphs" for root in dict.fromkeys(("/usr", sys.prefix)))
@@ -63,6 +65,22 @@ def plots(boundaries: Sequence[Boundary]) -> list[Markup]:
         parts.append(tag("div", *name, script(data, type="application/json"), class_="plots", hidden="hidden"))
     hint = "Drag across a curve to enlarge that part; the values under the pointer stand above the curves."
     return [*parts, tag("p", hint, class_="note hint", hidden="hidden")]
+
+
+def turning(folder: ResultFiles) -> list[Markup]:
+    """A place for a body in space that can be turned, with its data and the script; nothing where solve wrote none."""
+    data = folder.picture(TURNING)
+    if data is None:
+        return []
+    found = json.loads(data)
+    if not {"body", "grounds", "limits", "colours", "label", "factor"} <= set(found):
+        raise ValueError(f"{TURNING} is not of this kind")
+    text = json.dumps(found, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    code = resources.files("signorini_fx.report").joinpath("body_view.js").read_text(encoding="utf-8")
+    hint = "Drag to turn, turn the wheel to come closer, drag with the right button or with shift to move."
+    place = tag("div", script(text, type="application/json"), class_="turn", hidden="hidden")
+    start = f'document.addEventListener("DOMContentLoaded", function () {{\n{code}}});'
+    return [place, tag("p", hint, class_="note hint"), script(start)]
 
 
 def _data(boundary: Boundary) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from signorini_fx.errors import PYVISTA
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
-from signorini_fx.report.interactive import plots
+from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
 
@@ -117,11 +117,12 @@ _SOLID_BODY = (
 def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
     """The picture of the deformed body, and those of the other fields that were asked for."""
     data = folder.picture("deformed.png")
+    turned = turning(folder) if solid else []
     if data is None:
         reason = "this was solved with --no-pictures"
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
-        return tag("p", f"No picture: {reason}.", class_="note")
+        return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
     caption = _SOLID_BODY if solid else _PLANE_BODY
     whole = picture(data, "png", "deformed body on its foundation", caption)
     others = [
@@ -129,7 +130,7 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
-    return joined([whole, tag("div", *others, class_="pictures")] if others else [whole])
+    return joined([whole, *turned, *([tag("div", *others, class_="pictures")] if others else [])])
 
 
 def profiles(contact: dict[str, Any]) -> Markup:

@@ -22,7 +22,7 @@ from signorini_fx.errors import PictureError, cannot_be_written
 from signorini_fx.machine.terminal import say
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.pictures.fields import FIELDS, unknown
-from signorini_fx.pictures.result_pictures import ResultPictures
+from signorini_fx.pictures.result_pictures import TURNING, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
@@ -46,6 +46,7 @@ FILES = (
         for kind in ("png", "pdf")
     ),
     "deformed.gif",
+    TURNING,
     *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
     "report.html",
     LAST_LEVEL,

@@ -1,0 +1,74 @@
+"""A body in space as data for the page on which it can be turned; it needs no other program."""
+
+from __future__ import annotations
+
+import json
+import math
+from base64 import b64encode
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.pictures import view
+from signorini_fx.pictures.deformed_body import magnification
+from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.pictures.foundation import FoundationSurface
+from signorini_fx.pictures.solid_body import Skin, tones_of
+
+Floats = npt.NDArray[np.float64]
+
+
+def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurface], seen: view.View) -> None:
+    """Write the surface of a body with the von Mises stress, its displacement, and the foundations.
+
+    Args:
+        file: JSON; arrays are written as the bytes of 32-bit numbers, little end first, in base64.
+        skin: the body.
+        foundations: of each contact boundary.
+        seen: the view at first.
+    """
+    factor = magnification(skin.points, skin.displacement)
+    tones = tones_of(skin, seen, FIELDS["von_mises"])
+    pairs = np.column_stack((skin.triangles.ravel(), np.nan_to_num(skin.values.astype(np.float32)).ravel()))
+    each, corner = np.unique(pairs, axis=0, return_inverse=True)  # where the field jumps, a point for each value
+    row = each[:, 0].astype(np.int64)
+    first = np.searchsorted(each[:, 0], np.arange(len(skin.points)))
+    moved = np.nan_to_num(skin.displacement)
+    body = _part(skin.points[row], moved[row], each[:, 1], corner.reshape(-1, 3), first[skin.edges])
+    grounds = []
+    for one in foundations:
+        points, motion, polygons = one.moving()
+        k = np.arange(1, polygons.shape[1] - 1)
+        first_ones = np.broadcast_to(polygons[:, :1], polygons[:, k].shape)
+        fan = np.stack((first_ones, polygons[:, k], polygons[:, k + 1]), axis=2)
+        grounds.append(_part(points, motion, np.zeros(len(points)), fan, view.outline(points, polygons)))
+    x, y, z = seen.toward
+    data = {
+        "body": body,
+        "grounds": grounds,
+        "colours": _packed((256 * tones.colours(np.arange(256))[:, :3]).clip(0, 255), np.uint8),
+        "limits": [float(tones.low), float(tones.high)],
+        "label": tones.field.label,
+        "factor": factor,
+        "bends": not all(one.looks_like_itself(factor, skin.size) for one in foundations),
+        "low": skin.points.min(axis=0).tolist(),
+        "high": skin.points.max(axis=0).tolist(),
+        "azimuth": math.degrees(math.atan2(y, x)),
+        "lift": math.degrees(math.asin(z)),
+    }
+    file.write_text(json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _part(points: Floats, motion: Floats, values: Floats, triangles: Any, lines: Any) -> dict[str, str]:
+    arrays = {"points": points, "motion": motion, "values": values}
+    rows = {"triangles": triangles, "lines": lines}
+    return {name: _packed(array, "<f4") for name, array in arrays.items()} | {
+        name: _packed(array, "<u4") for name, array in rows.items()
+    }
+
+
+def _packed(array: npt.NDArray[Any], kind: Any) -> str:
+    return b64encode(np.ascontiguousarray(array).astype(kind).tobytes()).decode("ascii")
