@@ -3032,7 +3032,7 @@ MUTANTS = (
         "normal / touching",
         "normal / area",
         "values: mean pressure over the whole boundary",
-        tests=("resultants::test_where_nothing_can_be_said", "resultants::test_two_feet"),
+        tests=("resultants::test_figures_of_each_contact_boundary",),
     ),
     Mutant(
         "results/contact_boundaries",
@@ -3046,7 +3046,7 @@ MUTANTS = (
         "shear[here].sum(axis=0)",
         "shear.sum(axis=0)",
         "values: tangential force of all boundaries",
-        tests=("resultants::test_two_feet", "resultants::test_where_nothing_can_be_said"),
+        tests=("resultants::test_figures_of_each_contact_boundary",),
     ),
     Mutant(
         "results/solution",
@@ -3207,7 +3207,7 @@ MUTANTS = (
         "{*names} if alone else {*names, *_lines(folder)}",
         "{*names, *_lines(folder)}",
         "manifest: files that are no more stay listed",
-        tests=("result_folders",),
+        tests=("result_folders::test_what_is_no_longer_listed",),
     ),
     Mutant(
         "manifest",
@@ -3222,14 +3222,14 @@ MUTANTS = (
         "True",
         "manifest: what is not complete counts",
         within="_folders",
-        tests=("result_folders",),
+        tests=("result_folders::test_what_is_not_complete",),
     ),
     Mutant(
         "manifest",
         "name.endswith(MANIFEST)",
         "not name.endswith(MANIFEST)",
         "manifest: manifests go first",
-        tests=("result_folders",),
+        tests=("result_folders::test_manifests_go_last",),
     ),
     Mutant(
         "multigrid",

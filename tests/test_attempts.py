@@ -5,9 +5,20 @@ from pathlib import Path
 import pytest
 from scenes import example1
 
-from signorini_fx.attempts import AUGMENTED, DAMPED, FIXED_POINT, MONOLITHIC, PLAN, for_coulomb, tried
+from signorini_fx.attempts import (
+    AUGMENTED,
+    DAMPED,
+    FIXED_POINT,
+    MONOLITHIC,
+    PLAN,
+    for_coulomb,
+    for_mesh,
+    step_limit,
+    tried,
+)
 from signorini_fx.check.planned import attempts_for
 from signorini_fx.records import History, IterationRecord
+from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -55,6 +66,18 @@ def test_ways_of_coulomb_friction(monolithic):
         FIXED_POINT,
         MONOLITHIC,
     )
+
+
+def test_coarser_meshes_help_the_first_load_step_alone():
+    """Of a mesh that a generator makes, unless increments are found on the way or nothing else is wanted."""
+    assert for_mesh(generated=True, ramp=False, fallbacks=True) == PLAN["mesh"]
+    for changes in ({"generated": False}, {"ramp": True}, {"fallbacks": False}):
+        assert for_mesh(**{"generated": True, "ramp": False, "fallbacks": True} | changes) == ()
+
+
+def test_a_load_step_has_many_problems():
+    """It may take as many linear solves as so many problems with given friction."""
+    assert step_limit(7) == 7 * PROBLEMS_PER_STEP
 
 
 def solve_of(history, count):

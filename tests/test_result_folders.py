@@ -2,6 +2,7 @@
 
 import shutil
 import tomllib
+from pathlib import Path
 
 import pytest
 from mpi4py import MPI
@@ -188,3 +189,34 @@ def test_converted_meshes(tmp_path, capsys, name):
     assert f"{taken}: already exists" in capsys.readouterr().err
     assert taken.read_text() == "mine"
     assert main(["convert", str(source), str(tmp_path / f"other.{name.rpartition('.')[2]}")]) == 0
+
+
+def test_what_is_no_longer_listed(tmp_path):
+    """A file of the same name that somebody puts there later is not ours."""
+    manifest.add(tmp_path, ["old.csv", "both.csv"])
+    manifest.add(tmp_path, ["both.csv", "new.csv"], alone=True)
+    for name in ("old.csv", "both.csv", "new.csv"):
+        (tmp_path / name).touch()
+    assert manifest.foreign(tmp_path, ["old.csv", "both.csv", "new.csv"]) == ["old.csv"]
+
+
+def test_what_is_not_complete(tmp_path):
+    """A folder under way, and what a manifest in it says, is no result; manifests are the last to go."""
+    (tmp_path / "inner").mkdir()
+    for folder in (tmp_path / manifest.PART, tmp_path / "inner"):
+        folder.mkdir(exist_ok=True)
+        (folder / "a.csv").touch()
+        manifest.add(folder, ["a.csv"])
+    assert manifest.ours(tmp_path) == {"inner/a.csv", f"inner/{manifest.MANIFEST}"}
+
+
+def test_manifests_go_last(tmp_path, monkeypatch):
+    """So that the next run can go on where this one is interrupted."""
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "z.csv").touch()
+    manifest.add(tmp_path / "inner", ["z.csv"])
+    removed = []
+    plain = Path.unlink
+    monkeypatch.setattr(Path, "unlink", lambda path, **how: removed.append(path.name) or plain(path, **how))
+    manifest.remove(tmp_path)
+    assert removed == ["z.csv", manifest.MANIFEST]

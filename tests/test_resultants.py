@@ -365,3 +365,27 @@ def test_place_of_a_force(dim):
     left = moments(arm(moment, force, normal), force) - moment
     np.testing.assert_allclose(np.cross(left, normal) if dim == 3 else left, 0.0, atol=1e-12)
     assert abs(arm(moment, force, normal) @ normal) < 1e-12
+
+
+def test_figures_of_each_contact_boundary():
+    """Each has its own area, pressure and friction; the mean pressure is that where there is contact."""
+    friction = {"law": "tresca", "bound": 2.0}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.01, "y": -0.03},
+        "contact": [
+            {"boundary": "bottom", "gap": "0.01 * x[0]**2", "friction": friction},
+            {"boundary": "right", "gap": 0.005, "friction": friction},
+        ],
+    }
+    solution = alone(parse_scene(scene))
+    contact = solution.contact
+    for part, figures in enumerate(solution.contact_figures):
+        here = contact.boundary.part == part
+        weight, pressure = contact.boundary.weight[here], contact.pressure[here]
+        touching = weight @ contact.in_contact[here]
+        assert 0 < touching < weight.sum()
+        assert figures.mean_pressure == pytest.approx(weight @ pressure / touching)
+        assert figures.tangential_force == pytest.approx(abs(weight @ contact.shear[here, 0]))
+        assert figures.tangential_force > 0.01
