@@ -3143,7 +3143,7 @@ MUTANTS = (
         "2 * self.modulus * strain_energy",
         "self.modulus * strain_energy",
         "units: mean stress of half of the energy",
-        tests=("units::test_formulas",),
+        tests=("units::test_formulas_of_a_cube",),
     ),
     Mutant(
         "scales",
@@ -3193,7 +3193,7 @@ MUTANTS = (
         "PROBLEMS_PER_STEP * max_iterations",
         "max_iterations",
         "as many linear solves for a load step as for a problem",
-        tests=("attempts", "coulomb_ways::test_the_limit_is_an_end"),
+        tests=("attempts::test_a_load_step_has_many_problems",),
     ),
     Mutant(
         "manifest",
