@@ -3069,7 +3069,7 @@ MUTANTS = (
         "np.minimum(given, cap)",
         "given",
         "statics: given friction beyond its cap",
-        tests=("statics", "space_statics", "patch_anywhere::test_cap"),
+        tests=("task::test_a_cap_limits_given_friction_in_statics",),
     ),
     Mutant(
         "contact/reactions",
@@ -3083,7 +3083,7 @@ MUTANTS = (
         "(pressed > 0) & (size < share * pressed)",
         "(pressed > 0) & (size < 0.0 * pressed)",
         "statics: pressure always with all of its friction",
-        tests=("statics",),
+        tests=("space_effects::test_rigid_block_on_rough_ground",),
     ),
     Mutant(
         "contact/reactions",
@@ -3097,7 +3097,7 @@ MUTANTS = (
         "values.sum() <= _LARGEST",
         "True",
         "statics: wedged by forces without limit",
-        tests=("statics", "space_statics"),
+        tests=("statics::test_walls_that_are_nearly_parallel",),
     ),
     Mutant(
         "contact/reactions",
@@ -3111,7 +3111,7 @@ MUTANTS = (
         "(sides > 0) | (share > _ROUGH)",
         "share > _ROUGH",
         "statics: bilateral friction follows the pressure",
-        tests=("check::test_bilateral_contact_pulls",),
+        tests=("task::test_bilateral_friction_has_no_limit_in_statics",),
     ),
     Mutant(
         "contact/resting_place",

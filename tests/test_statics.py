@@ -131,6 +131,14 @@ def test_a_block_slides_or_tips(units, friction, factor, status):
     )
 
 
+@pytest.mark.parametrize(("slope", "balanced"), [(1e-3, True), (1e-5, False)])
+def test_walls_that_are_nearly_parallel(slope, balanced):
+    """Forces beyond ten thousand times the load hold nothing."""
+    points, normals = np.array([(-1.0, 0.0), (1.0, 0.0)]), np.array([(-1.0, -slope), (1.0, -slope)])
+    here = reactions(points, normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    assert nearest(here, np.array([0.0, -1.0, 0.0])).balanced is balanced
+
+
 def test_no_friction_no_push():
     """Without friction no multiple of a push is balanced, and a weight that pulls is balanced by none."""
     here = reactions(FOOT, DOWN)

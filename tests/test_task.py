@@ -8,7 +8,8 @@ from mpi4py import MPI
 from test_load_steps import by_force
 
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw
+from signorini_fx.contact.reactions import reactions
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.solving.one_mesh import contact_task
@@ -52,3 +53,21 @@ def test_friction_bound_and_slip(task):
     np.testing.assert_allclose(contact.bound, start.law.bound(contact.pressure), rtol=1e-12)
     rest_t = 0.0 if task.rest is None else task.rest.u_t
     np.testing.assert_allclose(contact.slip_length, contact.u_t - rest_t - 0.5, rtol=0, atol=1e-12)
+
+
+def test_a_cap_limits_given_friction_in_statics(task):
+    """As it does in the law itself, times the weight of the node."""
+    given, none = np.linspace(1.0, 5.0, task.boundary.size), np.zeros(task.boundary.size)
+    law = FrictionLaw(given, none, np.full_like(given, 3.0))
+    found = reactions(task.boundary, task.motions, law, None).given
+    np.testing.assert_allclose(found, task.boundary.weight * law.bound(none), rtol=1e-14)
+    assert found.max() < (task.boundary.weight * given).max()
+
+
+def test_bilateral_friction_has_no_limit_in_statics(task):
+    """Where the foundation may pull as well as push, F |lambda| is not convex: statics sets it no limit."""
+    bilateral = np.arange(task.boundary.size) % 2 == 0
+    law = FrictionLaw(np.zeros(bilateral.size), np.full(bilateral.size, 0.3))
+    found = reactions(task.boundary, task.motions, law, bilateral)
+    np.testing.assert_array_equal(np.isinf(found.given), bilateral)
+    np.testing.assert_array_equal(found.coefficient, np.where(bilateral, 0.0, 0.3))
