@@ -3054,7 +3054,7 @@ MUTANTS = (
         "contact=self.contact",
         "load steps: contact of the last one in each",
         within="Solution.at",
-        tests=("ramp::test_fields_of_every_step", "ramp::test_frames"),
+        tests=("load_steps::test_a_step_that_slides_ends_the_history",),
     ),
     Mutant(
         "results/solution",
@@ -3329,20 +3329,6 @@ MUTANTS = (
         "0.0",
         "ranks are asked only for points in their boxes",
         ranks=2,
-        tests=("mesh_points",),
-    ),
-    Mutant(
-        "points",
-        "np.clip(before - np.einsum('ncd,nd->nc', turned, away), *_BOUNDS)",
-        "before - np.einsum('ncd,nd->nc', turned, away)",
-        "Newton's method for a place may run away",
-        tests=("mesh_points",),
-    ),
-    Mutant(
-        "points",
-        "(cells < 0) | (gap > _ROUND_OFF * size[cells])",
-        "cells < 0",
-        "a cell beside the point for the one around it",
         tests=("mesh_points",),
     ),
     Mutant(

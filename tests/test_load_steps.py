@@ -185,6 +185,10 @@ def test_a_step_that_slides_ends_the_history():
     solution = alone(by_force(1.0, [0.0, 0.5, 1.2, 0.3]), check=False)
     assert solution.status is Status.SLIDES
     assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.CONVERGED, Status.SLIDES]
+    assert solution.shown_steps == solution.steps[:2]
+    for step in solution.shown_steps:
+        one = solution.at(step)
+        assert (one.contact, one.displacement, one.last_step) == (step.contact, step.displacement, step)
 
 
 def test_tresca_steps():
