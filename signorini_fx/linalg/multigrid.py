@@ -273,7 +273,7 @@ class ContactPreconditioner:
             starts, columns, values = left.getValuesCSR()
             self._truncated.setValuesIJV(starts, columns, values, rowmap=rows)
         self._truncated.assemble()
-        self._inverse = self._inverse_diagonal(held, soft)
+        self._inverse = self._inverse_diagonal(held)
         half = moved.transposeMatMult(self._product)
         change = self._elastic.ptap(moved)
         change.axpy(1.0, self._nodes.matrix(soft).ptap(left), structure=_DIFFERENT)
@@ -297,7 +297,7 @@ class ContactPreconditioner:
             if interpolation is not None:
                 change = change.ptap(interpolation)
 
-    def _inverse_diagonal(self, held: Array, soft: Array) -> PETSc.Mat:
+    def _inverse_diagonal(self, held: Array) -> PETSc.Mat:
         """D^-1 of the directions that are free to move."""
         nodes, unknowns = self._nodes, self._unknowns
         first, last = self._diagonal.getOwnershipRange()
@@ -311,7 +311,7 @@ class ContactPreconditioner:
         values[starts[:-1][others]] = 1.0 / self._diagonal.getArray(readonly=True)[others]
         place = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(nodes.columns.size)
         columns[place] = first + unknowns[nodes.columns]
-        values[place] = nodes.values(nodes.inverse(held, soft))
+        values[place] = nodes.values(nodes.inverse(held))
         csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
         sizes = self._diagonal.getSizes()
         return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
@@ -332,14 +332,11 @@ class ContactPreconditioner:
         unknowns = self._unknowns
         self._right.getArray()[:] = right.getArray(readonly=True)[unknowns]
         self._solver.apply(self._right, self._left)
-        before = self._left.getArray(readonly=True).copy()
         self._contact_rows.multTranspose(self._left, self._residual)
         self._residual.aypx(-1.0, right)
-        self._residual.getArray()[self._fixed] = 0.0
         self._cycle.apply(self._residual, x)
         # Prescribed unknowns have rows of their own; the least of what the coarse levels move there would be a motion.
         x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
-        x.getArray()[unknowns] += before
         self._contact_rows.mult(x, self._left)
         self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._left.getArray(readonly=True)
         self._solver.apply(self._right, self._left)
@@ -432,11 +429,11 @@ class _NodalBlocks:
         rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]
         return held, rest
 
-    def inverse(self, held: Array, soft: Array) -> Array:
-        """Of the diagonal of A and what contact adds softly, on the directions that are not held."""
+    def inverse(self, held: Array) -> Array:
+        """Of the diagonal of A, on the directions that are not held; what contact adds softly takes no fewer steps."""
         size = self.shape[1]
         there = self._components()
-        diagonal = np.diagonal(self._elastic + soft, axis1=1, axis2=2)
+        diagonal = np.diagonal(self._elastic, axis1=1, axis2=2)
         diagonal = np.where(there, diagonal, self.scale[:, None])
         free = np.eye(size) - held
         block = free @ (diagonal[:, :, None] * free)
