@@ -162,9 +162,10 @@ def test_bracket(run):
     found = run("bracket", 6)
     np.testing.assert_allclose(found["through"], found["statics"], rtol=0, atol=1e-8)
     np.testing.assert_allclose(found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6)
-    assert found["simple"] == pytest.approx(6.70, rel=0.01)
-    assert found["turning"] == pytest.approx(3.206, rel=0.02)
-    assert 0.97 < found["at_limit"] / found["turning"] < 1.03
+    assert found["simple"] == pytest.approx(1 / 6.70, rel=0.01)
+    assert found["used"] == pytest.approx(1 / 3.206, rel=0.02)
+    assert 0.97 < found["at_limit"] * found["used"] < 1.03
+    assert found["factor"] > found["at_limit"]
     assert found["below"].status.value == "converged"
     assert found["above"].status.value == "maximum outer iterations reached"
     assert any(event.startswith("slides") for event in found["above"].history.events)
