@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.contact.state import ContactState
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Scene

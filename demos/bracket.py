@@ -27,7 +27,7 @@ from matplotlib.tri import Triangulation
 from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.pictures.style import INK, ORANGE, STYLE
 
 plt.rcParams.update(STYLE)

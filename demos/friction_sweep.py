@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, sweep
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)

@@ -36,7 +36,7 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.pictures.style import STYLE
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve

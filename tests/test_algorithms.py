@@ -18,17 +18,17 @@ from signorini_fx.solving.strategy import run
 
 
 def solved_task(scene):
-    """A task that has been run, for a look inside."""
+    """A task that has been run, for a look inside, and its contact boundary."""
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, d.boundary, History())
     assert run(task, task.start).status is Status.CONVERGED
-    return task
+    return task, d.boundary
 
 
 @pytest.mark.parametrize("wrong", ["turned round", "all slip", "all stick", "all in contact"])
 def test_exact_method_finds_its_sets(wrong):
     """The unregularised limit does not live on the sets that it is given: nodes are caught and released, both ways."""
-    task = solved_task(example1(bound=1.5, nx=30, ny=10, algorithm="exact"))
+    task, boundary = solved_task(example1(bound=1.5, nx=30, ny=10, algorithm="exact"))
     newton = task.iterate.exact_newton
     right = newton.problem.sets
     slip = right.direction
@@ -42,7 +42,7 @@ def test_exact_method_finds_its_sets(wrong):
     contact = np.ones_like(right.contact) if wrong == "all in contact" else right.contact
     given = ActiveSets.of(contact, slips[wrong])
     assert newton.solve(newton.problem.data, given) is Status.CONVERGED
-    free = task.boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
+    free = boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
     assert not newton.problem.sets.changed(right)[free].any()
 
 
@@ -59,9 +59,9 @@ def test_exact_method_sees_where_a_support_drags_a_node(push):
             "solver": {"algorithm": "exact"},
         }
     )
-    task = solved_task(scene)
-    newton, size = task.iterate.exact_newton, task.boundary.size
-    assert np.count_nonzero(~task.boundary.free[:, 0]) == 2
+    task, boundary = solved_task(scene)
+    newton, size = task.iterate.exact_newton, boundary.size
+    assert np.count_nonzero(~boundary.free[:, 0]) == 2
     for slip in (-1, 0, 1):
         given = ActiveSets.of(np.ones(size, dtype=bool), np.full((size, 1), float(slip)))
         assert newton.solve(newton.problem.data, given) is Status.CONVERGED
@@ -70,7 +70,7 @@ def test_exact_method_sees_where_a_support_drags_a_node(push):
 
 def test_the_limit_in_space_sees_a_shear_beside_its_slip():
     """How far mu is from the projection, where directions that the sets have do not fit the slip."""
-    task = solved_task(block(6, bound=1.5, gamma="auto", algorithm="exact"))
+    task, boundary = solved_task(block(6, bound=1.5, gamma="auto", algorithm="exact"))
     newton = task.iterate.exact_newton
     problem = newton.problem
     assert problem.law_residual(newton.x) < 1e-8
@@ -80,7 +80,7 @@ def test_the_limit_in_space_sees_a_shear_beside_its_slip():
     slip = problem.sets.slip
     assert slip.any()
     diagonal = task.system.matrix.getDiagonal().getArray().max()
-    trial = 1.5 * direction + diagonal / task.boundary.weight[:, None] * problem.traces(newton.x)[1]
+    trial = 1.5 * direction + diagonal / boundary.weight[:, None] * problem.traces(newton.x)[1]
     away = np.linalg.norm(direction[slip] - trial[slip] / np.linalg.norm(trial[slip], axis=1)[:, None], axis=1)
     assert away.min() > 0.2
     np.testing.assert_allclose(problem.away(newton.x)[slip], 1.5 * away, rtol=1e-9)

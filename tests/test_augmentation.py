@@ -151,14 +151,14 @@ def begun(scene, comm=MPI.COMM_SELF):
     d = discretise(scene, load_mesh(scene, comm), Timings())
     task = contact_task(d, d.boundary, History())
     assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
-    return task
+    return task, d.boundary
 
 
 @pytest.mark.parametrize("gammas", [(1e7, 1e4), (1e4, 1e7)])
 def test_what_is_left_after_one_problem(gammas):
     """Penetration, slip of nodes that stick, and how far the multipliers may be from those of the limit."""
-    task = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
-    augmentation, newton, boundary = Augmentation(task.iterate.newton, 1e8, 1e-9), task.iterate.newton, task.boundary
+    task, boundary = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
+    augmentation, newton, points = Augmentation(task.iterate.newton, 1e8, 1e-9), task.iterate.newton, boundary.points
     assert augmentation.measure(task.start.data) == pytest.approx(1.0)
     u_n, u_t = newton.problem.traces(newton.x)
     pressure, shear = newton.multipliers()
@@ -170,7 +170,7 @@ def test_what_is_left_after_one_problem(gammas):
     diagonal = np.where(task.system.fixed, 0.0, task.system.matrix.getDiagonal().getArray())
     diagonal = diagonal.reshape(-1, 2)  # the normal is along an axis
     stiffness = diagonal[boundary.nodes].max(axis=1) / boundary.weight
-    sizes = [boundary.norm(pressure), boundary.norm(shear)]
+    sizes = [points.norm(pressure), points.norm(shear)]
     # Nothing is known of how fast they settle: as slowly as the stiffest node would have it.
     slowest = [size * max(1.0, stiffness.max() / gamma) for size, gamma in zip(sizes, gammas, strict=True)]
     assert augmentation.left == pytest.approx(sum(slowest) / sum(sizes), rel=1e-9)
@@ -178,7 +178,7 @@ def test_what_is_left_after_one_problem(gammas):
 
 def test_settled_is_both():
     """Multipliers that no longer change are not enough, nor is a displacement that meets the limit."""
-    task = begun(example1(bound=1.5, nx=12, ny=4))
+    task, _ = begun(example1(bound=1.5, nx=12, ny=4))
     augmentation = Augmentation(task.iterate.newton, 1e8, 1e-3)
     for left, violation, settled in ((0.0, 0.0, True), (0.0, 2e-3, False), (2e-3, 0.0, False)):
         augmentation.left, augmentation.violation = left, violation
@@ -188,7 +188,7 @@ def test_settled_is_both():
 @pytest.mark.parametrize("gammas", [(1e13, 1e3), (1e3, 1e13), (1e13, 1e13)])
 def test_no_more_gamma_than_digits(gammas):
     """Each of the two is lowered to ten times the natural one."""
-    data = begun(example1(bound=1.5, nx=12, ny=4)).start.data
+    data = begun(example1(bound=1.5, nx=12, ny=4))[0].start.data
     lowered = with_enough_digits(replace(data, gamma_n=gammas[0], gamma_t=gammas[1]), 1e5)
     assert (lowered.gamma_n, lowered.gamma_t) == tuple(min(gamma, 1e6) for gamma in gammas)
 
@@ -207,36 +207,36 @@ def test_the_fixed_point_needs_no_help(gamma):
 
 def test_nodes_that_a_support_presses_are_no_measure():
     """What counts of the tractions is what no support takes, nothing where it takes all of them."""
-    boundary = begun(wedge(20.0, 0.2, 0.0)).boundary
+    _, boundary = begun(wedge(20.0, 0.2, 0.0))
     held = ~boundary.free[:, 0]
     assert 0 < np.count_nonzero(held) < boundary.size
     normal, area = np.where(held[:, None], [1.0, 0.0], boundary.normal), boundary.weight[~held].sum()
     pressed = replace(boundary, normal=normal)
-    assert pressed.immovable.tolist() == held.tolist()
+    assert pressed.points.immovable.tolist() == held.tolist()
     pressure = np.where(held, 1e9, 1.0)
-    assert pressed.scale(pressure) == pytest.approx(np.sqrt(area), rel=1e-12)
-    assert pressed.scale(pressure * held) == 0
+    assert pressed.points.scale(pressure) == pytest.approx(np.sqrt(area), rel=1e-12)
+    assert pressed.points.scale(pressure * held) == 0
     along_support = np.where(held, boundary.normal[:, 1], boundary.tangents[:, 1, 0])
     for values, felt in (held * 1.0, along_support), ((held * 1.0)[:, None], boundary.tangents[:, 1, 0]):
         expected = np.sqrt(np.sum(boundary.weight * held * felt**2))
-        assert boundary.scale(values) == pytest.approx(expected, rel=1e-12)
+        assert boundary.points.scale(values) == pytest.approx(expected, rel=1e-12)
 
 
 def test_what_supports_press_hides_no_shear():
     """How near the friction law is, is relative to what the body feels of friction."""
-    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
+    task, boundary = begun(wedge(20.0, 0.2, 0.0))
+    newton = task.iterate.newton
     problem = newton.problem
-    held = ~problem.boundary.free[:, 0]
-    problem.boundary = replace(problem.boundary, normal=np.where(held[:, None], [1.0, 0.0], problem.boundary.normal))
+    held = ~boundary.free[:, 0]
+    problem.points = replace(boundary, normal=np.where(held[:, None], [1.0, 0.0], boundary.normal)).points
     problem.away = lambda x: np.where(held, 0.0, 1.0)
     problem.friction_bounds = lambda x: (np.where(held, 1e9, 10.0),) * 2
     problem.multipliers = lambda x, sets: (np.zeros(held.size), np.zeros((held.size, 1)))
     assert problem.law_residual(newton.x) == pytest.approx(0.1, rel=1e-12)
 
 
-def undone(problem):
+def undone(boundary):
     """Where a support holds a node: a large pressure and a shear whose forces along the free direction cancel."""
-    boundary = problem.boundary
     held = ~boundary.free[:, 0]
     pressure = np.where(held, 1e9 * boundary.tangents[:, 1, 0], 0.0)
     return held, pressure, np.where(held, -1e9 * boundary.normal[:, 1], 0.0)[:, None]
@@ -244,9 +244,10 @@ def undone(problem):
 
 def test_what_pressure_and_shear_undo_in_each_other_hides_no_shear():
     """Neither is a scale for the friction law at other nodes, nor is the bound that follows such a pressure."""
-    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
+    task, boundary = begun(wedge(20.0, 0.2, 0.0))
+    newton = task.iterate.newton
     problem = newton.problem
-    held, pressure, shear = undone(problem)
+    held, pressure, shear = undone(boundary)
     assert 0 < np.count_nonzero(held) < held.size
     problem.away = lambda x: np.where(held, 0.0, 1.0)
     problem.friction_bounds = lambda x: (np.where(held, 1e9, 10.0),) * 2
@@ -256,22 +257,24 @@ def test_what_pressure_and_shear_undo_in_each_other_hides_no_shear():
 
 def test_what_pressure_and_shear_undo_in_each_other_does_not_settle():
     """Changes that cancel are none, and what cancels is no scale for them."""
-    newton = begun(wedge(20.0, 0.2, 0.0)).iterate.newton
-    held, pressure, shear = undone(newton.problem)
+    task, boundary = begun(wedge(20.0, 0.2, 0.0))
+    newton = task.iterate.newton
+    held, pressure, shear = undone(boundary)
     zero = np.zeros(held.size)
-    data = replace(begun(wedge(20.0, 0.2, 0.0)).start.data, lambda_hat=zero, mu_hat=zero[:, None], bound=zero + 1e12)
+    data = replace(task.start.data, lambda_hat=zero, mu_hat=zero[:, None], bound=zero + 1e12)
     newton.problem.set_data(data)
     newton.shifts = lambda data: (pressure + ~held * 10.0, shear)
     augmentation = Augmentation(newton, 1e8, 1e-9)
     assert augmentation.measure(data) == pytest.approx(1.0, rel=1e-6)
-    area = newton.problem.boundary.weight[~held].sum()
+    area = boundary.weight[~held].sum()
     assert augmentation.changes == pytest.approx((10.0 * np.sqrt(area), 0.0), rel=1e-6, abs=1e-3)
 
 
 @pytest.mark.mpi
 def test_every_rank_judges_alike():
     """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
-    task = begun(example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured"), MPI.COMM_WORLD)
+    scene = example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured")
+    task, _ = begun(scene, MPI.COMM_WORLD)
     augmentation = Augmentation(task.iterate.newton, 1e8, 1e-9)
     augmentation.measure(task.start.data)
     assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))
@@ -290,7 +293,7 @@ def test_a_node_that_a_support_lifts_off():
         }
     )
     solution = alone(scene)
-    pressed, lifted = (step.contact.pressure[step.contact.boundary.immovable] for step in solution.steps)
+    pressed, lifted = (step.contact.pressure[step.contact.points.immovable] for step in solution.steps)
     assert pressed.size == 1
     assert pressed[0] > 0
     assert lifted.tolist() == [0.0]

@@ -9,7 +9,7 @@ from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of
 from signorini_fx.accuracy.price_list import interpolated, zone_ends
 from signorini_fx.body.contact_boundary import chains
-from signorini_fx.contact.table import ContactTable, is_closed
+from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.pictures.boundary_profiles import boundaries_of
 from signorini_fx.report.advice import _zone_sizes
 from signorini_fx.report.interactive import _data

@@ -11,8 +11,8 @@ from scipy.integrate import quad
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.error_estimates import estimate_errors
 from signorini_fx.accuracy.pressure_error import interval_squares, on_facets
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.table import ContactTable
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene

@@ -102,7 +102,7 @@ def problem_at_random_state(discretisation, seed):
     values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
     values["mu_hat"] = values["mu_hat"][:, None]
     data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
-    problem = RegularisedProblem(FullSystem.of(discretisation), boundary, discretisation.motions)
+    problem = RegularisedProblem(FullSystem.of(discretisation), discretisation.motions.at(boundary))
     problem.set_data(data)
     problem.sets = ActiveSets.of(rng.random(boundary.size) < 0.5, rng.integers(-1, 2, (boundary.size, 1)).astype(float))
     y = fem.Function(discretisation.space)
@@ -140,7 +140,7 @@ def test_sets_of_the_problem_before_stick_where_there_is_no_limit():
     """Before the first solve of a problem whose bound is infinite, as Coulomb friction begins, nothing slips."""
     problem, y = problem_at_random_state(body("quadrilateral", 1), seed=3)
     assert problem.sets.slip.any()
-    problem.set_data(replace(problem.data, bound=np.full(problem.boundary.size, np.inf)))
+    problem.set_data(replace(problem.data, bound=np.full(problem.points.size, np.inf)))
     vector = problem.system.start.duplicate()
     vector.setArray(y.x.array)
     _, shear = problem.multipliers(vector, problem.sets)
@@ -213,4 +213,4 @@ def test_norm_of_the_contact_boundary():
     """|1| on bottom and right is the square root of their length."""
     boundary = body("triangle", 2).boundary
     assert boundary.comm.size == MPI.COMM_SELF.size
-    assert boundary.norm(np.ones(boundary.size)) == pytest.approx(2.0, rel=1e-13)
+    assert boundary.points.norm(np.ones(boundary.size)) == pytest.approx(2.0, rel=1e-13)

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.scene.reading import parse_scene, read_scene
 

@@ -107,5 +107,5 @@ def test_stiffness_at_no_points():
     matrix = PETSc.Mat().createAIJ((4, 4), nnz=1, comm=MPI.COMM_SELF)
     matrix.assemble()
     matrix.shift(2.0)
-    found = ContactMap.of_points(None, None, np.zeros(4, dtype=bool), matrix).stiffness(matrix.getDiagonal())
+    found = ContactMap.without_contact(matrix, np.zeros(4, dtype=bool), 2).stiffness(matrix.getDiagonal())
     assert found.shape == (0,)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.records import Status
 from signorini_fx.scene.model import TrescaFriction
 from signorini_fx.scene.reading import parse_scene, read_scene

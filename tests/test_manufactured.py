@@ -28,9 +28,9 @@ def errors(count, cell, degree, law, **solver):
         return [np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))]
 
     contact = solution.contact
-    boundary, x = contact.boundary, contact.boundary.x.T
+    x = contact.boundary.x.T
     fields = (contact.pressure, pressure(NUMBERS, x)), (contact.shear[:, 0], shear(NUMBERS, x, law))
-    sizes = [boundary.norm(ours - theirs) / boundary.norm(theirs) for ours, theirs in fields]
+    sizes = [contact.points.norm(ours - theirs) / contact.points.norm(theirs) for ours, theirs in fields]
     touching, r = s_of(NUMBERS, x) > 0, r_of(NUMBERS, x)
     sliding = np.where(np.abs(r) > 1, np.sign(r), 0)
     transmits = touching | (law == "tresca")

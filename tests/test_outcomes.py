@@ -233,7 +233,7 @@ def test_when_a_residual_is_lost_to_round_off():
     problem, data = newton.problem, task.start.data
     force = problem.force_scale
     # Near the ends, where the gap is more than the displacements.
-    share = (problem.boundary.weight * data.gap).max() * np.finfo(float).eps
+    share = (problem.points.weight * data.gap).max() * np.finfo(float).eps
     for gamma, lost in ((1e6, False), (0.9e-8 * force / share, False), (1.1e-8 * force / share, True)):
         problem.set_data(replace(data, gamma_n=gamma, gamma_t=1.0))
         problem.force_scale = force

@@ -75,7 +75,7 @@ def both(measure, scene=SCENE):
 
 def test_norm_of_the_contact_boundary():
     """|1| is the square root of the length."""
-    together, alone = both(lambda d: d.boundary.norm(np.ones(d.boundary.size)))
+    together, alone = both(lambda d: d.boundary.points.norm(np.ones(d.boundary.size)))
     assert together == pytest.approx(alone, rel=1e-14)
     assert alone == pytest.approx(np.sqrt(3.0), rel=1e-14)
 
@@ -158,7 +158,7 @@ def test_what_holds_a_body(ends, stick, held):
     def judge(d):
         x = d.boundary.x[:, 0]
         normal = (x < 0.1) & (ends > 0) | (x > 2.9) & (ends > 1)
-        return d.motions.held_by(d.boundary, normal, (x > 2.9) & (stick > 0))
+        return d.motions.at(d.boundary).held_by(normal, (x > 2.9) & (stick > 0))
 
     assert both(judge, FREE) == (held, held)
 

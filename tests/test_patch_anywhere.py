@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.scene.reading import parse_scene
 

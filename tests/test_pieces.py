@@ -138,7 +138,9 @@ def test_motions_are_the_null_space_of_the_stiffness(seed):
     rows, columns = (np.arange(d.dofs, dtype=np.int32),) * 2
     dense = d.stiffness.getValues(rows, columns)
     values = np.linalg.eigvalsh(dense)
-    motions = np.reshape([d.motions.displacement(one).ravel() for one in d.motions.free.T], (-1, d.dofs)).T
+    motions = np.reshape(
+        [d.motions.displacement(one).ravel() for one in np.eye(d.motions.free.shape[1])], (-1, d.dofs)
+    ).T
     assert motions.shape[1] == np.count_nonzero(values < 1e-9 * values[-1])
     assert np.abs(dense @ motions).max(initial=0.0) < 1e-10 * values[-1]
     assert np.linalg.svd(motions, compute_uv=False).min(initial=1.0) > 1e-3

@@ -7,7 +7,7 @@ from effectivity import of_made_up
 from signorini_fx.accuracy import price_list as prices
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.pressure_error import pressure_error
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve

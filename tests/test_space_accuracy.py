@@ -19,7 +19,7 @@ from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.assembly import facet_vertices
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.refinement import refine

@@ -177,7 +177,7 @@ def test_points_that_average_over_a_support():
     assert boundary.averages.fixed.any()
     assert boundary.free.all()
     pressure = np.where(beside, 100.0, 2.0)
-    assert boundary.scale(pressure) == pytest.approx(np.sqrt(np.sum(boundary.weight * pressure**2)), rel=1e-12)
+    assert boundary.points.scale(pressure) == pytest.approx(np.sqrt(np.sum(boundary.weight * pressure**2)), rel=1e-12)
 
 
 @pytest.mark.parametrize("coefficient", [1e5, 1e6])

@@ -142,7 +142,7 @@ def test_model_of_the_path(gamma):
     task.system.matrix.mult(away, image)
     assert model.distance == pytest.approx(np.sqrt(image.dot(away)), rel=0.1)
     missing = limit.newton.multipliers()[0] - ours.newton.multipliers()[0]
-    assert model.pressure_distance == pytest.approx(task.boundary.norm(missing), rel=0.2)
+    assert model.pressure_distance == pytest.approx(task.system.contact.points.norm(missing), rel=0.2)
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.0, -0.5, 0.0)])
@@ -153,7 +153,7 @@ def test_slope_of_the_path_in_space(shift):
         scene = block(6, bound=1.5, gamma=gamma)
         discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(discretisation, discretisation.boundary, History())
-        data = replace(task.start.data, mu_hat=np.einsum("nij,i->nj", task.boundary.tangents, shift))
+        data = replace(task.start.data, mu_hat=np.einsum("nij,i->nj", discretisation.boundary.tangents, shift))
         newton = task.iterate.newton
         assert newton.solve(data, task.start.sets) is Status.CONVERGED
         return newton, path_model(newton, data)

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.results.body_cells import gather_cells

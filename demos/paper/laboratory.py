@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import Scene, Status, solve
+from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import project
-from signorini_fx.contact.table import ContactTable, contact_table
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.results.nodal_forces import NodalForces
@@ -75,14 +75,14 @@ def energy_norm(solution: Solution, other: Solution | None = None) -> float:
 
 def pressure_distance(solution: Solution, other: Solution) -> float:
     """Distance of two contact pressures in L2(Gamma_c), relative to the norm of the other."""
-    norm = other.contact.boundary.norm
+    norm = other.contact.points.norm
     return norm(solution.contact.pressure - other.contact.pressure) / norm(other.contact.pressure)
 
 
 def multiplier_distances(solution: Solution, other: Solution) -> tuple[float, float]:
     """Distances of lambda and of mu to those of another solution in L2(Gamma_c)."""
     c, o = solution.contact, other.contact
-    return o.boundary.norm(c.pressure - o.pressure), o.boundary.norm(c.shear - o.shear)
+    return o.points.norm(c.pressure - o.pressure), o.points.norm(c.shear - o.shear)
 
 
 def quotients(errors: list[Any]) -> list[Any]:

@@ -181,7 +181,7 @@ def table5() -> list[Table]:
     def literal_distance(pressure: lab.Nodal, shear: lab.Nodal) -> float:
         """As (7.1) says."""
         c = regularised.contact
-        return c.boundary.norm(pressure - c.pressure) + c.boundary.norm(shear - c.shear)
+        return c.points.norm(pressure - c.pressure) + c.points.norm(shear - c.shear)
 
     off = distance(regularised.contact.pressure, regularised.contact.shear)
     return [_inexact(distance, literal_distance, off), _exact(distance, literal_distance)]

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.table import ContactTable
+from signorini_fx.body.contact_table import ContactTable
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

@@ -18,9 +18,9 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import on_facets
 from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies, vector_value
-from signorini_fx.contact.table import ContactTable
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction

@@ -14,8 +14,8 @@ from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pr
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.table import ContactTable
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]

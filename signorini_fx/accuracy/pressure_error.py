@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.table import ContactTable, is_closed
+from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.tuned import (
     CORNER_ANGLE,
     CORNER_ERROR_SHARE,

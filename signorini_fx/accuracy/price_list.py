@@ -23,7 +23,7 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.forecast import grown, powers
 from signorini_fx.accuracy.pressure_error import peak_of, roughness_at_peak
-from signorini_fx.contact.table import ContactTable, is_closed
+from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,

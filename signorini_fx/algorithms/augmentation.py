@@ -39,7 +39,7 @@ class Augmentation:
         newton: the inner method.
         natural: a gamma with which few updates suffice, stress per length.
         tolerance: relative error allowed.
-        changes: the last changes of pressure and shear that the body feels, ``ContactBoundary.scale``; nan: not known.
+        changes: the last changes of pressure and shear that the body feels, ``ContactPoints.scale``; nan: not known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.
         violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes.
@@ -71,15 +71,15 @@ class Augmentation:
             Relative change of the multipliers.
         """
         newton, before = self.newton, (data.lambda_hat, data.mu_hat)
-        boundary, comm = newton.problem.boundary, newton.problem.system.comm
+        points, comm = newton.problem.points, newton.problem.system.comm
         after = newton.shifts(data)
-        changes = _both(boundary.scale, *(new - old for new, old in zip(after, before, strict=True)))
-        size = sum(_both(boundary.scale, *after)) or sum(_both(boundary.scale, *before))
+        changes = _both(points.scale, *(new - old for new, old in zip(after, before, strict=True)))
+        size = sum(_both(points.scale, *after)) or sum(_both(points.scale, *before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
         length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*_both(boundary.felt, *after))))
+        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*_both(points.felt, *after))))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
         # At its bound the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])

@@ -129,7 +129,7 @@ class _Line:
         force = float(work.dot(p))
         matrix.mult(p, work)
         traces = problem.traces(x), problem.traces(p)
-        return cls(data, problem.boundary.weight, force, float(work.dot(p)), *traces, problem.system.comm)
+        return cls(data, problem.points.weight, force, float(work.dot(p)), *traces, problem.system.comm)
 
     def slope(self, t: float) -> float:
         """dJ/dt; collective."""

@@ -43,10 +43,10 @@ def fixed_point(
             unregularised solution.
         damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
     """
-    g, norm = start[0], newton.problem.boundary.norm
+    g, norm = start[0], newton.problem.points.norm
     before: Nodal | None = None
     if augmentation is not None:
-        kept = newton.problem.boundary.immovable  # whose pressure augmentation does not change, see ``shifts``
+        kept = newton.problem.points.immovable  # whose pressure augmentation does not change, see ``shifts``
         data = replace(data, lambda_hat=np.where(kept, data.lambda_hat, start[0]), mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
@@ -73,8 +73,8 @@ def fixed_point(
 def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
     """d_g of section 7: the new g is the pressure for the old one; with shifts the larger change of the two."""
     following, shear = newton.multipliers()
-    boundary = newton.problem.boundary
+    points = newton.problem.points
     # The relative change of a pressure that vanishes is 1.
-    size = boundary.scale(following, shear) or boundary.scale(g)
-    change = boundary.norm(following - g) / size if size > 0 else 0.0
+    size = points.scale(following, shear) or points.scale(g)
+    change = points.norm(following - g) / size if size > 0 else 0.0
     return change if augmentation is None else max(change, augmentation.measure(data))

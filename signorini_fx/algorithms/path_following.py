@@ -61,7 +61,7 @@ class PathModel:
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
     problem = newton.problem
-    boundary, system = problem.boundary, problem.system
+    points, system = problem.points, problem.system
     sets = problem.sets
     # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with gamma_1, also where shifts
     # keep a slip from being along its shear; without shifts it does not see the part that turns the shear.
@@ -100,13 +100,13 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
-    pressure_slope = boundary.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
+    pressure_slope = points.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
-    now, ahead = length(u_t - origin), boundary.felt(u_t - origin + reach * slope_t)
+    now, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)
     stays = ~sets.slip & (ahead > now / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
-    left_slip = boundary.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
+    left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
 
 

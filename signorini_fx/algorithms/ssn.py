@@ -26,7 +26,7 @@ from signorini_fx.linalg import callbacks, finite, options
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.machine import signals
-from signorini_fx.problem.regularised import ContactProblem
+from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 
 # The residual of a solved step is round-off; above this share of the forces it is not.
@@ -70,7 +70,7 @@ class SemismoothNewton:
 
     def __init__(
         self,
-        problem: ContactProblem,
+        problem: Problem,
         x: PETSc.Vec,
         max_iterations: int,
         history: History,
@@ -88,7 +88,7 @@ class SemismoothNewton:
         self._fall_backs = try_fall_backs
         self._limited = limited
         generator = np.random.default_rng(problem.system.comm.rank)
-        self._keys = generator.integers(0, 2**63, size=(6, problem.boundary.size), dtype=np.uint64)
+        self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.snes = self._create(symmetric)
 
     def _create(self, symmetric: bool) -> PETSc.SNES:
@@ -270,14 +270,14 @@ class SemismoothNewton:
         it is kept.  Where a point slips but cannot move in some tangential direction, the shear along that would reach
         its limit, that of the direction of slip, the more slowly the smaller the slip, so it is set to it.
         """
-        problem, boundary = self.problem, self.problem.boundary
+        problem, points = self.problem, self.problem.points
         pressure, shear = project(*self.multipliers(), data)
         bound, slip = data.friction_bound(pressure), slip_of(problem.traces(self.x)[1], data)
         slips = problem.sets.slip & np.isfinite(bound) & (length(slip) > 0)
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
-        missing = np.einsum("nij,nj->ni", boundary.still, np.where(slips[:, None], limit - shear, 0.0))
+        missing = np.einsum("nij,nj->ni", points.still, np.where(slips[:, None], limit - shear, 0.0))
         shear = onto_disc(shear + missing, bound)
-        return np.where(boundary.immovable, data.lambda_hat, pressure), shear
+        return np.where(points.immovable, data.lambda_hat, pressure), shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""

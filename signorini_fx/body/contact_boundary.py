@@ -20,14 +20,13 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx import compat, parallel
+from signorini_fx import compat
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.body.turned_supports import TurnedNodes
-
-Nodal = npt.NDArray[np.float64]
-
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.points import ContactPoints
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
@@ -114,30 +113,12 @@ class ContactBoundary:
         normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
         return np.abs(normal)
 
-    def freed(self, vectors: Nodal) -> Nodal:
-        """Vectors at the points, one per column, without what is prescribed, shape (n, d, k)."""
-        if self.axes is None:
-            return self.free[:, :, None] * vectors
-        own = np.einsum("ijk,ijl->ikl", self.axes, vectors)
-        return np.einsum("ijk,ikl->ijl", self.axes, self.free[:, :, None] * own)
-
-    @property
-    def immovable(self) -> npt.NDArray[np.bool_]:
-        """Nodes that cannot move along their normal because they are free only perpendicular to it, shape (n,).
-
-        The support takes the normal contact force at these nodes.
-        """
-        return np.asarray((self._components * self.free).max(axis=1, initial=0.0) <= _ALONG)
-
     @cached_property
-    def still(self) -> Nodal:
-        """Projections onto the tangential directions in which supports let a node not move, shape (n, d - 1, d - 1).
-
-        A shear along them does nothing to the body, so only the friction law says what it is.
-        """
-        movable = np.einsum("nik,nil->nkl", self.tangents, self.freed(self.tangents))
-        values, vectors = np.linalg.eigh(movable)
-        return np.einsum("nik,nk,njk->nij", vectors, np.where(values <= _ALONG, 1.0, 0.0), vectors)
+    def points(self) -> ContactPoints:
+        """The same without coordinates, for the core."""
+        frames = self.frames_in_axes
+        movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
+        return ContactPoints(self.comm, self.weight, movable, self.x)
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
@@ -147,36 +128,6 @@ class ContactBoundary:
         """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body."""
         traction = pressure[:, None] * self.normal + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
-
-    def norm(self, values: Nodal) -> float:
-        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
-        squares = np.tensordot(self.weight, values**2, axes=1).sum()
-        return float(np.sqrt(parallel.global_sum(self.comm, squares)))
-
-    def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
-        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
-
-        A support may press a node into the foundation.  The pressure there is that of the penalty, however large, and
-        does nothing to the body: it is no scale for other nodes.  Neither is what the other one of the two undoes.
-
-        Args:
-            values: the pressure or the shear.
-            beside: the other one; None: it is not looked at.
-        """
-        alone = self.freed(self._traction(values)[:, :, None])
-        size = np.asarray(np.linalg.norm(alone, axis=(1, 2)))
-        if beside is None:
-            return size
-        both = alone + self.freed(self._traction(beside)[:, :, None])
-        return np.minimum(size, np.linalg.norm(both, axis=(1, 2)))
-
-    def scale(self, values: Nodal, beside: Nodal | None = None) -> float:
-        """The norm of what the body feels of a pressure or a shear; zero if supports take all of it; collective."""
-        return self.norm(self.felt(values, beside))
-
-    def _traction(self, values: Nodal) -> Nodal:
-        """A pressure (n,) or a shear (n, d - 1) as vectors, shape (n, d)."""
-        return values[:, None] * self.normal if values.ndim == 1 else np.einsum("ik,ijk->ij", values, self.tangents)
 
 
 def tangents_of(normal: Nodal) -> Nodal:

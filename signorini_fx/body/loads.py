@@ -15,8 +15,9 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
-from signorini_fx.body.rigid import RigidLoad, RigidMotions, nearest_motion, total_work
+from signorini_fx.body.rigid import RigidMotions, nearest_motion
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.contact.motions import RigidLoad, total_work
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Inventory
 from signorini_fx.scene.expressions import Expression, sample

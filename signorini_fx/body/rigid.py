@@ -1,4 +1,4 @@
-"""Motions of the body without strain, and whether supports and contact resist them.
+"""Motions of the body without strain that the supports leave free.
 
 A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
 rotations.  A body of several pieces has as many for each of them, less those that the pins between pieces exclude,
@@ -7,7 +7,6 @@ where both must move together.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,51 +19,14 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.contact.motions import FreeMotions, RigidLoad
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
-# Share of the sum of the magnitudes of all forces below which their resultant is round-off.
-_NO_LOAD = 1e-8
-# Share of a motion that is only round-off.
-_ROUND_OFF = 1e-10
 
 _Floats = npt.NDArray[np.float64]
 # The two axes of each rotation, which turns the first towards the second; in space the rotation about x[0] is first.
 ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
-
-
-@dataclass(frozen=True)
-class RigidLoad:
-    """A load on the free rigid motions, k of them.
-
-    Attributes:
-        work: on each motion, forces, shape (k,).
-        size: sum of the magnitudes of the nodal forces on the assembly that each motion moves, shape (k,).
-        assembly: number of that assembly, shape (k,).
-    """
-
-    work: _Floats
-    size: _Floats
-    assembly: npt.NDArray[np.int64]
-
-
-def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> _Floats:
-    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
-    each other to round-off.  This is the only place that decides whether a load acts on a rigid body.
-
-    Args:
-        loads: factors, and the loads.
-        count: k.
-    """
-    work, size = np.zeros(count), np.zeros(count)
-    for factor, load in loads:
-        work += factor * load.work
-        size += abs(factor) * load.size
-    if not loads or not count:
-        return work
-    assembly = loads[0][1].assembly
-    length = np.sqrt(np.bincount(assembly, work**2))[assembly]
-    return np.where(length > _NO_LOAD * size, work, 0.0)
 
 
 @dataclass(frozen=True)
@@ -96,16 +58,23 @@ class RigidMotions:
         dim = self.x.shape[1]
         return dim * (dim + 1) // 2
 
-    def at(self, boundary: ContactBoundary) -> _Floats:
-        """The free motions at contact points of this rank, shape (n, d, k)."""
+    def at(self, boundary: ContactBoundary) -> FreeMotions:
+        """The free motions at the contact points of this rank: B times them.
+
+        What is prescribed at a point does not move but for round-off.
+        """
         piece = self.piece[boundary.nodes]
         own = self.free.reshape(self.pieces.count, self.each, -1)[piece]
-        modes = rigid_modes(boundary.centre, self.centre[piece], self.length[piece])
-        moved: _Floats = boundary.freed(modes @ own)
-        return moved
+        moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ own
+        relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
+        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece])
 
     def displacement(self, motion: _Floats) -> _Floats:
-        """A motion with coefficients of shape (m p,) at all nodes of this rank, shape (nodes, d)."""
+        """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
+        return self.of_pieces(self.free @ motion)
+
+    def of_pieces(self, motion: _Floats) -> _Floats:
+        """The motions of all pieces times coefficients of shape (m p,) at all nodes of this rank, shape (nodes, d)."""
         own = motion.reshape(-1, self.each)[self.piece]
         moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
         return moved
@@ -124,65 +93,6 @@ class RigidMotions:
         total = parallel.sums_by(comm, self.piece[owned], np.hstack((work, sizes)), self.pieces.count)
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
         return RigidLoad(self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly], self.assembly)
-
-    def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]]:
-        """The assemblies that can move: number, their columns of ``free`` and their rows."""
-        for number in np.unique(self.assembly):
-            yield int(number), self.assembly == number, np.repeat(self.pieces.assembly == number, self.each)
-
-    def assembly_of(self, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-        """Number of the assembly that nodes of this rank are in, shape (n,)."""
-        return self.pieces.assembly[self.piece[nodes]]
-
-    def unheld(
-        self,
-        boundary: ContactBoundary,
-        normal: npt.NDArray[np.bool_],
-        stick: npt.NDArray[np.bool_],
-        turned: _Floats | None = None,
-    ) -> npt.NDArray[np.bool_]:
-        """Which assemblies have a motion that neither contact at ``normal`` nodes nor stick at ``stick`` nodes resists,
-        shape (assemblies,); collective.
-
-        Args:
-            boundary: the contact nodes.
-            normal: the nodes in contact, shape (n,).
-            stick: the nodes that stick, shape (n,).
-            turned: directions of slip; nodes also resist perpendicular to them, shape (n, d - 1); zero where they do
-                not.
-        """
-        unresisted = np.zeros(int(self.pieces.assembly.max()) + 1, dtype=bool)
-        if self.free.shape[1] == 0:
-            return unresisted
-        modes = self.at(boundary)
-        tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
-        found = [np.einsum("ij,ijk->ik", boundary.normal[normal], modes[normal]), *tangential[stick].swapaxes(0, 1)]
-        if turned is not None and turned.shape[1] > 1:
-            slip = turned.any(axis=1)
-            along = np.einsum("it,itk->ik", turned[slip], tangential[slip])
-            across = tangential[slip] - turned[slip][:, :, None] * along[:, None]
-            found += [*across.swapaxes(0, 1)]
-        rows = np.concatenate(found)
-        moved = np.square(modes).sum(axis=(0, 1))
-        gram = parallel.global_sum(boundary.comm, np.vstack((rows.T @ rows, moved)))
-        for number, columns, _ in self.assemblies():
-            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
-            # The resistance relative to the motion of the nodes: below this it is the round-off of their positions.
-            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
-            unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
-        return unresisted
-
-    def held_by(
-        self,
-        boundary: ContactBoundary,
-        normal: npt.NDArray[np.bool_],
-        stick: npt.NDArray[np.bool_],
-        turned: _Floats | None = None,
-    ) -> bool:
-        """Whether nodes in contact, sticking, and slipping in another direction resist every free motion, see
-        ``unheld``; collective.
-        """
-        return not self.unheld(boundary, normal, stick, turned).any()
 
     def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
@@ -258,7 +168,7 @@ def nearest_motion(
     supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     alone = np.bincount(motions.pieces.assembly)[motions.pieces.assembly] == 1
     nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=_HELD, hermitian=True), moved)
-    return motions.displacement(np.where(alone[:, None], nearest, 0.0).ravel())[: fixed.shape[0]]
+    return motions.of_pieces(np.where(alone[:, None], nearest, 0.0).ravel())[: fixed.shape[0]]
 
 
 def _at_supports(

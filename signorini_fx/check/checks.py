@@ -16,15 +16,13 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
-from signorini_fx.body import loads
+from signorini_fx.body import contact_data, loads
 from signorini_fx.body.discretisation import LOCKING_POISSON, Body, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
-from signorini_fx.contact import data as contact_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.linalg.options import refuse_mistyped
-from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
@@ -120,7 +118,7 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, 
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)
     if scene.solver.algorithm == "exact":
-        check_rotation(d.boundary)
+        contact_data.check_exact(d.boundary)
     contact_data.first_sets(scene, d.boundary)
     return d, law, contact_data.regularised_data(scene, d, d.boundary, law)
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Body
 from signorini_fx.body.motion_names import names_of
-from signorini_fx.body.rigid import total_work
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.contact.statics import escape, null_space, squeezed
 from signorini_fx.records import Finding, Status
@@ -32,10 +32,11 @@ def equilibrium(body: Body, law: FrictionLaw | None, data: RegularisedData | Non
     every: tuple[Reactions, _Rows] | None = None
     if boundary is not None and data is not None:
         gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
-        every = reactions(boundary, motions, law, data.bilateral), gap
+        every = reactions(motions.at(boundary), law, data.bilateral), gap
     loads = [load_on(body, step) for step in range(body.scene.steps)]
     found = []
-    for number, columns, _ in motions.assemblies():
+    for number in map(int, np.unique(motions.assembly)):
+        columns = motions.assembly == number
         contact, without_load = None, False
         if every is not None:
             contact = every[0].of(number, columns)

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length
+from signorini_fx.contact.motions import FreeMotions
+from signorini_fx.contact.points import ContactPoints
 from signorini_fx.records import Status
 
 
@@ -27,8 +27,7 @@ def hold(
     pressure: Nodal,
     shear: Nodal,
     data: RegularisedData,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
+    motions: FreeMotions,
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
     """Sets near ``following`` that hold the body, or the status if it moves away; collective.
@@ -39,45 +38,43 @@ def hold(
         pressure: lambda of the iterate with ``sets``.
         shear: mu of the iterate with ``sets``.
         data: the problem.
-        boundary: the contact nodes.
-        motions: rigid motions of the body.
+        motions: free rigid motions at the contact points.
         escaping: how the body moves away whatever the sets are, see ``statics.no_balance``; None: it may stay.
 
     Returns:
         The sets, the status if there is no equilibrium, and whether the sets differ from ``following``.
     """
-    unresisted = motions.unheld(boundary, following.contact, _stick(following, data))
+    unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
         return following, None, False
     bound = data.friction_bound(pressure)
-    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    points, everywhere = motions.points, motions.points.everywhere
     able = (bound > 0) if data.has_friction else ~everywhere
-    if not motions.held_by(boundary, everywhere, able | _stick(following, data)):
+    if not motions.held_by(everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
-    assembly = motions.assembly_of(boundary.nodes)
     leaving = escaping()
     if leaving is not None:
         return following, leaving, False
     # In space a slipping node, too, resists a change of its direction of slip.
-    unresisted = motions.unheld(boundary, following.contact, _stick(following, data), following.turned)
+    unresisted = motions.unheld(following.contact, _stick(following, data), following.turned)
     if not unresisted.any():
         return following, None, False
-    here = unresisted[assembly]  # only motions that the sets do not resist
-    slipping = _ranked(boundary, here & ~sets.slip & following.slip & able, length(shear) - bound)
-    opening = _ranked(boundary, here & sets.contact & ~following.contact, -pressure)
+    here = unresisted[motions.of_point]  # only motions that the sets do not resist
+    slipping = _ranked(points, here & ~sets.slip & following.slip & able, length(shear) - bound)
+    opening = _ranked(points, here & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
-        for share in _shares(max(_count(boundary, slipping), _count(boundary, opening))):
-            kept_stick = _least(boundary, slipping, share) if slipping_counts else ~everywhere
-            kept_contact = _least(boundary, opening, share) if opening_counts else ~everywhere
+        for share in _shares(max(_count(points, slipping), _count(points, opening))):
+            kept_stick = _least(points, slipping, share) if slipping_counts else ~everywhere
+            kept_contact = _least(points, opening, share) if opening_counts else ~everywhere
             stick = kept_stick | (kept_contact & able & ~sets.slip)
             held = replace(following, contact=following.contact | kept_contact).sticking(stick)
-            if motions.held_by(boundary, held.contact, _stick(held, data), held.turned):
+            if motions.held_by(held.contact, _stick(held, data), held.turned):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
     # release.
     contact = following.contact | (here & sets.contact)
     everything = replace(following, contact=contact).sticking(here & contact & able)
-    if motions.held_by(boundary, contact, _stick(everything, data), everything.turned):
+    if motions.held_by(contact, _stick(everything, data), everything.turned):
         return everything, None, True
     return sets, None, True
 
@@ -86,8 +83,7 @@ def fewest_constraints(
     sets: ActiveSets,
     opening: Nodal,
     slipping: Nodal,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
+    motions: FreeMotions,
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """A few nodes that, fixed in their position, hold a body that the sets do not hold; collective.
 
@@ -95,22 +91,22 @@ def fewest_constraints(
         sets: the sets.
         opening: by how much open nodes violate contact, stress; infinite where a node cannot be fixed along its normal.
         slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be fixed tangentially.
-        boundary: the contact nodes.
-        motions: rigid motions of the body.
+        motions: free rigid motions at the contact points.
 
     Returns:
         Nodes to fix along their normal, and tangentially: those with the least violation, as many as needed.
     """
     normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
     stick = ~sets.slip & np.isfinite(slipping)
-    here = motions.unheld(boundary, normal, stick, sets.turned)[motions.assembly_of(boundary.nodes)]
-    along = _ranked(boundary, here & np.isfinite(opening) & ~sets.contact, opening)
-    across = _ranked(boundary, here & np.isfinite(slipping) & sets.slip, slipping)
-    most = max(_count(boundary, along), _count(boundary, across))
+    points = motions.points
+    here = motions.unheld(normal, stick, sets.turned)[motions.of_point]
+    along = _ranked(points, here & np.isfinite(opening) & ~sets.contact, opening)
+    across = _ranked(points, here & np.isfinite(slipping) & sets.slip, slipping)
+    most = max(_count(points, along), _count(points, across))
     while True:
         fixed_along, fixed_across = ((places >= 0) & (places < count) for places in (along, across))
         for pair in (nothing, fixed_across), (fixed_along, nothing), (fixed_along, fixed_across):
-            if motions.held_by(boundary, normal | pair[0], stick | pair[1], sets.turned):
+            if motions.held_by(normal | pair[0], stick | pair[1], sets.turned):
                 return pair
         if count >= most:
             return fixed_along, fixed_across
@@ -121,21 +117,21 @@ def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
     return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
 
 
-def _ranked(boundary: ContactBoundary, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:
+def _ranked(points: ContactPoints, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:
     """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the other nodes."""
     # Position breaks ties: a uniform state would otherwise keep all of them or none.
-    ranking = np.column_stack((violation, boundary.x))
+    ranking = np.column_stack((violation, points.x))
     places = {
         row: place
-        for place, row in enumerate(sorted(map(tuple, parallel.gather_rows(boundary.comm, ranking[candidates]))))
+        for place, row in enumerate(sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates]))))
     }
     result = np.full(candidates.size, -1, dtype=np.int64)
     result[candidates] = [places[tuple(row)] for row in ranking[candidates]]
     return result
 
 
-def _count(boundary: ContactBoundary, places: npt.NDArray[np.int64]) -> int:
-    return int(parallel.global_sum(boundary.comm, np.array(np.count_nonzero(places >= 0))))
+def _count(points: ContactPoints, places: npt.NDArray[np.int64]) -> int:
+    return int(parallel.global_sum(points.comm, np.array(np.count_nonzero(places >= 0))))
 
 
 def _shares(count: int) -> list[float]:
@@ -144,7 +140,7 @@ def _shares(count: int) -> list[float]:
     return [*shares, 1 - 1 / count] if count > 1 else []
 
 
-def _least(boundary: ContactBoundary, places: npt.NDArray[np.int64], share: float) -> npt.NDArray[np.bool_]:
+def _least(points: ContactPoints, places: npt.NDArray[np.int64], share: float) -> npt.NDArray[np.bool_]:
     """The share of the candidates with the least violation, never all of them."""
-    count = _count(boundary, places)
+    count = _count(points, places)
     return (places >= 0) & (places < min(round(share * count), count - 1))

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import FrictionLaw, Nodal, length, unit
+from signorini_fx.contact.motions import FreeMotions
 
 # Forces and motions below this share of their scale are round-off.
 ZERO = 1e-8
@@ -113,8 +112,7 @@ class Reactions:
 
 
 def reactions(
-    boundary: ContactBoundary,
-    motions: RigidMotions,
+    motions: FreeMotions,
     law: FrictionLaw | None,
     bilateral: npt.NDArray[np.bool_] | None,
     pressing: npt.NDArray[np.bool_] | None = None,
@@ -122,24 +120,20 @@ def reactions(
     """What contact can do against the free rigid motions; collective.
 
     Args:
-        boundary: the contact nodes.
-        motions: of the body.
+        motions: free rigid motions at the contact points.
         law: of friction, stresses; None without.
         bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
         pressing: nodes at which the foundation can press, shape (n,); None: all.  Given friction acts at all nodes.
     """
-    modes = motions.at(boundary)
-    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    tangential = np.einsum("ijt,ijk->itk", boundary.tangents, modes)
-    zero = np.zeros(boundary.size)
+    points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
+    zero = np.zeros(points.size)
     law = FrictionLaw(zero, zero) if law is None else law
     sides = zero if bilateral is None else bilateral
-    able = np.ones(boundary.size) if pressing is None else pressing
-    cap = np.full(boundary.size, np.inf) if law.cap is None else boundary.weight * law.cap
-    laws = (boundary.weight * law.given, law.coefficient, cap, sides, able, motions.assembly_of(boundary.nodes))
-    _, tangents, k = tangential.shape
-    flat = tangential.reshape(boundary.size, tangents * k)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, flat, *laws)))
+    able = np.ones(points.size) if pressing is None else pressing
+    cap = np.full(points.size, np.inf) if law.cap is None else points.weight * law.cap
+    laws = (points.weight * law.given, law.coefficient, cap, sides, able, motions.of_point)
+    flat = motions.relative.reshape(points.size, (1 + tangents) * k)
+    table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     given, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
     # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.

@@ -14,9 +14,8 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import Nodal, RegularisedData
+from signorini_fx.contact.motions import FreeMotions
 
 # Share of the largest one below which a motion is not resisted by the normals, and a gap is closed.
 _SMALL = 1e-6
@@ -24,10 +23,10 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Rest:
-    """A rigid motion, and its components at the contact nodes.
+    """A rigid motion, and its components at the contact points.
 
     Attributes:
-        motion: coefficients of the rigid motions of each piece of the body, lengths, shape (m pieces,).
+        motion: coefficients of the free motions, lengths, shape (k,).
         u_n: its tau_N y.
         u_t: its tau_T y.
     """
@@ -47,8 +46,7 @@ class Rest:
 def resting_place(
     gap: Nodal,
     bilateral: npt.NDArray[np.bool_] | None,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
+    motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
 ) -> Rest | None:
     """Where the load moves the rigid body; None if nothing stops it without friction, or if supports hold it;
@@ -57,27 +55,22 @@ def resting_place(
     The work of the load is largest over the rigid motions that do not enter the foundation: a linear programme with
     as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest separately.
     """
-    if motions.free.shape[1] == 0:
+    if not motions.count:
         return None
-    modes = motions.at(boundary)
-    normal = np.einsum("ij,ijk->ik", boundary.normal, modes)
-    sides = np.zeros(boundary.size) if bilateral is None else bilateral
-    of_node = motions.assembly_of(boundary.nodes)
-    table = parallel.gather_rows(boundary.comm, np.column_stack((normal, gap, sides, of_node)))
-    motion = np.zeros(motions.free.shape[0])
-    for number, columns, _ in motions.assemblies():
+    comm = motions.points.comm
+    sides = np.zeros(motions.points.size) if bilateral is None else bilateral
+    table = parallel.gather_rows(comm, np.column_stack((motions.normal, gap, sides, motions.of_point)))
+    motion = np.zeros(motions.count)
+    for number, columns in motions.assemblies():
         here = table[table[:, -1] == number]
         if len(here) and not here[:, -2].any():
-            free = motions.free[:, columns]
             moved = _rest_of(here[:, :-3][:, columns], here[:, -3], resultant[columns])
-            motion += 0.0 if moved is None else free @ moved
+            motion[columns] = 0.0 if moved is None else moved
     if not motion.any():
         return None
-    at_points = motions.at(boundary) @ (motions.free.T @ motion)
-    u_n = np.einsum("ij,ij->i", boundary.normal, at_points)
-    u_t = np.einsum("ijk,ij->ik", boundary.tangents, at_points)
+    u_n, u_t = motions.normal @ motion, motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
-    still = parallel.global_max(boundary.comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
+    still = parallel.global_max(comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
 

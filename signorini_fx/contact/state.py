@@ -1,4 +1,4 @@
-"""Results at the contact nodes, the same for every algorithm: contact state, forces, functionals."""
+"""Results at the contact points, the same for every algorithm, and the functionals of section 3."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner, project, trial_pressure
 from signorini_fx.contact.laws import length as length_of
+from signorini_fx.contact.points import ContactPoints
 
 # Slip below this share of the displacement of its node is round-off.
 _STILL = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class ContactState:
-    """The contact nodes of this rank after a solve, arrays of shape (n,).
+class PointState:
+    """The contact points of this rank after a solve, arrays of shape (n,).
 
     Attributes:
-        boundary: nodes, weights and normals.
+        points: weights, and what supports let move.
         gap: d, length.
         u_n: tau_N y, length; u_n - gap > 0 is penetration.
         u_t: tau_T y, length, shape (n, d - 1).
@@ -33,13 +33,13 @@ class ContactState:
         direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
             -1 on A_f,-.
         has_friction: whether a friction law acts.
-        bilateral: nodes whose contact cannot open.
+        bilateral: points whose contact cannot open.
         slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later load step, shape
             (n, d - 1).
         xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
     """
 
-    boundary: ContactBoundary
+    points: ContactPoints
     gap: Nodal
     u_n: Nodal
     u_t: Nodal
@@ -54,26 +54,7 @@ class ContactState:
     xi: Nodal
 
     def __repr__(self) -> str:
-        return f"<ContactState: {self.boundary.size} nodes of this rank, {self.in_contact.sum()} in contact>"
-
-    @cached_property
-    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
-        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
-        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
-        comm = self.boundary.comm
-        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
-
-    @cached_property
-    def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments of ``forces`` about the origin, in space only, shape (3,); collective."""
-        boundary = self.boundary
-        none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
-        found = [
-            parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
-            for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
-        ]
-        return found[0], found[1]
+        return f"<{type(self).__name__}: {self.points.size} points of this rank, {self.in_contact.sum()} in contact>"
 
     @cached_property
     def friction_work(self) -> float:
@@ -82,26 +63,8 @@ class ContactState:
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
         """
-        work = np.dot(self.boundary.weight, inner(self.shear, self.xi))
-        return float(parallel.global_sum(self.boundary.comm, work))
-
-    @cached_property
-    def mean_tangential_displacement(self) -> float | Nodal:
-        """Mean of tau_T y over the contact boundary, length: along the tangent; in space a vector, shape (3,);
-        collective.
-        """
-        weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.tangential(self.u_t), weight.sum()))
-        mean: Nodal = sums[:-1] / sums[-1]
-        return float(mean[0]) if mean.size == 1 else mean
-
-    def tangential(self, vectors: Nodal) -> Nodal:
-        """Tangential vectors, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
-        vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
-        """
-        if vectors.shape[1] == 1:
-            return vectors
-        return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
+        work = np.dot(self.points.weight, inner(self.shear, self.xi))
+        return float(parallel.global_sum(self.points.comm, work))
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
         """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
@@ -115,10 +78,10 @@ class ContactState:
         """Areas (in the plane lengths) in contact, and of the nodes with a friction bound those that stick and slip;
         collective.
         """
-        weight, slip = self.boundary.weight, self.sliding_side() != 0
+        weight, slip = self.points.weight, self.sliding_side() != 0
         acting = self.bound > 0
         sums = [np.dot(weight, where) for where in (self.in_contact, acting & ~slip, acting & slip)]
-        total = parallel.global_sum(self.boundary.comm, np.array(sums))
+        total = parallel.global_sum(self.points.comm, np.array(sums))
         return dict(zip(("contact", "stick", "slip"), map(float, total), strict=True))
 
 
@@ -143,18 +106,18 @@ class Functionals:
         return (self.primal - self.dual) / abs(self.primal) if self.primal != 0 else self.primal - self.dual
 
 
-def functionals(elastic: float, contact: ContactState, data: RegularisedData) -> Functionals:
+def functionals(elastic: float, contact: PointState, data: RegularisedData) -> Functionals:
     """Evaluate J_gamma (section 3) and its dual at a solution; collective.
 
     Args:
         elastic: a(y, y) / 2 - L(y), an energy per thickness.
-        contact: the contact nodes.
+        contact: the contact points.
         data: the regularised problem.
 
     The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
     current displacement, which is its minimiser as far as (3.3a) holds.
     """
-    c, w = contact, contact.boundary.weight
+    c, w = contact, contact.points.weight
     pressure, shear = project(c.pressure, c.shear, data)
     bound = data.friction_bound(pressure)
     overlap, slip = c.u_n - c.gap, c.slip_length
@@ -171,7 +134,7 @@ def functionals(elastic: float, contact: ContactState, data: RegularisedData) ->
             + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
         )
     sums = parallel.global_sum(
-        contact.boundary.comm,
+        contact.points.comm,
         np.array([np.dot(w, primal), np.dot(w, dual)]),
     )
     return Functionals(elastic + float(sums[0]), elastic + float(sums[1]))

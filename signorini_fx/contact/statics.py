@@ -17,9 +17,8 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.reactions import ZERO, Reactions, combination, most_work, nearest, reactions
 from signorini_fx.records import Status
 
@@ -52,8 +51,7 @@ class Escape:
 def no_balance(
     law: FrictionLaw | None,
     bilateral: npt.NDArray[np.bool_] | None,
-    boundary: ContactBoundary,
-    motions: RigidMotions,
+    motions: FreeMotions,
     load: Nodal,
     gap: Nodal | None = None,
 ) -> Escape | None:
@@ -66,8 +64,7 @@ def no_balance(
     Args:
         law: the friction law itself, not the bound of an iterate; stresses; None without friction.
         bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
-        boundary: the contact nodes of this rank.
-        motions: of the body.
+        motions: free rigid motions at the contact points.
         load: the work of the loads on the free motions, zero where it is round-off (``ElasticSystem.resultant``),
             shape (k,).
         gap: lengths, shape (n,): a body without a load, and not squeezed by its foundation, then counts as one that
@@ -78,12 +75,12 @@ def no_balance(
     """
     if not load.size:
         return None
-    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    everywhere = motions.points.everywhere
     able = ~everywhere if law is None else (law.given > 0) | (law.coefficient > 0)
-    unheld = motions.unheld(boundary, everywhere, able)
-    every = reactions(boundary, motions, law, bilateral)
-    gaps = None if gap is None else parallel.gather_rows(boundary.comm, gap[:, None])[:, 0]
-    for number, columns, _ in motions.assemblies():
+    unheld = motions.unheld(everywhere, able)
+    every = reactions(motions, law, bilateral)
+    gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
+    for number, columns in motions.assemblies():
         here, work = every.of(number, columns), load[columns]
         found: tuple[Status, Nodal] | None = None
         if unheld[number] or not here.given.size:

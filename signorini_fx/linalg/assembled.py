@@ -10,6 +10,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
@@ -34,9 +35,7 @@ class AssembledSystem:
         """The system as it was assembled, at the first load step."""
         d = discretisation
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        contact = ContactMap.of_points(d.boundary, None, d.fixed, d.stiffness)
-        if d.rotation is not None:
-            contact = contact.turned(d.rotation, d.fixed)
+        contact = contact_map(d.boundary, d.fixed, d.stiffness, d.rotation, d.tagged.dimension)
         resultant = np.zeros(d.motions.free.shape[1])
         system = cls(
             d.tagged.mesh.comm, contact.admitted(d.stiffness), load, start, resultant, d.fixed, contact, d.cases

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Body, Discretisation
@@ -58,8 +57,8 @@ def choose_kind(d: Body, requested: str) -> tuple[str, str]:
         return "krylov", "as asked for"
     reached = d.boundary is not None
     if d.boundary is not None:
-        everywhere: npt.NDArray[np.bool_] = np.ones(d.boundary.size, dtype=bool)
-        reached = d.motions.held_by(d.boundary, everywhere, everywhere)
+        everywhere = d.boundary.points.everywhere
+        reached = d.motions.at(d.boundary).held_by(everywhere, everywhere)
         if not reached:
             return "full", "the contact does not reach every piece of the body that supports do not hold"
     retained = retained_unknowns(d)

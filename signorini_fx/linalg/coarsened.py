@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.map import ContactMap
+from signorini_fx.contact.points import ContactPoints
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
 
@@ -28,8 +27,8 @@ class CoarsenedSystem(TransformedSystem):
         system: ElasticSystem,
         prolongation: Any,
         retained: npt.NDArray[np.int64],
-        boundary: ContactBoundary,
-        position: npt.NDArray[np.int64],
+        points: ContactPoints,
+        rows: npt.NDArray[np.int64],
     ) -> CoarsenedSystem:
         """Coarsen a system with a dense matrix.
 
@@ -37,8 +36,8 @@ class CoarsenedSystem(TransformedSystem):
             system: the finer one.
             prolongation: P, scipy sparse, shape (fine dofs, coarse dofs).
             retained: the fine dof that each coarse one is, shape (coarse dofs,).
-            boundary: the contact nodes of the coarse system.
-            position: number of each of them among the nodes of the coarse system, shape (n,).
+            points: the contact points of the coarse system.
+            rows: number of each of them among those of the finer one, shape (n,).
         """
         # A is symmetric, so that both are products of a sparse and a dense matrix.
         half = prolongation.T @ system.matrix.getDenseArray(readonly=True)
@@ -47,7 +46,7 @@ class CoarsenedSystem(TransformedSystem):
         matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
         fixed = system.fixed[retained]
-        contact = ContactMap.of_points(boundary, position, fixed, matrix)
+        contact = system.contact.among(retained, fixed, rows, points)
         coarse = cls(system.comm, matrix, load, start, fixed, contact, system, prolongation.tocsr(), retained)
         coarse._restrict()
         return coarse

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
@@ -23,7 +24,7 @@ from signorini_fx.scene.load_steps import factor_at
 
 @dataclass
 class CondensedSystem:
-    """See ``ElasticSystem``: x holds the displacement of the nodes that contact reaches, d components per node."""
+    """See ``ElasticSystem``: x holds the unknowns that B touches."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat
@@ -47,9 +48,8 @@ class CondensedSystem:
         """
         d = discretisation
         assert d.boundary is not None
-        nodes, position = np.unique(d.boundary.reached, return_inverse=True)
-        dim = d.tagged.dimension
-        retained = (dim * nodes[:, None] + np.arange(dim)).ravel().astype(np.int32)
+        contact = contact_map(d.boundary, d.fixed, d.stiffness, d.rotation, d.tagged.dimension)
+        retained = np.unique(contact.operator.getValuesCSR()[1]).astype(np.int32)
         schur = SchurComplement(d.stiffness, retained)
         matrix = PETSc.Mat().createDense((retained.size, retained.size), array=schur.dense.T, comm=d.boundary.comm)
         matrix.assemble()
@@ -58,10 +58,7 @@ class CondensedSystem:
             [_condense(d.stiffness, case.load, x, retained) for case, x in zip(d.cases, interior, strict=True)]
         )
         fixed = d.fixed[retained]
-        contact = ContactMap.of_points(d.boundary, position.ravel(), fixed, matrix)
-        if d.rotation is not None:
-            kept = PETSc.IS().createGeneral(retained, comm=d.boundary.comm)
-            contact = contact.turned(d.rotation.createSubMatrix(kept, kept), fixed)
+        contact = contact.among(retained, fixed)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         system = cls(
             d.boundary.comm,

@@ -9,8 +9,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.errors import SceneError
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.transformed import TransformedSystem
 
@@ -47,49 +46,26 @@ class RotatedSystem(TransformedSystem):
         return result
 
 
-def off_axes(boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-    """Nodes whose normal or tangents are along no axis, shape (n,)."""
-    return np.asarray((1.0 - np.abs(boundary.frames_in_axes).max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS)
-
-
-def check_rotation(boundary: ContactBoundary) -> None:
-    """Check that every contact node can be rotated into its normal and tangents; collective.
-
-    Raises:
-        SceneError: contact points average, a contact node has two normals, or a prescribed component along neither its
-            normal nor a tangent.
-    """
-    if boundary.averages is not None:
-        reason = "contact points of quadratic tetrahedra average over several nodes, of which none can be tied"
-        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
-    nodes, counts = np.unique(boundary.nodes, return_counts=True)
-    crossed = parallel.any_rank(boundary.comm, nodes[counts > 1].size > 0)
-    # A prescribed component may stay an unknown of its own: then it is along the normal or a tangent.
-    apart = (~boundary.free & (1.0 - np.abs(boundary.frames_in_axes).max(axis=2) >= _ALONG_AXIS)).any(axis=1)
-    mixed = parallel.any_rank(boundary.comm, bool((off_axes(boundary) & apart).any()))
-    if crossed or mixed:
-        reason = "a contact node has two normals" if crossed else "a contact node is prescribed askew to its normal"
-        raise SceneError([("solver.algorithm", f"exact cannot be used here: {reason}; use ssn, alm or path-following")])
-
-
-def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
+def rotate(system: ElasticSystem) -> ElasticSystem:
     """The system in which each component of a relative displacement is an unknown; itself if that is so already.
 
     Raises:
-        SceneError: see ``check_rotation``.
+        ValueError: no rotation of the unknowns does that.
     """
-    check_rotation(boundary)
-    off = off_axes(boundary)
-    if not parallel.any_rank(boundary.comm, bool(off.any())):
+    unknowns, blocks = _frames(system.contact)
+    across = 1.0 - np.abs(blocks).max(axis=1) >= _ALONG_AXIS
+    off = across.any(axis=1)
+    if not parallel.any_rank(system.comm, bool(off.any())):
         return system
+    if parallel.any_rank(system.comm, bool((system.fixed[unknowns] & across).any())):
+        raise ValueError("a contact point is prescribed askew to its normal")
     sizes = system.matrix.getSizes()
-    rotation = PETSc.Mat().createAIJ(sizes, nnz=(system.contact.dimension, 0), comm=system.comm)
+    rotation = PETSc.Mat().createAIJ(sizes, nnz=(system.contact.points.dimension, 0), comm=system.comm)
     first, last = rotation.getOwnershipRange()
     rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     for row in range(first, last):
         rotation.setValue(row, row, 1.0)
     rotation.assemble()
-    unknowns, blocks = system.contact.entries()
     blocks = _in_place(blocks, system.fixed[unknowns])
     rows = (first + unknowns[off]).astype(PETSc.IntType)
     if rows.size:
@@ -102,6 +78,27 @@ def rotate(system: ElasticSystem, boundary: ContactBoundary) -> ElasticSystem:
     contact = system.contact.after(rotation, system.fixed)
     turned = RotatedSystem(system.comm, matrix, load, start, system.fixed, contact, system, rotation)
     return turned
+
+
+def _frames(contact: ContactMap) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """The unknowns that each point takes its displacement from, shape (n, d), and B there, shape (n, d, d); collective.
+
+    Raises:
+        ValueError: some point averages over unknowns, or shares them with another one.
+    """
+    first, last = contact.operator.getOwnershipRangeColumn()
+    starts, columns, values = contact.operator.getValuesCSR()
+    count, d = contact.points.movable.shape[:2]
+    row = np.repeat(np.arange(count * d), np.diff(starts))
+    used = values != 0.0
+    pairs, place = np.unique(np.column_stack((row // d, columns))[used], axis=0, return_inverse=True)
+    alone = np.array_equal(pairs[:, 0], np.repeat(np.arange(count), d)) and np.unique(pairs[:, 1]).size == count * d
+    alone = alone and bool(((pairs[:, 1] >= first) & (pairs[:, 1] < last)).all())
+    if parallel.any_rank(contact.points.comm, not alone):
+        raise ValueError("a contact point averages over unknowns, or shares them with another one: none can be tied")
+    blocks = np.zeros((count, d, d))
+    blocks[row[used] // d, row[used] % d, place.ravel() % d] = values[used]
+    return pairs[:, 1].reshape(count, d).astype(np.int64) - first, blocks
 
 
 def _in_place(blocks: npt.NDArray[np.float64], fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
@@ -30,43 +28,39 @@ from signorini_fx.contact.laws import (
     slip_of,
     unit,
 )
+from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.callbacks import called_back
-from signorini_fx.problem.regularised import ProblemState
+from signorini_fx.problem.problem import Problem
 
 # The largest k, relative to the stiffness at a contact node.
 _HARDLY = 1e4
 
 
-class ExactProblem(ProblemState):
-    """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see
-    ``problem.ContactProblem``.
+class ExactProblem(Problem):
+    """R(x) = A x^ - b + (mu, tau_T .) in the free rows and x - x^ in the constrained ones; see ``Problem``.
 
     x^ is x with the constraints of the current sets inserted, so that a full Newton step solves the problem with these
     sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
     +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
     """
 
-    def __init__(self, system: ElasticSystem, boundary: ContactBoundary, motions: RigidMotions) -> None:
-        super().__init__(system, boundary, motions)
+    def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
+        super().__init__(system, motions)
         self._factorised: dict[int, npt.NDArray[np.float64]] = {}
         self._inserted: dict[int, npt.NDArray[np.float64]] = {}
-        unknowns, blocks = system.contact.entries()
-        place = np.abs(blocks).argmax(axis=2)
-        rows = np.arange(boundary.size)[:, None]
-        # The unknown that each component of the relative displacement is, the normal one first, and its sign.
-        self._unknown = unknowns[rows, place]
-        self._sign = np.sign(blocks[rows, np.arange(blocks.shape[1]), place])
+        # The normal component first.
+        self._unknown, self._sign = system.contact.selected()
         self._free = ~system.fixed[self._unknown]
         self._work = system.load.duplicate()
-        self._stress = self._stiffness / boundary.weight  # of a slip by one
+        self._stress = self._stiffness / self.points.weight  # of a slip by one
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
-        """See ``ContactProblem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
+        """See ``Problem``: the nodal reactions (A x - b) / w on the constraints of ``sets``."""
         self.system.matrix.mult(x, self._work)
         self._work.axpy(-1.0, self.system.load)
         reaction = self._work.getArray(readonly=True)[self._unknown]
-        traction = np.where(self._free, -self._sign * reaction / self.boundary.weight[:, None], 0.0)
+        traction = np.where(self._free, -self._sign * reaction / self.points.weight[:, None], 0.0)
         pressure = np.where(sets.contact, traction[:, 0], 0.0)
         if not self.data.has_friction:
             return pressure, np.zeros_like(traction[:, 1:])
@@ -99,7 +93,7 @@ class ExactProblem(ProblemState):
         # Where a support prescribes the slip there is nothing to iterate; where the bound is zero, the point moves
         # freely.
         moves = np.where((length(motion) > 0)[:, None], unit(motion), 0.0)
-        direction = np.where(self._free[:, 1:].any(axis=1)[:, None], direction, moves)
+        direction = np.where(np.any(self._free[:, 1:], axis=1, keepdims=True), direction, moves)
         direction = np.where((bound > 0)[:, None], direction, unit(motion))
         bound = np.where(np.isfinite(bound), bound, 0.0)
         least = bound / (_HARDLY * self._stress)
@@ -121,12 +115,12 @@ class ExactProblem(ProblemState):
         return self._unknown.T[order], (self._sign * target).T[order]
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """See ``ContactProblem``."""
+        """See ``Problem``."""
         bound = self.data.friction_bound(self.multipliers(x, self.sets)[0])
         return bound, bound
 
     def away(self, x: PETSc.Vec) -> Nodal:
-        """See ``ProblemState``: how far mu is from the projection of mu + c tau_T y, c the stiffness of a node."""
+        """See ``Problem``: how far mu is from the projection of mu + c tau_T y, c the stiffness of a node."""
         pressure, shear = self.multipliers(x, self.sets)
         if not self.data.has_friction:
             return np.zeros_like(pressure)
@@ -134,19 +128,19 @@ class ExactProblem(ProblemState):
         return length(shear - onto_disc(trial, self.data.friction_bound(pressure)))
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
-        """See ``ContactProblem``."""
+        """See ``Problem``."""
         jacobian = super().create_jacobian(symmetric=symmetric)
         jacobian.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         return jacobian
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """See ``ContactProblem``."""
+        """See ``Problem``."""
         trial = self.next.trial if self._forced_first else self._classify(x)
         self._hold(trial, *self.multipliers(x, self.sets))
         sets = self.next.sets
         dofs, values = self._constraints(sets)
-        shear = np.zeros((self.boundary.size, self._unknown.shape[1] - 1))
+        shear: Nodal = np.zeros((self.points.size, self._unknown.shape[1] - 1))
         placed = x.copy()
         placed.getArray()[dofs] = values
         if self.data.has_friction:
@@ -156,15 +150,15 @@ class ExactProblem(ProblemState):
         self.system.matrix.mult(placed, f)
         self._measure(f, placed)
         f.axpy(-1.0, self.system.load)
-        self.system.contact.add_forces(np.zeros(self.boundary.size), shear, f)
+        self.system.contact.add_forces(np.zeros(self.points.size), shear, f)
         f.getArray()[dofs] = self._stiffness * (x.getArray(readonly=True)[dofs] - values)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
-        """See ``ContactProblem``."""
+        """See ``Problem``."""
         self._factorised[jacobian.handle] = self._inserted[jacobian.handle]
 
     def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
-        """See ``ContactProblem``."""
+        """See ``Problem``."""
         self.sets = self.next.sets
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
@@ -204,7 +198,7 @@ class ExactProblem(ProblemState):
         """W k (I - e e^T) at slip points in the unknowns of the system, shape (n, d - 1, d - 1); zero in the plane."""
         direction = sets.direction
         across = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
-        share = np.where(sets.slip, self.boundary.weight * sets.turning, 0.0) if self.data.has_friction else 0.0
+        share = np.where(sets.slip, self.points.weight * sets.turning, 0.0) if self.data.has_friction else 0.0
         signs = self._sign[:, 1:] * self._free[:, 1:]
         if direction.shape[1] == 1:
             return np.zeros_like(across)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.contact.state import ContactState
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx import parallel
-from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import PictureError, cannot_be_written
 from signorini_fx.machine.terminal import say

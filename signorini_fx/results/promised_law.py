@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.contact.state import ContactState
 
 
 @dataclass(frozen=True)

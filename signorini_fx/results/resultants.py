@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.contact.state import ContactState
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactNodes

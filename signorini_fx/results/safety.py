@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
+from signorini_fx.body.contact_data import friction_law
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import names_of
-from signorini_fx.body.rigid import total_work
-from signorini_fx.contact.data import friction_law
 from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.resting_place import resting_place
-from signorini_fx.contact.state import ContactState
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.model import BodyForce, Scene, SurfaceTraction
@@ -71,22 +71,23 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
     if not count:
         return None
+    at_contact, immovable = motions.at(boundary), boundary.points.immovable
     live, dead = (total_work([(1.0, motions.load_of(forces, d.comm))], count) for forces in _loads(d, place))
     law = friction_law(d.scene, boundary)
-    pressing = _touching(d, contact, live + dead) & ~boundary.immovable
+    pressing = _touching(d, contact, live + dead) & ~immovable
     if law is not None:
         # Where a support takes the pressure, no other load changes the friction bound.
-        law = replace(law, given=np.where(boundary.immovable, contact.bound, law.given))
-    allowed = reactions(boundary, motions, law, contact.bilateral, pressing)
+        law = replace(law, given=np.where(immovable, contact.bound, law.given))
+    allowed = reactions(at_contact, law, contact.bilateral, pressing)
     present = None
     if d.scene.has_coulomb:
         bounds = FrictionLaw(contact.bound, np.zeros(boundary.size))
-        present = reactions(boundary, motions, bounds, contact.bilateral, pressing)
+        present = reactions(at_contact, bounds, contact.bilateral, pressing)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
         return None
     worst: tuple[Limit, str] | None = None
     used: list[float] = []
-    for number, columns, _ in motions.assemblies():
+    for number, columns in at_contact.assemblies():
         if not live[columns].any():
             continue
         loads = dead[columns], live[columns]
@@ -140,6 +141,6 @@ def _touching(d: Discretisation, contact: ContactState, load: npt.NDArray[np.flo
     touching = contact.in_contact | contact.bilateral
     if parallel.any_rank(d.comm, any(applied.start.any() for applied in d.applied)):
         return touching
-    rest = resting_place(contact.gap, contact.bilateral, contact.boundary, d.motions, load)
+    rest = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
     gap = contact.gap if rest is None else contact.gap - rest.u_n
     return np.asarray(touching | (gap <= _CLOSED * d.tagged.size))

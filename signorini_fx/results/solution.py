@@ -12,10 +12,11 @@ from mpi4py import MPI
 import signorini_fx
 from signorini_fx.accuracy.price_list import LevelResult, Price
 from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.state import ContactState, Functionals
-from signorini_fx.contact.table import ContactTable, contact_table
+from signorini_fx.contact.state import Functionals
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings

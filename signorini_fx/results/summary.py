@@ -15,9 +15,9 @@ from mpi4py import MPI
 import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.accuracy import price_list
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
-from signorini_fx.contact.state import ContactState
-from signorini_fx.contact.table import ContactTable
 from signorini_fx.display import clean, results_of, safety_in_words
 from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord

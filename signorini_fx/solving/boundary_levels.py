@@ -15,7 +15,9 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.body.contact_boundary import ContactBoundary, chains
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.coarsened import CoarsenedSystem
 from signorini_fx.linalg.condensed import CondensedSystem
@@ -37,6 +39,7 @@ class _Level:
 
     system: ElasticSystem
     boundary: ContactBoundary
+    motions: FreeMotions
     data: RegularisedData
     law: FrictionLaw | None
     first_sets: ActiveSets | None
@@ -44,24 +47,24 @@ class _Level:
     retained: Indices
 
 
-def worthwhile(task: Task) -> bool:
+def worthwhile(task: Task, boundary: ContactBoundary) -> bool:
     """Whether a task has a dense system large enough, no start yet, and an algorithm that would use one."""
     return (
         isinstance(task.system, CondensedSystem)
-        and task.boundary.x.shape[1] == 2  # on a surface "every second node" is not defined
-        and task.boundary.axes is None  # whose unknowns are not interpolated
-        and task.boundary.size > FEWEST_NODES_TO_COARSEN
+        and boundary.x.shape[1] == 2  # on a surface "every second node" is not defined
+        and boundary.axes is None  # whose unknowns are not interpolated
+        and boundary.size > FEWEST_NODES_TO_COARSEN
         and task.settings.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS
     )
 
 
-def start_from_few_nodes(task: Task) -> Start:
+def start_from_few_nodes(task: Task, boundary: ContactBoundary) -> Start:
     """A start from the sets and the multipliers of the problem on every second contact node, and so on.
 
     If a coarse problem has no solution, the next finer one starts from scratch: it is only a start.
     """
-    levels = [_finest(task)]
+    levels = [_finest(task, boundary)]
     while levels[-1].boundary.size > 2 * COARSEST_NODES:
         levels.append(_coarser(levels[-1]))
     start: tuple[ActiveSets, tuple[Nodal, Nodal]] | None = None
@@ -71,7 +74,7 @@ def start_from_few_nodes(task: Task) -> Start:
             task,
             settings=task.settings.model_copy(update={"algorithm": "ssn", "fallbacks": False}),
             system=level.system,
-            boundary=level.boundary,
+            motions=level.motions,
             start=replace(task.start, data=level.data, law=level.law, sets=level.first_sets),
             rest=None,
             history=history,
@@ -79,25 +82,30 @@ def start_from_few_nodes(task: Task) -> Start:
         outcome = run(coarse, coarse.start if start is None else coarse.start.begin_from(*start))
         status, start = outcome.status, None
         if status is Status.CONVERGED:
-            start = carry_over(coarse.contact(outcome, coarse.start), fine.boundary)
+            start = carry_over(ContactState.of(coarse.contact(outcome, coarse.start), level.boundary), fine.boundary)
         solves = f"{history.linear_solves} linear solves"
         task.history.add(f"{level.boundary.size} contact nodes first: {solves}, {status.value}")
     return task.start if start is None else task.start.begin_from(*start)
 
 
-def _finest(task: Task) -> _Level:
-    boundary, begin = task.boundary, task.start
+def _finest(task: Task, boundary: ContactBoundary) -> _Level:
+    begin = task.start
     numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
     ranges, order, _ = chains(numbers, boundary.segments, boundary.x)
     found = [order[rows.start : rows.stop] for rows in ranges]
-    return _Level(task.system, boundary, begin.data, begin.law, begin.sets, found, np.arange(boundary.size))
+    return _Level(
+        task.system, boundary, task.motions, begin.data, begin.law, begin.sets, found, np.arange(boundary.size)
+    )
 
 
 def _coarser(fine: _Level) -> _Level:
     """Every second node of each chain, its ends, and the nodes of two boundaries."""
     boundary, system = fine.boundary, fine.system
-    unknowns, _ = system.contact.entries()
-    _, first, node_of, counts = np.unique(unknowns[:, 0], return_index=True, return_inverse=True, return_counts=True)
+    # The system has the two unknowns of each node, in the order of their numbers.
+    _, first, node_of, counts = np.unique(
+        boundary.global_nodes, return_index=True, return_inverse=True, return_counts=True
+    )
+    unknowns = 2 * node_of.reshape(-1, 1) + np.arange(2)
     shared = counts[node_of.ravel()] > 1
     retained: list[Indices] = []
     ranges: list[Indices] = []
@@ -146,8 +154,9 @@ def _coarser(fine: _Level) -> _Level:
         slip_origin=some(d.slip_origin),
     )
     return _Level(
-        CoarsenedSystem.of(system, prolongation, kept_dofs, coarse, coarse_of.ravel()),
+        CoarsenedSystem.of(system, prolongation, kept_dofs, coarse.points, rows),
         coarse,
+        fine.motions.some(rows, coarse.points),
         data,
         None if law is None else FrictionLaw(law.given[rows], law.coefficient[rows], some(law.cap)),
         None if sets is None else ActiveSets.of(sets.contact[rows], sets.direction[rows]),

@@ -9,10 +9,10 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.attempts import HALF, METHOD, tried
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.resting_place import Rest
-from signorini_fx.contact.state import ContactState
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Tractions
@@ -110,7 +110,8 @@ def _certified(
     scene = discretisation.scene
     with timings.phase("certify"):
         displacement = from_rest(discretisation, task.rest, outcome.displacement())
-        contact = task.contact(outcome, start)
+        assert discretisation.boundary is not None
+        contact = ContactState.of(task.contact(outcome, start), discretisation.boundary)
         certificate = certify(
             scene,
             discretisation.tagged,

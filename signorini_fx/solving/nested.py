@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
-from signorini_fx.contact.state import ContactState
 from signorini_fx.tuned import MIDDLE_RATIO
 
 

@@ -14,19 +14,19 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_data import check_exact, first_sets, friction_law, regularised_data
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
-from signorini_fx.contact.data import first_sets, friction_law, regularised_data
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.resting_place import resting_place
-from signorini_fx.contact.state import ContactState, functionals
+from signorini_fx.contact.state import functionals
 from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.linalg.mesh_levels import MeshLevel
-from signorini_fx.linalg.rotated import check_rotation
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
@@ -78,9 +78,9 @@ def solve_mesh(
         start = start.begin_from(*carry_over(state, discretisation.boundary))
         if coarser is not None and not scene.several_steps:
             _begin_at_coarse(task, coarser, discretisation)
-    elif boundary_levels.worthwhile(task) and not (kept is not None and kept.begun()):
+    elif boundary_levels.worthwhile(task, discretisation.boundary) and not (kept is not None and kept.begun()):
         with timings.phase("iterate"):
-            start = boundary_levels.start_from_few_nodes(task)
+            start = boundary_levels.start_from_few_nodes(task, discretisation.boundary)
     solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
     return solution, task, outcome
 
@@ -256,17 +256,17 @@ def contact_task(
     scene = discretisation.scene
     law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
-        check_rotation(boundary)
+        check_exact(boundary)
     sets, first_iteration = first_sets(scene, boundary)
     system, reason = choose_system(discretisation, scene.solver.linear_algebra, coarser)
     data = regularised_data(scene, discretisation, boundary, law)
-    rest = resting_place(data.gap, data.bilateral, boundary, discretisation.motions, system.resultant)
+    motions = discretisation.motions.at(boundary)
+    rest = resting_place(data.gap, data.bilateral, motions, system.resultant)
     return Task(
         settings=scene.solver,
         system=system,
         linear_algebra=reason,
-        boundary=boundary,
-        motions=discretisation.motions,
+        motions=motions,
         start=Start(data if rest is None else rest.data_from(data), law, sets, first_iteration),
         rest=rest,
         has_coulomb=scene.has_coulomb,

@@ -97,8 +97,9 @@ class Kept:
             timings: of the mesh.
             marks: numbers of linear solves, regularised problems and events before it.
         """
-        problem, history = outcome.problem, task.history
-        tangents, sets = task.boundary.tangents, problem.sets
+        problem, history, boundary = outcome.problem, task.history, d.boundary
+        assert boundary is not None
+        tangents, sets = boundary.tangents, problem.sets
         nodal: dict[str, Nodal] = {
             "contact": sets.contact.astype(np.float64),
             "direction": _in_space(sets.direction, tangents),
@@ -129,7 +130,7 @@ class Kept:
             "events": history.events[events:],
             "seconds": parallel.largest_timings(d.comm, timings.total),
         }
-        self.checkpoint.write(self.level, start.step, result.displacement, task.boundary, nodal, figures)
+        self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
 
     def recall(self, d: Discretisation, task: Task, start: Start) -> Recalled | None:
         """Rebuild a load step; None if it is not there, or does not fit.
@@ -142,7 +143,8 @@ class Kept:
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None
-        found = self.checkpoint.read(self.level, start.step, d.space, task.boundary, d.tagged.size)
+        assert d.boundary is not None
+        found = self.checkpoint.read(self.level, start.step, d.space, d.boundary, d.tagged.size)
         if found is None:
             self.forget(start.step)
             return None
@@ -151,7 +153,7 @@ class Kept:
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        x, tangents = d.unknowns(displacement), task.boundary.tangents
+        x, tangents = d.unknowns(displacement), d.boundary.tangents
         direction = _along(nodal["direction"], tangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)

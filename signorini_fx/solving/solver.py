@@ -17,10 +17,10 @@ from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import RegularisedData
-from signorini_fx.contact.state import ContactState
-from signorini_fx.contact.table import contact_table
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
 from signorini_fx.linalg.choice import krylov_from
@@ -302,7 +302,7 @@ def _level_result(
     if np.isfinite(data.gamma_n) and not _is_shifted(data, solution.comm) and size > 0:
         iterate = task.iterate
         model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
-        pressure = contact.boundary.norm(contact.pressure)
+        pressure = contact.points.norm(contact.pressure)
         regularisation = model.distance / size
         pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
     change = solution.history.outer[-1].change

@@ -68,7 +68,7 @@ def run(task: Task, start: Start, most: int | None = None) -> Outcome:
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
         return _stay(task, start)
-    lost = no_balance(start.law, start.data.bilateral, task.boundary, task.motions, task.system.resultant)
+    lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None:
         return _without_contact(task, start.data, lost.status)
     with task.history.at_most(step_limit(task.settings.max_iterations) if most is None else most):
@@ -184,7 +184,7 @@ def _natural(task: Task) -> float:
 def _nothing_acts(task: Task, start: Start) -> bool:
     """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
     data = start.data
-    if start.step > 0 or task.motions.free.shape[1] > 0:
+    if start.step > 0 or task.motions.count > 0:
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
@@ -206,7 +206,7 @@ def _stay(task: Task, start: Start) -> Outcome:
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
     """The outcome of a problem without any linear solve: no contact, hence no traction."""
     newton = task.iterate.newton
-    newton.pose(data, ActiveSets.of(np.zeros(task.boundary.size, dtype=bool), np.zeros_like(data.mu_hat)))
+    newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data)
 
 
@@ -376,11 +376,11 @@ def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status)
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
-    everywhere: npt.NDArray[np.bool_] = np.ones(task.boundary.size, dtype=bool)
+    everywhere = task.motions.points.everywhere
     rough = law.given + law.coefficient > 0
-    if status is Status.NOT_HELD and not task.motions.held_by(task.boundary, everywhere, rough):
+    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
         return status
-    lost = no_balance(law, data.bilateral, task.boundary, task.motions, task.system.resultant, data.gap)
+    lost = no_balance(law, data.bilateral, task.motions, task.system.resultant, data.gap)
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
@@ -393,20 +393,19 @@ def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
     only where it touches at its resting place.
     """
-    boundary, motions = task.boundary, task.motions
-    everywhere: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
+    motions, everywhere = task.motions, task.motions.points.everywhere
 
     def possible(stick: npt.NDArray[np.bool_]) -> bool:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
-        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(boundary.size))
-        held = motions.held_by(boundary, everywhere, stick)
-        return held and no_balance(law, data.bilateral, boundary, motions, task.system.resultant, data.gap) is None
+        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(everywhere.size))
+        held = motions.held_by(everywhere, stick)
+        return held and no_balance(law, data.bilateral, motions, task.system.resultant, data.gap) is None
 
     if possible(~everywhere):
         return replace(data, bound=None)
     stick = everywhere
-    if motions.held_by(boundary, ~everywhere, everywhere):
-        touching = touching_nodes(boundary.comm, data)
+    if motions.held_by(~everywhere, everywhere):
+        touching = touching_nodes(motions.points.comm, data)
         stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 

@@ -11,15 +11,15 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.contact.resting_place import Rest
-from signorini_fx.contact.state import ContactState
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.problem.regularised import ContactProblem
+from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
@@ -52,7 +52,7 @@ class SweepPoint:
     _scene: Scene
     _law: Law
     _discretisation: Discretisation
-    _problem: ContactProblem
+    _problem: Problem
     _x: PETSc.Vec
     _load: float
     _rest: Rest | None
@@ -115,9 +115,9 @@ def sweep(
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
-    assert discretisation.boundary is not None
-    history = History()
-    task = contact_task(discretisation, discretisation.boundary, history, _coarser(scene, discretisation))
+    boundary, history = discretisation.boundary, History()
+    assert boundary is not None
+    task = contact_task(discretisation, boundary, history, _coarser(scene, discretisation))
     begin, law = task.start, task.start.law
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
@@ -126,7 +126,7 @@ def sweep(
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
         outcome = run(task, start)
-        contact, promised = task.contact(outcome, start), task.promised(outcome)
+        contact, promised = ContactState.of(task.contact(outcome, start), boundary), task.promised(outcome)
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)

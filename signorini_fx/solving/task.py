@@ -11,8 +11,6 @@ from petsc4py import PETSc
 
 from signorini_fx.algorithms.fall_backs import FallBacks
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import (
     ActiveSets,
     FrictionLaw,
@@ -21,12 +19,14 @@ from signorini_fx.contact.laws import (
     slip_multiplier,
     slip_of,
 )
+from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import Rest
-from signorini_fx.contact.state import ContactState
+from signorini_fx.contact.state import PointState
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem.exact import ExactProblem
-from signorini_fx.problem.regularised import ContactProblem, RegularisedProblem
+from signorini_fx.problem.problem import Problem
+from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import History, Status
 from signorini_fx.results.promised_law import UNREGULARISED, Law
 from signorini_fx.scene.settings import SolverSettings
@@ -88,7 +88,7 @@ class Outcome:
     regularisation_error: float | None = None
 
     @property
-    def problem(self) -> ContactProblem:
+    def problem(self) -> Problem:
         """The problem of the result."""
         return self.newton.problem
 
@@ -129,8 +129,7 @@ class Task:
     Attributes:
         settings: the solver settings of the scene.
         system: the elastic system.
-        boundary: the contact nodes.
-        motions: rigid motions of the body.
+        motions: the free rigid motions at its contact points.
         start: where the first load step starts.
         has_coulomb: whether the friction bound depends on the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
@@ -142,8 +141,7 @@ class Task:
 
     settings: SolverSettings
     system: ElasticSystem
-    boundary: ContactBoundary
-    motions: RigidMotions
+    motions: FreeMotions
     start: Start
     has_coulomb: bool
     natural_gamma: float
@@ -155,10 +153,10 @@ class Task:
     @cached_property
     def iterate(self) -> Iterate:
         """The iterates, which the algorithms share."""
-        return Iterate(self.settings, self.system, self.boundary, self.motions, self.history)
+        return Iterate(self.settings, self.system, self.motions, self.history)
 
-    def contact(self, outcome: Outcome, start: Start) -> ContactState:
-        """The contact nodes of this rank in a result, with displacements from the initial position.
+    def contact(self, outcome: Outcome, start: Start) -> PointState:
+        """The contact points of this rank in a result, with displacements from the initial position.
 
         Args:
             outcome: how the load step ended.
@@ -170,8 +168,8 @@ class Task:
         u_n, u_t = problem.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
         pressure, shear = outcome.newton.multipliers()
-        return ContactState(
-            boundary=self.boundary,
+        return PointState(
+            points=self.system.contact.points,
             gap=data.gap + rest_n,
             u_n=u_n + rest_n,
             u_t=u_t + rest_t,
@@ -182,7 +180,7 @@ class Task:
             in_contact=sets.contact,
             direction=sets.direction,
             has_friction=data.has_friction,
-            bilateral=np.zeros(self.boundary.size, dtype=bool) if data.bilateral is None else data.bilateral,
+            bilateral=np.zeros_like(sets.contact) if data.bilateral is None else data.bilateral,
             slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
         )
@@ -210,17 +208,16 @@ class Iterate:
         self,
         settings: SolverSettings,
         system: ElasticSystem,
-        boundary: ContactBoundary,
-        motions: RigidMotions,
+        motions: FreeMotions,
         history: History,
     ) -> None:
         # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
         self._settings, self._history = settings, history
-        self._system, self._boundary, self._motions = system, boundary, motions
+        self._system, self._motions = system, motions
         self.x: PETSc.Vec = system.start.copy()
         self._fall_backs = FallBacks()
 
-    def _newton(self, problem: ContactProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
+    def _newton(self, problem: Problem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
         return SemismoothNewton(
             problem,
@@ -235,7 +232,7 @@ class Iterate:
     @cached_property
     def newton(self) -> SemismoothNewton:
         """The inner method on the regularised problem."""
-        return self._newton(RegularisedProblem(self._system, self._boundary, self._motions), self.x)
+        return self._newton(RegularisedProblem(self._system, self._motions), self.x)
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:
@@ -245,8 +242,8 @@ class Iterate:
     @cached_property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        system = rotate(self._system, self._boundary)
-        return self._newton(ExactProblem(system, self._boundary, self._motions), system.start.copy())
+        system = rotate(self._system)
+        return self._newton(ExactProblem(system, self._motions), system.start.copy())
 
     @cached_property
     def exact_unsymmetric_newton(self) -> SemismoothNewton:

@@ -29,8 +29,8 @@ from signorini_fx.accuracy.price_list import (
     price_list,
     with_polygon,
 )
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.material import plane_modulus
-from signorini_fx.contact.state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.hierarchy import scene_on

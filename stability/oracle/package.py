@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.contact.table import contact_table
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve

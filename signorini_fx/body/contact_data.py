@@ -18,6 +18,8 @@ from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, T
 from signorini_fx.scene.settings import Box
 from signorini_fx.tuned import AUTOMATIC_GAMMA
 
+_ALONG_AXIS = 1e-12
+
 
 def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
     """Nodal data of the friction laws; None where no law can act."""
@@ -92,6 +94,31 @@ def _checked(value: Any, x: Nodal, boundary: ContactBoundary, path: str, *, mini
         error = SceneError([(path, f"is {values[bad[0]]:g} at ({place}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)
     return values
+
+
+def check_exact(boundary: ContactBoundary) -> None:
+    """Check that the displacement of every contact node can be told in its normal and tangents; collective.
+
+    Raises:
+        SceneError: contact points average, a contact node has two normals, or a prescribed component along neither its
+            normal nor a tangent.
+    """
+    nodes, counts = np.unique(boundary.nodes, return_counts=True)
+    sizes = np.abs(boundary.frames_in_axes)
+    off = (1.0 - sizes.max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS
+    # A prescribed component may stay an unknown of its own: then it is along the normal or a tangent.
+    apart = (~boundary.free & (1.0 - sizes.max(axis=2) >= _ALONG_AXIS)).any(axis=1)
+    for reason, here in (
+        (
+            "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
+            boundary.averages is not None,
+        ),
+        ("a contact node has two normals", nodes[counts > 1].size > 0),
+        ("a contact node is prescribed askew to its normal", bool((off & apart).any())),
+    ):
+        if parallel.any_rank(boundary.comm, here):
+            text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
+            raise SceneError([("solver.algorithm", text)])
 
 
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import chains
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import length
-from signorini_fx.contact.state import ContactState
 from signorini_fx.display import html_table
 
 # Rows of a table that a notebook shows.

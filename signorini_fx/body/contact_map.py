@@ -1,0 +1,60 @@
+"""The contact map B of a contact boundary: what points reach are nodes, which it selects, or averages, and rotates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.map import ContactMap
+
+# Below it a component of a unit vector is round-off.
+_ROUND_OFF = 1e-14
+
+
+def contact_map(
+    boundary: ContactBoundary | None,
+    fixed: npt.NDArray[np.bool_],
+    matrix: PETSc.Mat,
+    rotation: PETSc.Mat | None,
+    dimension: int,
+) -> ContactMap:
+    """B from the unknowns of the stiffness; collective.
+
+    Args:
+        boundary: the contact points; None: there are none.
+        fixed: the prescribed unknowns of this rank.
+        matrix: the stiffness, for the layout of x.
+        rotation: Q, where displacements are y = Q x; None: they are x.
+        dimension: of space.
+    """
+    (columns, _), _ = matrix.getSizes()
+    if boundary is None:
+        return ContactMap.without_contact(matrix, fixed, dimension)
+    count, dim = boundary.size, dimension
+    nodes = boundary.reached.astype(np.int64)
+    point, values = np.arange(count), boundary.frames.transpose(0, 2, 1)
+    room: Any = (dim, 0)
+    if boundary.averages is not None:
+        shares = boundary.averages.shares.tocoo()
+        point, nodes = shares.row, nodes[shares.col]
+        values = shares.data[:, None, None] * values[point]
+        most = dim * int(np.bincount(point, minlength=count).max(initial=1))
+        room = (min(most, columns), most)
+    operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
+    if point.size:
+        rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
+        unknowns = dim * nodes[:, None] + np.arange(dim)
+        values = np.ascontiguousarray(values)
+        operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
+    operator.assemble()
+    found = ContactMap(operator, boundary.points, fixed)
+    if rotation is None:
+        return found
+    # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
+    found = found.after(rotation, fixed)
+    found.operator.chop(_ROUND_OFF)
+    return found

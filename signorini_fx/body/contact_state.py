@@ -1,0 +1,67 @@
+"""Results at the contact points together with where these are: forces and moments in the axes of space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.state import PointState
+
+
+@dataclass(frozen=True, repr=False)
+class ContactState(PointState):
+    """The contact nodes of this rank after a solve, see ``PointState``.
+
+    Attributes:
+        boundary: nodes, weights and normals.
+    """
+
+    boundary: ContactBoundary
+
+    @classmethod
+    def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:
+        """A state at the points of a boundary."""
+        return cls(**{field.name: getattr(state, field.name) for field in fields(state)}, boundary=boundary)
+
+    @cached_property
+    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
+        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
+        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
+        comm = self.boundary.comm
+        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
+
+    @cached_property
+    def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Moments of ``forces`` about the origin, in space only, shape (3,); collective."""
+        boundary = self.boundary
+        none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
+        found = [
+            parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
+            for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
+        ]
+        return found[0], found[1]
+
+    @cached_property
+    def mean_tangential_displacement(self) -> float | Nodal:
+        """Mean of tau_T y over the contact boundary, length: along the tangent; in space a vector, shape (3,);
+        collective.
+        """
+        weight = self.boundary.weight
+        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.tangential(self.u_t), weight.sum()))
+        mean: Nodal = sums[:-1] / sums[-1]
+        return float(mean[0]) if mean.size == 1 else mean
+
+    def tangential(self, vectors: Nodal) -> Nodal:
+        """Tangential vectors, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
+        vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
+        """
+        if vectors.shape[1] == 1:
+            return vectors
+        return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))

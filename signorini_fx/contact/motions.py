@@ -1,0 +1,137 @@
+"""The rigid motions that supports leave free, at the contact points: all that statics needs to know of a body.
+
+They are the columns of B times the motions.  Several bodies, or pieces of one that can move apart, are assemblies: a
+motion moves one of them only, and a contact point belongs to one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.points import ContactPoints
+
+# Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
+_HELD = 1e-8
+# Share of the sum of the magnitudes of all forces below which their resultant is round-off.
+_NO_LOAD = 1e-8
+# Share of a motion that is only round-off.
+_ROUND_OFF = 1e-10
+
+
+@dataclass(frozen=True)
+class RigidLoad:
+    """A load on the free rigid motions, k of them.
+
+    Attributes:
+        work: on each motion, forces, shape (k,).
+        size: sum of the magnitudes of the nodal forces on the assembly that each motion moves, shape (k,).
+        assembly: number of that assembly, shape (k,).
+    """
+
+    work: Nodal
+    size: Nodal
+    assembly: npt.NDArray[np.int64]
+
+
+def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
+    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
+    each other to round-off.  This is the only place that decides whether a load acts on a rigid body.
+
+    Args:
+        loads: factors, and the loads.
+        count: k.
+    """
+    work, size = np.zeros(count), np.zeros(count)
+    for factor, load in loads:
+        work += factor * load.work
+        size += abs(factor) * load.size
+    if not loads or not count:
+        return work
+    assembly = loads[0][1].assembly
+    length = np.sqrt(np.bincount(assembly, work**2))[assembly]
+    return np.where(length > _NO_LOAD * size, work, 0.0)
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """The free rigid motions at the contact points of this rank, k of them.
+
+    Attributes:
+        points: the contact points, n of them.
+        relative: relative displacement of each motion in the frame (n, T) of each point, shape (n, d, k).
+        assembly: number of the assembly that each motion moves, from 0, shape (k,).
+        of_point: number of the assembly that each point is in, shape (n,).
+    """
+
+    points: ContactPoints
+    relative: Nodal
+    assembly: npt.NDArray[np.int64]
+    of_point: npt.NDArray[np.int64]
+
+    @property
+    def count(self) -> int:
+        """Number of motions, k."""
+        return int(self.assembly.size)
+
+    @property
+    def normal(self) -> Nodal:
+        """The motions along the normal of each point, shape (n, k)."""
+        return self.relative[:, 0]
+
+    @property
+    def tangential(self) -> Nodal:
+        """The motions along its tangents, shape (n, d - 1, k)."""
+        return self.relative[:, 1:]
+
+    def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_]]]:
+        """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
+        for number in np.unique(self.assembly):
+            yield int(number), self.assembly == number
+
+    def some(self, rows: npt.NDArray[np.int64], points: ContactPoints) -> FreeMotions:
+        """The same motions at some of the points."""
+        return replace(self, points=points, relative=self.relative[rows], of_point=self.of_point[rows])
+
+    def unheld(
+        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], turned: Nodal | None = None
+    ) -> npt.NDArray[np.bool_]:
+        """Which assemblies have a motion that neither contact at ``normal`` points nor stick at ``stick`` points
+        resists, shape (assemblies,); collective.
+
+        Args:
+            normal: the points in contact, shape (n,).
+            stick: the points that stick, shape (n,).
+            turned: directions of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
+                not.
+        """
+        unresisted = np.zeros(int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1, dtype=bool)
+        if not self.count:
+            return unresisted
+        found = [self.normal[normal], *self.tangential[stick].swapaxes(0, 1)]
+        if turned is not None and turned.shape[1] > 1:
+            slip = turned.any(axis=1)
+            tangential = self.tangential[slip]
+            along = np.einsum("it,itk->ik", turned[slip], tangential)
+            across = tangential - turned[slip][:, :, None] * along[:, None]
+            found += [*across.swapaxes(0, 1)]
+        rows = np.concatenate(found)
+        moved = np.square(self.relative).sum(axis=(0, 1))
+        gram = parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))
+        for number, columns in self.assemblies():
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            # The resistance relative to the motion of the points: below this it is the round-off of their positions.
+            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
+            unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
+        return unresisted
+
+    def held_by(self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], turned: Nodal | None = None) -> bool:
+        """Whether points in contact, sticking, and slipping in another direction resist every motion, see ``unheld``;
+        collective.
+        """
+        return not self.unheld(normal, stick, turned).any()

@@ -1,0 +1,226 @@
+"""The interface of a contact problem for the semi-smooth Newton method, and what all problems share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.contact.holding_sets import fewest_constraints, hold
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, length, release
+from signorini_fx.contact.motions import FreeMotions
+from signorini_fx.contact.points import ContactPoints
+from signorini_fx.contact.statics import Escape, no_balance
+from signorini_fx.linalg import ElasticSystem
+from signorini_fx.records import Status
+
+# Share of the stiffness times the displacement of which a residual of 1e-8 is still above round-off.
+_ATTAINABLE = 1e-7
+
+
+@dataclass(frozen=True)
+class NextSets:
+    """The active sets of the next linear solve, and where they come from.
+
+    Attributes:
+        sets: the sets of the next linear solve.
+        trial: the sets that follow from the iterate; ``sets`` differ from them if they would not hold the body.
+        repaired: whether ``sets`` differ from them.
+        escapes: the status if the body moves away whatever the sets are; None: it does not.
+    """
+
+    sets: ActiveSets
+    trial: ActiveSets
+    repaired: bool = False
+    escapes: Status | None = None
+
+
+class Problem(ABC):
+    """A contact problem as residual and Jacobian.
+
+    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without changing
+    ``sets``, so that SNES may evaluate it any number of times; assembling the Jacobian makes the next sets current.
+
+    Args:
+        system: the elastic system.
+        motions: the free rigid motions at its contact points.
+
+    Attributes:
+        system: the elastic system.
+        points: its contact points.
+        data: the data that outer algorithms change.
+        sets: active sets of the last linear solve.
+        next: active sets of the last residual.
+        force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
+        moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
+            none, or too many to tell.
+    """
+
+    def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
+        self.system = system
+        self.points: ContactPoints = system.contact.points
+        self.data: RegularisedData
+        self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
+        self.next = NextSets(self.sets, self.sets)
+        self.force_scale = 0.0
+        self.moved: int | None = None
+        self._motions = motions
+        self._forced_first = False
+        self._definite: set[int] = set()
+        self._stiffness = parallel.global_max(
+            system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
+        )
+
+    @property
+    def affine(self) -> bool:
+        """Whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and sets
+        that come back mean a cycle: not in space, where the direction of slip changes.
+        """
+        return self.points.dimension == 2 or not self.data.has_friction
+
+    def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
+        """Begin a new problem.
+
+        Args:
+            data: its data.
+            first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
+        """
+        self.data = data
+        moved = self.system.start.copy()
+        moved.getArray()[self.system.fixed] = 0.0
+        self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
+        if self._lifted is not None:
+            self.system.matrix.mult(moved, self._lifted)
+        self._escaping: tuple[Escape | None] | None = None
+        self._forced_first = first_sets is not None
+        if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
+            self.sets = self.sets.sticking(np.isinf(data.bound))
+        if first_sets is not None:
+            first = release(first_sets, data)
+            self.next = NextSets(first, first)
+
+    @abstractmethod
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) at the contact points for given sets."""
+
+    @abstractmethod
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """The friction bounds of the current and the next sets."""
+
+    @abstractmethod
+    def away(self, x: PETSc.Vec) -> Nodal:
+        """Distance of mu from the projection (3.4) at each contact point, stress, shape (n,)."""
+
+    @abstractmethod
+    def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """The residual with the sets that follow from x."""
+
+    @abstractmethod
+    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+        """The Jacobian with the sets of the last residual, which become the current ones."""
+
+    @abstractmethod
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """Note that the current Jacobian is factorised."""
+
+    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y) at the contact points."""
+        return self.system.contact.traces(x)
+
+    def law_residual(self, x: PETSc.Vec) -> float:
+        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels;
+        collective.
+        """
+        bound, _ = self.friction_bounds(x)
+        pressure, shear = self.multipliers(x, self.sets)
+        alone, felt = self.points.felt(shear), self.points.felt(shear, pressure)
+        left = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
+        # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
+        # what a pressure and a shear undo in each other.
+        felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
+        size = parallel.local_max(felt)
+        away, size = (
+            parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
+        )
+        return away / size if size > 0 else away
+
+    def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
+        """Accept these sets as those of the solution if the residual is at most a share of the forces; collective.
+
+        Never, where sets are constraints.
+        """
+        return False
+
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """Whether these sets resist every rigid motion; collective."""
+        stick = ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
+        return self._motions.held_by(sets.contact, stick, sets.turned if data.has_friction else None)
+
+    def constraints(
+        self, sets: ActiveSets, opening: Nodal, slipping: Nodal
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Points that would hold the body if they were fixed, see ``fewest_constraints``; collective."""
+        return fewest_constraints(sets, opening, slipping, self._motions)
+
+    def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
+        data = self.data
+        if not np.isfinite(data.gamma_n):
+            return False
+        u_n, u_t = self.traces(x)
+        stretch = data.gamma_n * np.maximum(np.abs(u_n), np.abs(data.gap))
+        if data.has_friction:
+            stretch = np.maximum(stretch, data.gamma_t * length(u_t))
+        largest = parallel.global_max(self.system.comm, parallel.local_max(self.points.weight * stretch))
+        return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
+
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """A matrix with the pattern of the Jacobian: a copy of A."""
+        jacobian = self.system.matrix.duplicate(copy=True)
+        if symmetric:
+            self._definite.add(jacobian.handle)
+        return jacobian
+
+    def _declare(self, jacobian: PETSc.Mat) -> None:
+        """PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T."""
+        if jacobian.handle in self._definite:
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+
+    def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
+        """Choose next sets that hold the body, or note that it moves away."""
+        points, motions, resultant = self.points, self._motions, self.system.resultant
+        # Not finite: the convergence test ends the iteration, and such numbers have no order to choose sets by.
+        if parallel.any_rank(points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
+            self.next = NextSets(trial, trial)
+            return
+
+        def escaping() -> Status | None:
+            if self._escaping is None:  # until the data change
+                data, none = self.data, np.zeros(points.size)
+                law = FrictionLaw(*(none if part is None else part for part in (data.bound, data.coupling)))
+                self._escaping = (no_balance(law, data.bilateral, motions, resultant, data.gap),)
+            (found,) = self._escaping
+            return None if found is None else found.status
+
+        sets, escapes, repaired = hold(trial, self.sets, pressure, shear, self.data, motions, escaping)
+        self.next = NextSets(sets, trial, repaired, escapes)
+
+    def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Use the size of the forces A x as the scale of the residual.
+
+        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.  Beside one
+        there is its force on the free rows, however large; only what differs from a rigid motion does anything.
+        """
+        acting = []
+        for vector in (forces, self.system.load):
+            free = vector.copy()
+            if self._lifted is not None:
+                free.axpy(-1.0, self._lifted)
+            free.getArray()[self.system.fixed] = 0.0
+            acting.append(free.norm())
+        self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
