@@ -2560,16 +2560,7 @@ MUTANTS = (
         "Status.SINGULAR if self._broke_down() else Status.NOT_FINITE",
         "Status.SINGULAR",
         "numbers that were not finite before are called a singular matrix",
-        within="SemismoothNewton._reason",
         tests=("units::test_what_a_solve_cannot_do",),
-    ),
-    Mutant(
-        "ssn",
-        "Status.SINGULAR if self._broke_down() else Status.NOT_FINITE",
-        "Status.SINGULAR",
-        "residuals that are no numbers are called a singular matrix",
-        within="SemismoothNewton._test",
-        tests=("units::test_what_a_solve_gives",),
     ),
     Mutant(
         "solving/one_mesh",

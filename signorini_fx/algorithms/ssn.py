@@ -313,8 +313,6 @@ class SemismoothNewton:
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
-        if not np.isfinite(norms[2]):
-            return self._stop(Status.SINGULAR if self._broke_down() else Status.NOT_FINITE)
         if k > 0 and changed == 0:
             if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
