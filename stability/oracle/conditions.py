@@ -14,6 +14,8 @@ from stability.oracle.elements import Array, Ints, at_points
 
 # Relative to the largest force, stress and length of the deformation at hand.
 TOLERANCE = 1e-6
+# Below it everything counts as zero: the square of such a number is none.
+LEAST = 1e-150
 _EPS = float(np.finfo(float).eps)
 
 
@@ -187,7 +189,7 @@ def violations(
     moved = float(np.abs(u).max())
     figures = {}
     wrong = np.abs(u.ravel() - prescribed)[~free]
-    figures["support"] = float(wrong.max(initial=0.0)) / max(1e-9 * moved, 1e-300)
+    figures["support"] = float(wrong.max(initial=0.0)) / max(1e-9 * moved, LEAST)
     # Equilibrium at every free dof, contact tractions included.
     inner, load = body.stiffness @ u.ravel(), body.load(step)
     taken = contact.forces(pressure, shear, len(u))
@@ -195,7 +197,7 @@ def violations(
     # Contact forces on supported unknowns have no effect, however large they are.
     force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(taken[free]).max(initial=0.0)))
     residual = np.abs(inner - load + taken)[free]
-    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
+    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, LEAST)
     # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
     # At a node that a support holds in part, pressure and shear may be anything: only what the body feels sets a scale.
@@ -205,9 +207,9 @@ def violations(
     stress = max(float(acting), 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
-    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
+    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
     # What is added to the slip and the shear of the step before has their round-off.
-    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)
+    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
     faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)

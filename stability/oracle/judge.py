@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from stability.oracle import convex, statics
 from stability.oracle.body import Body, Mesh, listed
 from stability.oracle.conditions import (
+    LEAST,
     Contact,
     Origin,
     Tractions,
@@ -221,7 +222,7 @@ def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, o
     """Columns of the contact table that say what the displacement and the scene say as well."""
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
-    moved = max(float(np.abs(u).max()), 1e-300)
+    moved = max(float(np.abs(u).max()), LEAST)
     bound = contact.bound(table["pressure"])
     columns = {
         "u_n": (u_n, moved),
@@ -232,7 +233,7 @@ def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, o
         "n_y": (contact.normal[:, 1], 1.0),
     }
     if contact.has_friction:
-        columns["bound"] = (bound, max(float(bound.max()), 1e-300))
+        columns["bound"] = (bound, max(float(bound.max()), LEAST))
         columns["slip"] = (u_t - origin.u_t, max(moved, float(np.abs(origin.u_t).max(initial=0.0))))
     return {
         f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)

@@ -13,7 +13,7 @@ from scipy.sparse import coo_array, csr_array, vstack
 
 from stability.oracle import elements as plane
 from stability.oracle.body import listed
-from stability.oracle.conditions import TOLERANCE
+from stability.oracle.conditions import LEAST, TOLERANCE
 from stability.oracle.elements import Array, Ints, at_points
 from stability.oracle.space.body import Body
 
@@ -251,7 +251,7 @@ def violations(
     moved = float(np.abs(u).max())
     figures = {}
     wrong = np.einsum("nij,nj->ni", body.held, u - body.prescribed(step))
-    figures["support"] = float(np.abs(wrong).max()) / max(1e-9 * moved, 1e-300)
+    figures["support"] = float(np.abs(wrong).max()) / max(1e-9 * moved, LEAST)
     # Equilibrium in every free direction, contact tractions included.
     inner, load = body.stiffness @ u.ravel(), body.load(step)
     taken = contact.forces(pressure, shear)
@@ -260,7 +260,7 @@ def violations(
     felt = body.free.T @ taken
     force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0)))
     residual = np.abs(body.free.T @ (inner - load + taken))
-    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, 1e-300)
+    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, LEAST)
     # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
     # Where a support holds a point in part, pressure and shear may be anything: what the body feels sets the scale.
@@ -276,9 +276,9 @@ def violations(
     stress = max(acting, 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
-    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), 1e-300)
+    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
     # What is added to the slip and the shear of the step before has their round-off.
-    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), 1e-300)
+    near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
     faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)

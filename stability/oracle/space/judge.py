@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stability.oracle.body import Mesh, listed
+from stability.oracle.conditions import LEAST
 from stability.oracle.convex import cvxopt
 from stability.oracle.elements import Array, Ints
 from stability.oracle.judge import (
@@ -150,7 +151,7 @@ def _table(
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t
     # What loads and tractions make of the displacement has their round-off.
-    moved = max(float(np.abs(u).max()), 1e9 * round_off(body, step), 1e-300)
+    moved = max(float(np.abs(u).max()), 1e9 * round_off(body, step), LEAST)
     moved = max(moved, 1e3 * deformation(body, u) if body.steps > 1 else 0.0)
     columns: dict[str, tuple[Array, float]] = {
         "u_n": (u_n, moved),
@@ -162,9 +163,9 @@ def _table(
     }
     if contact.rubs.any():
         bound = contact.bound(table["pressure"])
-        columns["bound"] = (bound, max(float(bound.max()), 1e-300))
+        columns["bound"] = (bound, max(float(bound.max()), LEAST))
         # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
-        pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), 1e-300)
+        pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), LEAST)
         columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
         scale = max(moved, float(np.abs(origin.u_t).max(initial=0.0)))
         columns |= {f"slip_{axis}": (slip[:, k], scale) for k, axis in enumerate("xyz")}
