@@ -2849,13 +2849,6 @@ MUTANTS = (
         tests=("linalg::test_scaled_loads", "linalg", "python_interface"),
     ),
     Mutant(
-        "solving/solver",
-        "levels[-1].dofs >= solved.level.dofs",
-        "False",
-        "price list: a mesh that cannot be coarser counts twice",
-        tests=("price_list", "mesh_levels"),
-    ),
-    Mutant(
         "solving/one_mesh",
         "replace(data, gap=shown.contact.gap)",
         "data",
@@ -2864,41 +2857,10 @@ MUTANTS = (
     ),
     Mutant(
         "solving/to_accuracy",
-        "error + left <= goal.target",
-        "error <= goal.target",
-        "accuracy without the regularisation",
-        tests=("accuracy::test_gamma_is_raised_where_it_is_in_the_way",),
-    ),
-    Mutant(
-        "solving/to_accuracy",
         "rows[-2]",
         "rows[-1]",
         "accuracy: the error of the next mesh for that of this one",
         tests=("accuracy::test_uniform_meshes_jump_to_what_is_needed",),
-    ),
-    Mutant(
-        "solving/to_accuracy",
-        '{"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}',
-        '{"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": data.gamma_t}',
-        "accuracy: gamma_t stays",
-        tests=("accuracy::test_gamma_is_raised_where_it_is_in_the_way",),
-    ),
-    Mutant(
-        "solving/to_accuracy",
-        "spent + following.seconds > goal.seconds",
-        "following.seconds > goal.seconds",
-        "budget: seconds that are spent forgotten",
-        tests=("accuracy::test_budget_ends_by_name",),
-    ),
-    Mutant(
-        "solving/to_accuracy",
-        "ceil(self._divisions * jump - 1e-9)",
-        "int(self._divisions * jump)",
-        "accuracy: meshes too coarse by a division",
-        tests=(
-            "accuracy::test_uniform_meshes_jump_to_what_is_needed",
-            "accuracy::test_nodes_where_loads_jump_are_kept",
-        ),
     ),
     Mutant(
         "body/contact_boundary",
