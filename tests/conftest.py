@@ -19,7 +19,8 @@ import pytest
 from _pytest.config import create_terminal_writer
 from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
-from hypothesis import settings
+from hypothesis import given, settings
+from hypothesis.strategies import none
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()
@@ -44,6 +45,9 @@ def pytest_configure(config):
 
 def pytest_collection_finish():
     """The garbage collector need not visit libraries and tests, most of all objects that there are, again and again."""
+    given(none())(
+        lambda _: None
+    )()  # hypothesis makes its generator of random numbers, and asks the collector who has it
     gc.collect()
     gc.freeze()
 
