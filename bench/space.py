@@ -23,7 +23,7 @@ from petsc4py import PETSc
 
 from signorini_fx import solve, sweep
 from signorini_fx.linalg import krylov, multigrid
-from signorini_fx.linalg.mesh_levels import MeshLevel
+from signorini_fx.linalg.elasticity import Level
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
@@ -160,7 +160,7 @@ def _watch() -> Iterator[tuple[list[tuple[int, int]], list[int]]]:
         configure(self, ksp, **how)
         ksp.setPostSolve(lambda solver, b, _x: steps.append((b.getSize(), solver.getIterationNumber())))
 
-    def counted(matrix: PETSc.Mat, level: MeshLevel | None = None) -> multigrid.Hierarchy:
+    def counted(matrix: PETSc.Mat, level: Level | None = None) -> multigrid.Hierarchy:
         sizes.append(matrix.getSize()[0])
         return create(matrix, level)
 

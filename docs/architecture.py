@@ -28,17 +28,19 @@ LAYERS = (
     "report",
     "pictures",
     "accuracy",
-    "algorithms",
-    "problem",
-    "linalg",
     "body",
     "mesh",
     "scene",
+    "algorithms",
+    "problem",
+    "linalg",
     "contact",
     "ground",
     "machine",
     "errors",
 )
+# The packages that solve a contact problem given by matrices: they import nothing of those above them.
+CORE = ("algorithms", "problem", "linalg", "contact")
 TOP_LEVEL = {
     "cli": ("__main__",),
     "ground": (

@@ -63,12 +63,20 @@ def test_vectors_of_dolfinx_are_not_made_petscs(name):
     assert calls == []
 
 
-@pytest.mark.parametrize("folder", ["algorithms", "linalg"])
-def test_the_seams_know_no_forms(folder):
-    """Neither the algorithms nor the linear algebra import ufl."""
+@pytest.mark.parametrize("folder", architecture.CORE)
+def test_the_core_stands_alone(folder):
+    """It knows neither forms nor meshes nor scenes, and imports none of the packages above it, anywhere in a file."""
+    above = architecture.LAYERS[: architecture.LAYERS.index("algorithms")]
+    strangers = ("dolfinx", "ufl", "basix", "pydantic", *(f"signorini_fx.{layer}" for layer in above))
     files = sorted((PACKAGE / folder).glob("*.py"))
     assert len(files) >= 2
-    assert {file.name: uses(file, "ufl") for file in files} == {file.name: set() for file in files}
+    assert {file.name: uses(file, *strangers) for file in files} == {file.name: set() for file in files}
+
+
+def test_the_core_is_small():
+    """Lines of its packages, comments and docstrings included."""
+    files = [path for folder in architecture.CORE for path in (PACKAGE / folder).glob("*.py")]
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= 6500
 
 
 def test_algorithms_and_linear_algebra_are_strangers():

@@ -12,8 +12,8 @@ from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.linalg import multigrid
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene

@@ -120,7 +120,7 @@ def test_resultant(step, factor):
 
     def resultant(d):
         system = contact_task(d, d.boundary, History()).system
-        system.set_step(step)
+        system.set_load(d.factors(step))
         return np.round(system.resultant, 9).tolist()
 
     together, alone = both(resultant, steps)

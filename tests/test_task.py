@@ -57,17 +57,17 @@ def test_friction_bound_and_slip(task):
 
 def test_a_cap_limits_given_friction_in_statics(task):
     """As it does in the law itself, times the weight of the node."""
-    given, none = np.linspace(1.0, 5.0, task.boundary.size), np.zeros(task.boundary.size)
+    given, none = np.linspace(1.0, 5.0, task.motions.points.size), np.zeros(task.motions.points.size)
     law = FrictionLaw(given, none, np.full_like(given, 3.0))
-    found = reactions(task.boundary, task.motions, law, None).given
-    np.testing.assert_allclose(found, task.boundary.weight * law.bound(none), rtol=1e-14)
-    assert found.max() < (task.boundary.weight * given).max()
+    found = reactions(task.motions, law, None).given
+    np.testing.assert_allclose(found, task.motions.points.weight * law.bound(none), rtol=1e-14)
+    assert found.max() < (task.motions.points.weight * given).max()
 
 
 def test_bilateral_friction_has_no_limit_in_statics(task):
     """Where the foundation may pull as well as push, F |lambda| is not convex: statics sets it no limit."""
-    bilateral = np.arange(task.boundary.size) % 2 == 0
+    bilateral = np.arange(task.motions.points.size) % 2 == 0
     law = FrictionLaw(np.zeros(bilateral.size), np.full(bilateral.size, 0.3))
-    found = reactions(task.boundary, task.motions, law, bilateral)
+    found = reactions(task.motions, law, bilateral)
     np.testing.assert_array_equal(np.isinf(found.given), bilateral)
     np.testing.assert_array_equal(found.coefficient, np.where(bilateral, 0.0, 0.3))

@@ -413,7 +413,7 @@ def test_what_a_solve_gives(value, status):
 
 def test_forces_that_are_no_numbers_without_contact(monkeypatch):
     """The outcome has the same name."""
-    monkeypatch.setattr(AssembledSystem, "set_step", lambda system, *_: system.load.set(np.inf))
+    monkeypatch.setattr(AssembledSystem, "set_load", lambda system, *_: system.load.set(np.inf))
     held = (PrescribedDisplacement(boundary="top", x=0.0, y=0.0),)
     scene = example1(nx=6, ny=2).model_copy(update={"contact": (), "displacement": held})
     with np.errstate(all="ignore"):

@@ -21,7 +21,6 @@ from signorini_fx.body.averages import averaging, averaging_forms
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.loads import (
     AppliedLoad,
-    LoadCase,
     applied_load,
     check_finite,
     load_case,
@@ -34,11 +33,15 @@ from signorini_fx.body.rigid import RigidMotions, rigid_motions
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import MeshError, SceneError, together
+from signorini_fx.linalg.choice import SystemSize
+from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import PrescribedDisplacement, Scene
+from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.
 LOCKING_POISSON = 0.45
@@ -93,6 +96,22 @@ class Body:
         index_map = self.space.dofmap.index_map
         return int(index_map.size_global * self.space.dofmap.index_map_bs)
 
+    def factors(self, place: float) -> npt.NDArray[np.float64]:
+        """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
+        return np.array([factor_at(load.factors, place) for load in self.applied])
+
+    @property
+    def system_size(self) -> SystemSize:
+        """The figures that decide which kind of elastic system it gets; collective."""
+        dim, boundary = self.tagged.dimension, self.boundary
+        retained, held = 0, False
+        if boundary is not None:
+            retained = dim * int(parallel.global_sum(self.comm, np.array(np.unique(boundary.reached).size)))
+            everywhere = boundary.points.everywhere
+            held = self.motions.at(boundary).held_by(everywhere, everywhere)
+        compressible = max(material.poisson for material in self.scene.material) <= LARGEST_MULTIGRID_POISSON
+        return SystemSize(self.comm, self.dofs, dim, retained, held, compressible)
+
 
 @dataclass(frozen=True)
 class Discretisation(Body):
@@ -102,7 +121,7 @@ class Discretisation(Body):
         forms: the compiled terms of a(., .).
         stiffness: a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its
             largest entry on their diagonal.
-        cases: the right-hand sides of the applied loads.
+        cases: the right-hand sides of the applied loads, in their order.
         rotation: Q from the unknowns of ``stiffness`` and ``cases`` to displacements; None: they are the same.
     """
 

@@ -17,11 +17,10 @@ from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
 from signorini_fx.body.rigid import RigidMotions, nearest_motion
 from signorini_fx.body.turned_supports import TurnedNodes
-from signorini_fx.contact.motions import RigidLoad, total_work
 from signorini_fx.errors import SceneError
+from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
 from signorini_fx.scene.expressions import Expression, sample
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
 
@@ -53,29 +52,6 @@ class AppliedLoad:
 
 # Ten points on a facet: the error for a jump within it is part of the error estimate (``data_error``).
 _VARYING_DEGREE = 20
-
-
-@dataclass(frozen=True)
-class LoadCase:
-    """The right-hand side of an ``AppliedLoad``.
-
-    Attributes:
-        factors: one number per load step.
-        load: L minus the contribution of its prescribed displacements; the ``diagonal`` of their rows
-            times their value there.
-        start: the rigid motion that is nearest to its prescribed displacements, with these inserted.
-        resultant: L on the free rigid motions; forces that strains cause do no work on them.
-    """
-
-    factors: tuple[float, ...]
-    load: PETSc.Vec
-    start: PETSc.Vec
-    resultant: RigidLoad
-
-
-def load_resultant(cases: tuple[LoadCase, ...], step: float, count: int) -> npt.NDArray[np.float64]:
-    """The work of the loads of a load step on the free rigid motions, shape (count,), see ``rigid.total_work``."""
-    return total_work([(factor_at(case.factors, step), case.resultant) for case in cases], count)
 
 
 def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
@@ -219,7 +195,7 @@ def load_case(
         blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
         load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
     load.getArray()[fixed] = diagonal * applied.start[fixed]
-    return LoadCase(applied.factors, load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
+    return LoadCase(load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
 
 
 def turned_case(
@@ -246,7 +222,7 @@ def turned_case(
     moved = force.duplicate()
     rotation.multTranspose(force, moved)
     start.getArray()[~fixed] = moved.getArray(readonly=True)[~fixed]
-    return LoadCase(applied.factors, load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
+    return LoadCase(load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
 
 
 def _nearest(

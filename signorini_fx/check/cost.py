@@ -99,7 +99,7 @@ def estimated_cost(d: Body) -> Cost:
     friction = friction_kind(d.scene, d.scene.contact)
     solves = linear_solves(d.scene, friction, nodes, steps=d.scene.expected_steps, levels=d.scene.solver.levels)
     matrix = 12.0 * ROW_ENTRIES[dim] * n
-    kind, reason = choice.choose_kind(d, d.scene.solver.linear_algebra)
+    kind, reason = choice.choose_kind(d.system_size, d.scene.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
         seconds = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.linalg.elasticity import LoadCase
 
 
 class ElasticSystem(Protocol):
@@ -21,9 +22,9 @@ class ElasticSystem(Protocol):
     Attributes:
         comm: the ranks that share the system.
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
-        load: b of the current load step.
-        start: a vector x that satisfies the prescribed displacements of the current load step, elsewhere the rigid
-            motion that is nearest to them.
+        load: b, the load cases times their current factors.
+        start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
+            that is nearest to them.
         fixed: the prescribed entries of the local part of x.
         contact: B, from x to the relative displacement at the contact points.
     """
@@ -37,7 +38,7 @@ class ElasticSystem(Protocol):
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:
-        """The work of the loads of the current load step on the free rigid motions, the same on all ranks, shape (k,);
+        """The work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
         zero for an assembly whose loads balance each other to round-off.
         """
 
@@ -71,14 +72,17 @@ class ElasticSystem(Protocol):
             exact: whether the solve must have full accuracy.
         """
 
-    def set_step(self, step: float, scale: float = 1.0) -> None:
-        """Make ``load`` and ``start`` those of a load step, from 0, or of a place between two, times ``scale``."""
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
+        """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """All displacement dofs from x."""
+        """All unknowns of the stiffness from x."""
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
-        """A new x from all displacement dofs."""
+        """A new x from all unknowns of the stiffness."""
 
 
 def finite(values: PETSc.Mat | PETSc.Vec) -> bool:

@@ -1,4 +1,4 @@
-"""What the systems with all displacement dofs share: the stiffness as it was assembled, and its loads."""
+"""What the systems with all unknowns share: the stiffness as it was assembled, and its loads."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.body.contact_map import contact_map
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.scene.load_steps import factor_at
+from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 
 
 @dataclass
 class AssembledSystem:
-    """See ``ElasticSystem``: x holds the displacement dofs themselves, on any number of ranks."""
+    """See ``ElasticSystem``: x holds the unknowns of the stiffness themselves, on any number of ranks."""
 
     comm: MPI.Comm
     matrix: PETSc.Mat
@@ -28,30 +25,31 @@ class AssembledSystem:
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
     contact: ContactMap
-    cases: tuple[LoadCase, ...]
+    elasticity: Elasticity
+    cases: list[LoadCase]
 
     @classmethod
-    def of(cls, discretisation: Discretisation) -> Self:
-        """The system as it was assembled, at the first load step."""
-        d = discretisation
-        load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        contact = contact_map(d.boundary, d.fixed, d.stiffness, d.rotation, d.tagged.dimension)
-        resultant = np.zeros(d.motions.free.shape[1])
-        system = cls(
-            d.tagged.mesh.comm, contact.admitted(d.stiffness), load, start, resultant, d.fixed, contact, d.cases
-        )
-        system.set_step(0)
+    def of(cls, elasticity: Elasticity) -> Self:
+        """The system as it was assembled, with all load cases once."""
+        e = elasticity
+        load, start = e.matrix.createVecRight(), e.matrix.createVecRight()
+        matrix = e.contact.admitted(e.matrix)
+        system = cls(e.comm, matrix, load, start, np.zeros(e.free), e.fixed, e.contact, e, list(e.cases))
+        system.set_load(np.ones(len(e.cases)))
         return system
 
-    def set_step(self, step: float, scale: float = 1.0) -> None:
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
-        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
-        for case in self.cases:
-            factor = scale * factor_at(case.factors, step)
+        self.resultant = self.elasticity.resultant(self.cases, factors)
+        for factor, case in zip(factors, self.cases, strict=True):
             self.load.axpy(factor, case.load)
             self.start.axpy(factor, case.start)
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """Take another right-hand side."""
+        self.cases[number] = case
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""

@@ -4,110 +4,116 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
-import numpy as np
+from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Body, Discretisation
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
+from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
 from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.tuned import (
     FACTOR_ENTRIES,
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
-    LARGEST_MULTIGRID_POISSON,
     MEMORY_SHARE,
     MOST_CONDENSED_UNKNOWNS,
     SPARSE_OPERATIONS,
 )
 
-_KINDS: dict[str, Callable[[Discretisation], ElasticSystem]] = {
+_KINDS: dict[str, Callable[[Elasticity], ElasticSystem]] = {
     "full": FullSystem.of,
     "condensed": CondensedSystem.of,
+    "krylov": KrylovSystem.of,
 }
 
 
-def choose_system(
-    discretisation: Discretisation, requested: str, coarser: MeshLevel | None = None
-) -> tuple[ElasticSystem, str]:
+@dataclass(frozen=True)
+class SystemSize:
+    """The figures that decide which kind a system gets.
+
+    Attributes:
+        comm: the ranks that share the system.
+        unknowns: global number of unknowns.
+        dimension: d.
+        retained: unknowns that contact touches; 0 without contact.
+        held: whether contact and stick at all contact points hold every piece of the body.
+        compressible: whether the material is far enough from incompressible for multigrid.
+    """
+
+    comm: MPI.Comm
+    unknowns: int
+    dimension: int
+    retained: int
+    held: bool
+    compressible: bool
+
+
+def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind.
 
     Args:
-        discretisation: the assembled body.
+        elasticity: what it is made of.
+        size: its figures.
         requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
-        coarser: the body on a coarser mesh, for multigrid; None: there is none.
     """
-    kind, reason = choose_kind(discretisation, requested)
-    if kind == "krylov":
-        return KrylovSystem.of(discretisation, coarser), f"{kind}: {reason}"
-    return _KINDS[kind](discretisation), f"{kind}: {reason}"
+    kind, reason = choose_kind(size, requested)
+    return _KINDS[kind](elasticity), f"{kind}: {reason}"
 
 
-def choose_kind(d: Body, requested: str) -> tuple[str, str]:
+def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
     """``full``, ``krylov`` or ``condensed``, and the reason; collective.
 
     Args:
-        d: the body; without contact there is nothing to condense onto.
+        size: of the system; without contact there is nothing to condense onto.
         requested: as for ``choose_system``.
     """
     if requested == "krylov":
         return "krylov", "as asked for"
-    reached = d.boundary is not None
-    if d.boundary is not None:
-        everywhere = d.boundary.points.everywhere
-        reached = d.motions.at(d.boundary).held_by(everywhere, everywhere)
-        if not reached:
-            return "full", "the contact does not reach every piece of the body that supports do not hold"
-    retained = retained_unknowns(d)
-    if requested == "condensed" and reached and d.comm.size == 1 and has_package("mumps"):
+    if size.retained and not size.held:
+        return "full", "the contact does not reach every piece of the body that supports do not hold"
+    if requested == "condensed" and size.retained and size.comm.size == 1 and has_package("mumps"):
         return "condensed", "as asked for"
-    if not can_factorise(d.comm):
+    if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
-    against = against_condensing(d, retained)
+    against = against_condensing(size)
     if requested == "full":
         return "full", against or "set by the scene"
-    if (multigrid := for_multigrid(d)) is not None:
+    if (multigrid := for_multigrid(size)) is not None:
         return "krylov", multigrid
     if against is not None:
         return "full", against
-    memory = 3 * 8 * retained**2 / 2**20
-    return "condensed", f"{retained} of {d.dofs} unknowns are on the contact boundary, {memory:.0f} MB dense"
+    memory = f"{3 * 8 * size.retained**2 / 2**20:.0f} MB dense"
+    return "condensed", f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory}"
 
 
-def retained_unknowns(d: Body) -> int:
-    """Displacement components that contact reaches; collective."""
-    if d.boundary is None:
-        return 0
-    return d.tagged.dimension * int(parallel.global_sum(d.comm, np.array(np.unique(d.boundary.reached).size)))
-
-
-def for_multigrid(d: Body) -> str | None:
+def for_multigrid(size: SystemSize) -> str | None:
     """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return None
-    factor = 12.0 * factor_entries(d.dofs, d.tagged.dimension)
-    if factor > MEMORY_SHARE * parallel.machine_memory(d.comm):
-        return f"a factor for {d.dofs} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
-    faster = d.dofs >= krylov_from(d, "auto")
-    return f"for {d.dofs} unknowns in space multigrid is faster than a factor" if faster else None
+    factor = 12.0 * factor_entries(size.unknowns, size.dimension)
+    if factor > MEMORY_SHARE * parallel.machine_memory(size.comm):
+        return (
+            f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
+        )
+    faster = size.unknowns >= krylov_from(size, "auto")
+    return f"for {size.unknowns} unknowns in space multigrid is faster than a factor" if faster else None
 
 
-def krylov_from(d: Body, requested: str) -> float:
-    """Unknowns from which on a mesh of this body gets a Krylov method because it is faster; infinite: none does.
+def krylov_from(size: SystemSize, requested: str) -> float:
+    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite: none does.
 
     Args:
-        d: the body.
+        size: of the system on any of them.
         requested: as for ``choose_system``.
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
-    compressible = max(material.poisson for material in d.scene.material) <= LARGEST_MULTIGRID_POISSON
-    if not compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
+    if not size.compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
         return math.inf
-    return FEWEST_KRYLOV_UNKNOWNS.get(d.tagged.dimension, math.inf)
+    return FEWEST_KRYLOV_UNKNOWNS.get(size.dimension, math.inf)
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:
@@ -117,19 +123,20 @@ def factor_entries(unknowns: int, dimension: int) -> float:
     return unknowns * max(least, growing)
 
 
-def against_condensing(d: Body, retained: int) -> str | None:
-    """Why the system is not condensed onto ``retained`` unknowns of the contact boundary; None if it is."""
+def against_condensing(size: SystemSize) -> str | None:
+    """Why the system is not condensed onto the unknowns of the contact boundary; None if it is."""
+    retained = size.retained
     if retained == 0:
         return "there is no contact"
-    if d.comm.size > 1:
+    if size.comm.size > 1:
         return "more than one rank"
     if not has_package("mumps"):
         return "PETSc has no MUMPS"
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return "the options choose a linear solver"
-    if d.dofs < FEWEST_CONDENSED_UNKNOWNS:
-        return f"only {d.dofs} unknowns"
-    factor, exponent = SPARSE_OPERATIONS[d.tagged.dimension]
-    if retained**3 / 3 > factor * d.dofs**exponent or retained > MOST_CONDENSED_UNKNOWNS[d.tagged.dimension]:
-        return f"{retained} of {d.dofs} unknowns are on the contact boundary, too many for a dense matrix"
+    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
+        return f"only {size.unknowns} unknowns"
+    factor, exponent = SPARSE_OPERATIONS[size.dimension]
+    if retained**3 / 3 > factor * size.unknowns**exponent or retained > MOST_CONDENSED_UNKNOWNS[size.dimension]:
+        return f"{retained} of {size.unknowns} unknowns are on the contact boundary, too many for a dense matrix"
     return None

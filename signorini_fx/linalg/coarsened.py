@@ -55,9 +55,9 @@ class CoarsenedSystem(TransformedSystem):
         self.load.getArray()[:] = self.prolongation.T @ self.inner.load.getArray(readonly=True)
         self.start.getArray()[:] = self.inner.start.getArray(readonly=True)[self.retained]
 
-    def set_step(self, step: float, scale: float = 1.0) -> None:
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """As the finer system, restricted."""
-        self.inner.set_step(step, scale)
+        self.inner.set_load(factors)
         self._restrict()
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:

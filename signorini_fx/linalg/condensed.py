@@ -14,12 +14,9 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.body.contact_map import contact_map
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import LoadCase, load_resultant
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.scene.load_steps import factor_at
 
 
 @dataclass
@@ -33,47 +30,29 @@ class CondensedSystem:
     resultant: npt.NDArray[np.float64]
     fixed: npt.NDArray[np.bool_]
     contact: ContactMap
-    cases: tuple[LoadCase, ...]
+    elasticity: Elasticity
+    cases: list[_CondensedCase]
     schur: SchurComplement
-    interior: tuple[PETSc.Vec, ...]
-    condensed: npt.NDArray[np.float64]
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @classmethod
-    def of(cls, discretisation: Discretisation) -> CondensedSystem:
+    def of(cls, elasticity: Elasticity) -> CondensedSystem:
         """Eliminate the interior and condense every load case.
 
         Raises:
             PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
         """
-        d = discretisation
-        assert d.boundary is not None
-        contact = contact_map(d.boundary, d.fixed, d.stiffness, d.rotation, d.tagged.dimension)
-        retained = np.unique(contact.operator.getValuesCSR()[1]).astype(np.int32)
-        schur = SchurComplement(d.stiffness, retained)
-        matrix = PETSc.Mat().createDense((retained.size, retained.size), array=schur.dense.T, comm=d.boundary.comm)
+        e = elasticity
+        retained = np.unique(e.contact.operator.getValuesCSR()[1]).astype(np.int32)
+        schur = SchurComplement(e.matrix, retained)
+        matrix = PETSc.Mat().createDense((retained.size, retained.size), array=schur.dense.T, comm=e.comm)
         matrix.assemble()
-        interior = tuple(schur.solve_interior(case.load) for case in d.cases)
-        condensed = np.array(
-            [_condense(d.stiffness, case.load, x, retained) for case, x in zip(d.cases, interior, strict=True)]
-        )
-        fixed = d.fixed[retained]
-        contact = contact.among(retained, fixed)
+        fixed = e.fixed[retained]
+        contact = e.contact.among(retained, fixed)
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        system = cls(
-            d.boundary.comm,
-            matrix,
-            load,
-            start,
-            np.zeros(d.motions.free.shape[1]),
-            fixed,
-            contact,
-            d.cases,
-            schur,
-            interior,
-            condensed.reshape(len(d.cases), retained.size),
-        )
-        system.set_step(0)
+        cases = [_CondensedCase.of(case, schur) for case in e.cases]
+        system = cls(e.comm, matrix, load, start, np.zeros(e.free), fixed, contact, e, cases, schur)
+        system.set_load(np.ones(len(cases)))
         return system
 
     @property
@@ -95,13 +74,17 @@ class CondensedSystem:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
 
-    def set_step(self, step: float, scale: float = 1.0) -> None:
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.factors = scale * np.array([factor_at(case.factors, step) for case in self.cases])
-        self.resultant = scale * load_resultant(self.cases, step, self.resultant.size)
-        starts = np.array([case.start.getArray(readonly=True)[self.schur.retained] for case in self.cases])
-        self.load.getArray()[:] = self.factors @ self.condensed
-        self.start.getArray()[:] = self.factors @ starts.reshape(self.condensed.shape)
+        self.factors = factors
+        self.resultant = self.elasticity.resultant([case.case for case in self.cases], factors)
+        shape = (len(self.cases), self.fixed.size)
+        self.load.getArray()[:] = factors @ np.reshape([case.load for case in self.cases], shape)
+        self.start.getArray()[:] = factors @ np.reshape([case.start for case in self.cases], shape)
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """Condense another right-hand side: one back substitution."""
+        self.cases[number] = _CondensedCase.of(case, self.schur)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
@@ -113,8 +96,8 @@ class CondensedSystem:
         right.getArray()[retained] = 0.0
         result = self.schur.solve_interior(right)
         result.scale(-1.0)
-        for factor, particular in zip(self.factors, self.interior, strict=True):
-            result.axpy(factor, particular)
+        for factor, case in zip(self.factors, self.cases, strict=True):
+            result.axpy(factor, case.interior)
         result.getArray()[retained] = x.getArray(readonly=True)
         return result
 
@@ -125,11 +108,20 @@ class CondensedSystem:
         return x
 
 
-def _condense(
-    matrix: PETSc.Mat, load: PETSc.Vec, interior: PETSc.Vec, retained: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float64]:
-    """b_c - A_ci A_ii^-1 b_i."""
-    residual = load.duplicate()
-    matrix.mult(interior, residual)
-    residual.aypx(-1.0, load)
-    return np.array(residual.getArray(readonly=True)[retained])
+@dataclass(frozen=True)
+class _CondensedCase:
+    """A load case, its interior x_i = A_ii^-1 b_i, and b_c - A_ci x_i and the prescribed values at the rest."""
+
+    case: LoadCase
+    interior: PETSc.Vec
+    load: npt.NDArray[np.float64]
+    start: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, case: LoadCase, schur: SchurComplement) -> _CondensedCase:
+        """One back substitution."""
+        interior, residual = schur.solve_interior(case.load), case.load.duplicate()
+        schur.matrix.mult(interior, residual)
+        residual.aypx(-1.0, case.load)
+        load, start = (np.array(vector.getArray(readonly=True)[schur.retained]) for vector in (residual, case.start))
+        return cls(case, interior, load, start)

@@ -21,7 +21,7 @@ class LoadCase:
 
     Attributes:
         load: b minus what the prescribed displacements contribute; in their rows their value times the diagonal entry.
-        start: zero, with the prescribed displacements inserted.
+        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to them.
         resultant: work of the loads on the free rigid motions; what strains cause does no work on them.
     """
 

@@ -15,11 +15,10 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.linalg.callbacks import called_back, weakly
-from signorini_fx.linalg.mesh_levels import MeshLevel
+from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
@@ -29,7 +28,7 @@ _NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
 
 @dataclass
 class KrylovSystem(AssembledSystem):
-    """See ``ElasticSystem``: x holds the displacement dofs themselves.
+    """See ``ElasticSystem``: x holds the unknowns of the stiffness themselves.
 
     Attributes:
         inexact: whether the last solve was a loose one.
@@ -37,31 +36,17 @@ class KrylovSystem(AssembledSystem):
 
     inexact: bool = False
     _forces: float = 0.0
-
-    _level: MeshLevel | None = None
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, discretisation: Discretisation, coarser: MeshLevel | None = None) -> Self:
-        """The system as it was assembled, at the first load step; multigrid gets to know the rigid motions.
-
-        Args:
-            discretisation: the assembled body.
-            coarser: the same on a coarser mesh; None: there is none.
-        """
-        system = super().of(discretisation)
-        system._level = MeshLevel.of(discretisation, coarser)
-        system.matrix.setBlockSize(discretisation.tagged.dimension)
-        system.matrix.setNearNullSpace(system._level.modes())
+    def of(cls, elasticity: Elasticity) -> Self:
+        """The system as it was assembled; multigrid gets to know the rigid motions."""
+        system = super().of(elasticity)
+        system.matrix.setBlockSize(elasticity.contact.points.dimension)
+        if elasticity.level is not None:
+            system.matrix.setNearNullSpace(elasticity.level.modes())
         return system
-
-    def displacement_of_coarser(self, coarser: MeshLevel) -> PETSc.Vec | None:
-        """That on the next coarser mesh in the unknowns of this system, prescribed ones zero; collective.
-
-        None: it is not the next one, or has none.
-        """
-        return None if self._level is None or self._level.coarser is not coarser else self._level.start()
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -71,7 +56,7 @@ class KrylovSystem(AssembledSystem):
     @cached_property
     def hierarchy(self) -> Hierarchy:
         """Of A, set up when it is first asked for; collective."""
-        return Hierarchy.of(self.matrix, self._level)
+        return Hierarchy.of(self.matrix, self.elasticity.level)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:

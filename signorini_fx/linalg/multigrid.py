@@ -25,8 +25,8 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.linalg import options
 from signorini_fx.linalg.callbacks import called_back
+from signorini_fx.linalg.elasticity import Level
 from signorini_fx.linalg.full import can_factorise, factorisation_package
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import HELD_STIFFNESS, MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
 
@@ -55,7 +55,7 @@ class Hierarchy:
     largest: float
 
     @classmethod
-    def of(cls, matrix: PETSc.Mat, level: MeshLevel | None = None) -> Hierarchy:
+    def of(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
         """Set up once; collective.
 
         Args:
@@ -100,10 +100,10 @@ class Hierarchy:
         return cls(interpolations, coarse, _largest_eigenvalue(matrix))
 
 
-def _interpolations(level: MeshLevel) -> list[tuple[MeshLevel, PETSc.Mat]]:
+def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
     """The coarser meshes, finest first, each with the interpolation from it."""
     chain = []
-    at: MeshLevel | None = level
+    at: Level | None = level
     while at is not None and at.interpolation is not None and at.coarser is not None:
         chain.append((at.coarser, at.interpolation))
         at = at.coarser

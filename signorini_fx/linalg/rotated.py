@@ -26,9 +26,9 @@ class RotatedSystem(TransformedSystem):
         """As the inner system, in unknowns that are turned."""
         self.inner.configure(ksp, symmetric=symmetric, turned=self.rotation)
 
-    def set_step(self, step: float, scale: float = 1.0) -> None:
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """As the inner system, rotated."""
-        self.inner.set_step(step, scale)
+        self.inner.set_load(factors)
         self.rotation.multTranspose(self.inner.load, self.load)
         self.rotation.multTranspose(self.inner.start, self.start)
 

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg.elasticity import LoadCase
 
 
 @dataclass
@@ -51,3 +52,7 @@ class TransformedSystem:
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """As the inner system."""
         return self.inner.keep_factor(ksp, moved, forces, exact=exact)
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """As the inner system."""
+        self.inner.set_case(number, case)

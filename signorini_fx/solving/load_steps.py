@@ -51,7 +51,8 @@ def load_step(
 
     def attempt() -> LoadStep:
         before = history.linear_solves
-        here = replace(start, place=path.next, without_fall_backs=path.without_fall_backs)
+        place, factors = path.next, discretisation.factors(path.next)
+        here = replace(start, place=place, factors=factors, without_fall_backs=path.without_fall_backs)
         if scene.several_steps:
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)

@@ -15,9 +15,11 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import check_exact, first_sets, friction_law, regularised_data
+from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -26,7 +28,6 @@ from signorini_fx.contact.state import functionals
 from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
@@ -90,7 +91,8 @@ def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisat
     system, free = task.system, ~discretisation.fixed
     if not isinstance(system, KrylovSystem) or discretisation.rotation is not None:
         return
-    start = system.displacement_of_coarser(coarser)
+    level = system.elasticity.level
+    start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
     if start is not None:
         if task.rest is not None:
             moved = discretisation.motions.displacement(task.rest.motion).ravel()
@@ -190,7 +192,8 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     """A scene without contact: one factorisation, one solve per load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        system, linear_algebra = choose_system(discretisation, discretisation.scene.solver.linear_algebra)
+        requested = discretisation.scene.solver.linear_algebra
+        system, linear_algebra = choose_system(elasticity_of(discretisation), discretisation.system_size, requested)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
         ksp.setOperators(system.matrix)
@@ -203,7 +206,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         if scene.several_steps:
             history.add(StepRecord(len(steps) + 1, scene.name_at(place), scene.time_at(place)))
         with timings.phase("iterate"):
-            system.set_step(place)
+            system.set_load(discretisation.factors(place))
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
@@ -258,7 +261,9 @@ def contact_task(
     if scene.solver.algorithm == "exact":
         check_exact(boundary)
     sets, first_iteration = first_sets(scene, boundary)
-    system, reason = choose_system(discretisation, scene.solver.linear_algebra, coarser)
+    elasticity, factors = elasticity_of(discretisation, coarser), discretisation.factors(0)
+    system, reason = choose_system(elasticity, discretisation.system_size, scene.solver.linear_algebra)
+    system.set_load(factors)
     data = regularised_data(scene, discretisation, boundary, law)
     motions = discretisation.motions.at(boundary)
     rest = resting_place(data.gap, data.bilateral, motions, system.resultant)
@@ -267,7 +272,7 @@ def contact_task(
         system=system,
         linear_algebra=reason,
         motions=motions,
-        start=Start(data if rest is None else rest.data_from(data), law, sets, first_iteration),
+        start=Start(data if rest is None else rest.data_from(data), law, sets, first_iteration, factors=factors),
         rest=rest,
         has_coulomb=scene.has_coulomb,
         natural_gamma=discretisation.scales.gamma,

@@ -149,7 +149,8 @@ class Kept:
             self.forget(start.step)
             return None
         displacement, nodal = found
-        start = replace(start, place=float(figures["place"]))
+        place = float(figures["place"])
+        start = replace(start, place=place, factors=d.factors(place))
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()

@@ -20,11 +20,11 @@ from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
 from signorini_fx.linalg.choice import krylov_from
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, IterationRecord, Progress
@@ -328,5 +328,5 @@ def _level_result(
         force=np.concatenate(
             [np.concatenate(step.contact.forces) for step in solution.steps if step.contact and step.place.is_integer()]
         ),
-        krylov_from=krylov_from(solution.discretisation, solution.scene.solver.linear_algebra),
+        krylov_from=krylov_from(solution.discretisation.system_size, solution.scene.solver.linear_algebra),
     )

@@ -13,10 +13,10 @@ from petsc4py import PETSc
 
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg.choice import krylov_from
-from signorini_fx.linalg.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.problem.problem import Problem
@@ -63,7 +63,7 @@ class SweepPoint:
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
         system = self._problem.system
-        system.set_step(0, self._load)
+        system.set_load(self._load * self._discretisation.factors(0))
         return from_rest(self._discretisation, self._rest, system.displacement(self._x))
 
     def certificate(self) -> Certificate:
@@ -75,7 +75,7 @@ class SweepPoint:
 def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
     """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used; collective."""
     coarser = None
-    large = discretisation.dofs >= krylov_from(discretisation, scene.solver.linear_algebra)
+    large = discretisation.dofs >= krylov_from(discretisation.system_size, scene.solver.linear_algebra)
     if large and isinstance(scene.mesh, MeshGenerator):
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
@@ -122,7 +122,7 @@ def sweep(
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
         before, load = history.linear_solves, value if loads is not None else 1.0
-        start = replace(begin, scale=load)
+        start = replace(begin, factors=load * discretisation.factors(0))
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
         outcome = run(task, start)

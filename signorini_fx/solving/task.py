@@ -43,8 +43,8 @@ class Start:
         iteration: number of the first linear solve.
         multipliers: (lambda, mu) to start from, if there are any.
         step: how many load steps have been solved before.
-        place: of the load step in the lists of factors, see ``scene.load_steps``.
-        scale: multiple of its loads and prescribed displacements.
+        place: where the load step is on the way through all of them, for its owner.
+        factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
@@ -57,7 +57,7 @@ class Start:
     multipliers: tuple[Nodal, Nodal] | None = None
     step: int = 0
     place: float = 0.0
-    scale: float = 1.0
+    factors: Nodal | None = None
     regularisation_error: float | None = None
     elastic_slip: Nodal | None = None
     without_fall_backs: bool = False
@@ -252,12 +252,12 @@ class Iterate:
         return self._newton(exact.problem, exact.x, symmetric=False)
 
     def begin_step(self, start: Start) -> None:
-        """Apply the loads and prescribed displacements of a load step, times its scale, to the current iterate."""
+        """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self._fall_backs.exhausted = start.without_fall_backs
-        place, scale = start.place, start.scale
-        self._system.set_step(place, scale)
-        if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._system:
-            self.exact_newton.problem.system.set_step(place, scale)
+        if start.factors is not None:
+            self._system.set_load(start.factors)
+            if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._system:
+                self.exact_newton.problem.system.set_load(start.factors)
         fixed = self._system.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]
 
