@@ -35,12 +35,17 @@ def drawn(monkeypatch, gap, displacement, **options):
         "nowhere", POINTS, CELLS, displacement, np.ones(12), outline=OUTLINE, foundation=foundation, **options
     )
     figure, title = kept[0]
-    return [axes for axes in figure.axes if axes.get_xlabel() == "$x$"], title
+    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"], title
 
 
 def body_of(axes):
     (cells,) = (one for one in axes.collections if isinstance(one, PolyCollection))
     return np.array([path.vertices[:4] for path in cells.get_paths()])
+
+
+def foundation_of(axes):
+    (line,) = (line for line in axes.lines if line.get_marker() != "o")
+    return line
 
 
 def sinking(depth):
@@ -57,7 +62,7 @@ def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement(monkeypatch
     assert "displacement and gap" in title
     assert "200" in title
     np.testing.assert_allclose(body_of(axes), (POINTS + factor * displacement)[CELLS])
-    (line,) = axes.lines
+    line = foundation_of(axes)
     np.testing.assert_allclose(line.get_xydata(), BOTTOM + factor * gap[:, None] * DOWN)
 
 
@@ -72,7 +77,7 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
     assert "and gap" not in title
     np.testing.assert_allclose(body_of(left), (POINTS + displacement)[CELLS])
     np.testing.assert_allclose(body_of(right), (POINTS + factor * displacement)[CELLS])
-    (line,) = left.lines
+    line = foundation_of(left)
     np.testing.assert_allclose(line.get_xydata(), BOTTOM + gap[:, None] * DOWN)
     assert not right.lines
     zone = max((one for one in right.collections if isinstance(one, LineCollection)), key=lambda c: c.get_linewidth())
@@ -118,6 +123,38 @@ def test_frames_of_a_round_body(monkeypatch, tmp_path):
 
 def picture(stem):
     Image.new("RGB", (8, 8)).save(stem.with_suffix(".png"))
+
+
+def test_lengths_are_those_of_the_body(monkeypatch):
+    """Coordinates stand at the axes of what is not magnified; else arrows say how long the undeformed body is, whose
+    outline is drawn, and a circle is at the largest value.
+    """
+    gap = np.full(13, 0.001)
+    (axes,), _ = drawn(monkeypatch, gap, sinking(0.001))
+    said = [text.get_text() for text in axes.texts if text.get_text()]
+    assert said == ["x: $3$", "y: $1$", "$1$"]
+    assert not axes.axison
+    rest = [one for one in axes.collections if isinstance(one, LineCollection)]
+    assert any(np.array_equal(one.get_segments(), POINTS[OUTLINE]) for one in rest)
+    (circle,) = (line for line in axes.lines if line.get_marker() == "o")
+    np.testing.assert_allclose(circle.get_xydata()[0], (POINTS + 200 * sinking(0.001))[CELLS[0]].mean(axis=0))
+    (axes,), _ = drawn(monkeypatch, gap, sinking(0.001), factor=1.0)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", "$y$")
+    assert axes.axison
+    assert not [text for text in axes.texts if text.get_text()]
+
+
+def test_a_small_contact_zone_is_enlarged(monkeypatch):
+    """In a second panel, which shows it as it is; not where the factor is given."""
+    gap = 0.3 * (X - 1.5) ** 2 + 0.001
+    gap[[5, 6, 7]] = 0.001
+    (whole, zone), title = drawn(monkeypatch, gap, sinking(0.0012))
+    assert title == "left: as it is; right: the contact zone as it is"
+    low, high = zone.get_xlim()
+    assert 0 < low < X[5] < X[7] < high < 3
+    np.testing.assert_allclose(body_of(zone), (POINTS + sinking(0.0012))[CELLS])
+    assert whole.get_xlim()[0] < 0
+    assert len(drawn(monkeypatch, gap, sinking(0.0012), factor=1.0)[0]) == 1
 
 
 def test_a_title_stays_within_its_picture(tmp_path):

@@ -18,13 +18,15 @@ from matplotlib.tri import Triangulation
 from scipy.spatial import cKDTree
 
 from signorini_fx.pictures.fields import FIELDS, Field
-from signorini_fx.pictures.style import BOTH, INK, STYLE, Floats, finish, math_number, readable
+from signorini_fx.pictures.marks import draw_lengths, mark_largest
+from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable
 from signorini_fx.pictures.tiling import Tiling, refined
 from signorini_fx.pictures.tones import Tones, draw_principal
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
 _AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
+_SMALL_ZONE = 0.2  # of the diagonal of the body: contact on less is enlarged
 _EDGE = "#9a9a9a"
 _LARGE_CELL = 5.0  # the same where colours vary within cells, which they would otherwise hardly show
 _TRIANGLES = 15_000  # of which a field is made up at least
@@ -122,13 +124,14 @@ def deformed_mesh(
     foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
     foundation visibly, as under a disk on a plane, there are two panels: body and foundation as they are; and the body
     with its displacement magnified, without foundation, its contact zone marked.  Where the factor is given there is
-    only the latter.
+    only the latter.  Where contact is on a small part of the body, the second panel shows that part as it is.
 
     Values at points of the cells are drawn with colours that vary within each cell, and jump between cells only where
     the values do; the label of the colour bar says whether it is so.  The edges of the cells are drawn if the mesh is
     coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest of the body
     without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour bar says that
-    there is more.
+    there is more.  A circle marks the largest value, a gray line is the outline of the undeformed body, and arrows show
+    how long that is: coordinates stand at the axes only where nothing is magnified.
 
     Args:
         path_stem: where to write, without suffix.
@@ -164,13 +167,18 @@ def deformed_mesh(
     panels = [_Panel.of(points, perimeters, displacement, outline, scale, pieces) for scale in scales]
     if not true:
         panels[-1] = replace(panels[-1], with_foundation=False)
+    zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
+    if zone is not None:
+        panels = [panels[0], _Panel.of(points, perimeters, displacement, outline, 1.0, pieces)]
     what = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
         remark = what if chosen == 1 or not pieces else what.replace("displacement", "displacement and gap")
+    elif factor is not None:
+        remark = f"{what}, contact zone thick"
     else:
-        remark = (
-            f"{what}, contact zone thick" if len(panels) == 1 else f"left: as it is; right: {what}, contact zone thick"
-        )
+        remark = f"left: as it is; right: {what}, contact zone thick"
+    if zone is not None:
+        remark = f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
 
     triangles = None if tiles is None else cells[:, tiles.triangles].reshape(-1, 3)
     nodal = values if tiles is None else np.empty(len(points))
@@ -181,6 +189,8 @@ def deformed_mesh(
         areas = np.asarray(np.bincount(triangles.ravel(), share, len(points)), dtype=np.float64)
     tones = Tones(field.told(at_points=tiles is not None), nodal, areas, top)
     frames = [panel.frame() if frame is None else frame for panel in panels]
+    if zone is not None:
+        frames[-1] = zone
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
     widest = 4.8 if len(panels) == 1 else 2.6
     widths = [min(widest, widest / aspect) for aspect in aspects]
@@ -190,16 +200,36 @@ def deformed_mesh(
         grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
         for axes, panel, (low, high), width in zip(grid, panels, frames, widths, strict=True):
             cell_size = math.sqrt(float(np.median(_areas(panel.corners)))) * 72 * width / (high[0] - low[0])
-            panel.draw(axes, nodal, triangles, tones, cell_size, frames[0])
+            panel.draw(axes, nodal, triangles, tones, cell_size, (low, high) if zone is not None else frames[0])
             if stress is not None:
                 size = float(np.max(high - low)) * max(1.0, widest / width)
                 draw_principal(axes, panel.corners.mean(axis=1), stress, size)
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x$", ylabel="$y$")
-            axes.spines[:].set_visible(False)
-            axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
-            axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            if panel.factor == 1:
+                axes.set(xlabel="$x$", ylabel="$y$")
+                axes.spines[:].set_visible(False)
+                axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
+                axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
+            else:  # numbers at the axes would be those of no place of the body
+                axes.set_axis_off()
+            if panel is panels[0] and panel.factor != 1:
+                draw_lengths(axes, points, below=low)
+            if panel is panels[0] and factor is None and np.isfinite(nodal).any():
+                at = int(np.nanargmax(nodal))
+                mark_largest(axes, panel.corners[at].mean(axis=0) if triangles is None else panel.moved[at], nodal[at])
         tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+
+
+def _small_zone(pieces: Sequence[Foundation], size: float) -> tuple[Floats, Floats] | None:
+    """Lowest and highest coordinates around what is in contact; None if that is no small part of the body."""
+    touching = [piece.nodes[piece.touching] for piece in pieces if piece.touching is not None]
+    nodes = np.concatenate([np.empty((0, 2)), *touching])
+    if not len(nodes) or not 0 < _diagonal(nodes) < _SMALL_ZONE * size:
+        return None
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    around = 0.8 * float(max(high - low))
+    return low - around, high + around
 
 
 @dataclass(frozen=True)
@@ -239,7 +269,8 @@ class _Panel:
 
     def frame(self) -> tuple[Floats, Floats]:
         """What is seen: the body, and a foundation that runs far away not much further than that."""
-        low, high = self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+        body = np.concatenate((self.corners.reshape(-1, 2), self.points[self.cells].reshape(-1, 2)))
+        low, high = body.min(axis=0), body.max(axis=0)
         around = 0.3 * float(max(high - low))
         seen = [np.clip(line, low - around, high + around) for line in self.lines()]
         everything = np.concatenate([np.stack((low, high)), *seen])
@@ -283,6 +314,9 @@ class _Panel:
                 zorder=1,
             )
             axes.add_collection(body, autolim=False)
+        if self.factor != 1:
+            rest = LineCollection(list(self.points[self.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7)
+            axes.add_collection(rest, autolim=False)
         edges = self.moved[self.outline]
         axes.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.8, capstyle="round"), autolim=False)
         if not self.with_foundation:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -74,7 +75,6 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
                 label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
                 upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
         upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power)}")
-        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.08 if _mark_names(upper, steps) else 1.0))
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
@@ -83,26 +83,44 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
             ylabel=f"{said.replace('_', ' ')}{unit_of(power)}",
         )
         lower.locator_params(axis="x", nbins=6)
+        figure.draw_without_rendering()  # the layout, for the width of the names
+        rows = _mark_names(upper, steps)
+        room = mpl.rcParams["legend.borderaxespad"] + rows * _ROW / mpl.rcParams["legend.fontsize"]
+        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
         for axes in (upper, lower):
             axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
         finish(figure, path_stem, title, suffixes)
 
 
-def _mark_names(axes: Axes, steps: Table) -> bool:
-    """A line where a load step with another name begins, and the names above the axes; whether there are any."""
+def _mark_names(axes: Axes, steps: Table) -> int:
+    """A line where a load step with another name begins, and the names above the axes, in as many rows as they need.
+
+    Returns:
+        The number of rows.
+    """
     times, names = np.asarray(steps["time"], dtype=np.float64), np.asarray(steps["name"])
     if not any(names):
-        return False
+        return 0
+    inverse = axes.get_xaxis_transform().inverted()
+    ends: list[float] = []  # of each row
     firsts = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
     for first, following in zip(firsts, [*firsts[1:], len(names)], strict=True):
         begin = times[first - 1] if first else times[0]
         if first:
             axes.axvline(begin, color=RULE, linewidth=0.6, zorder=0)
         middle = 0.5 * (begin + times[following - 1])
-        axes.text(middle, 1.0, plain(str(names[first])), transform=axes.get_xaxis_transform(), ha="center", va="bottom")
-    return True
+        name = plain(str(names[first]))
+        above: Any = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+        text = axes.annotate(name, (middle, 1.0), (0.0, 1.0), **above, ha="center", va="bottom")
+        left, right = inverse.transform(text.get_window_extent())[:, 0]
+        row = next((k for k, end in enumerate(ends) if end < left), len(ends))
+        ends[row : row + 1] = [right + _BETWEEN * (right - left)]
+        text.set_position((0.0, 1.0 + _ROW * row))
+    return len(ends)
 
 
+_BETWEEN = 0.15  # names, over the length of the one before
+_ROW = 12.0  # height of a row of names, points
 _MOST_FRAMES = 120
 _GIF_DPI = 110
 _FRAMES_A_SECOND = 4

@@ -10,7 +10,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx.pictures import offscreen, view
@@ -18,8 +17,9 @@ from signorini_fx.pictures.body import Body
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
+from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.solid import Lines, Solid
-from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, STYLE, Floats, finish, math_number
+from signorini_fx.pictures.style import BLUE, BOTH, ORANGE, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
 
 Rows = npt.NDArray[np.int64]
@@ -186,7 +186,7 @@ def solid_figure(
         axes.imshow(picture, extent=(-right, right, -top_edge, top_edge), aspect="equal")
         axes.set_axis_off()
         if solid is shown[0] or axes is grid[0]:
-            _draw_lengths(axes, camera, skin.points)
+            draw_lengths(axes, skin.points, camera.flat)
     tones.bar(figure, list(grid))
     return figure, remark
 
@@ -251,27 +251,3 @@ def _strokes(skin: Skin, factor: float, stress: Floats, camera: view.Camera) -> 
     above = middles[rows] + _ABOVE * skin.size * normals[front][rows]
     pressed, drawn_out = strokes(above, stress[front][rows], spacing)
     return [Lines(pressed, BLUE, 5.0), Lines(drawn_out, ORANGE, 3.5)]
-
-
-def _draw_lengths(axes: Axes, camera: view.Camera, points: Floats) -> None:
-    """An arrow beside the body along each axis, with the length of the undeformed body."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle = camera.flat(0.5 * (low + high))
-    beside = 0.05 * 2 * float(camera.half.max())
-    for axis, name in enumerate("xyz"):
-        others = [k for k in range(3) if k != axis]
-        ends = []
-        for k in range(4):
-            start, end = np.array(low), np.array(high)
-            start[others] = end[others] = np.where([k & 1, k & 2], high[others], low[others])
-            ends.append(camera.flat(np.stack((start, end))))
-        # The edge that is lowest in the picture, of the upright ones that on the left.
-        start, end = min(ends, key=lambda line: line.mean(axis=0) @ ([1.0, 0.0] if axis == 2 else [0.0, 1.0]))
-        along = (end - start) / (float(np.linalg.norm(end - start)) or 1.0)
-        aside = np.array([-along[1], along[0]])
-        aside *= math.copysign(beside, float(aside @ (0.5 * (start + end) - middle)))
-        style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
-        axes.annotate("", tuple(end + aside), tuple(start + aside), arrowprops=style, annotation_clip=False)
-        x, y = 0.5 * (start + end) + 2.0 * aside
-        length = math_number(float(f"{high[axis] - low[axis]:.4g}"))
-        axes.text(x, y, f"{name}: ${length}$", ha="center", va="center", color=INK, fontsize=8.5, clip_on=False)

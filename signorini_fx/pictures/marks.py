@@ -1,0 +1,71 @@
+"""What stands beside and on the picture of a body: its true lengths, and the place of the largest value."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from signorini_fx.pictures.style import INK, MUTED, Floats, math_number
+
+_BESIDE = 0.05  # from the body to the arrows, over the longer side of the picture of the body
+_DIGITS = 3  # of a value
+
+
+def draw_lengths(
+    axes: Axes, points: Floats, flat: Callable[[Floats], Floats] = np.asarray, *, below: Floats | None = None
+) -> None:
+    """An arrow beside the body along each axis, with the length of the undeformed body.
+
+    Args:
+        axes: where to draw.
+        points: of the undeformed body, shape (n, d).
+        flat: from points in space to the picture; in the plane the points themselves.
+        below: in the plane the lowest coordinates that are seen, shape (2,): the arrows are beyond them.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    corners = flat(np.array(list(itertools.product(*zip(low, high, strict=True)))))
+    middle = flat(0.5 * (low + high))
+    beside = _BESIDE * float(np.ptp(corners, axis=0).max())
+    for axis, name in enumerate("xyz"[: len(low)]):
+        others = [k for k in range(len(low)) if k != axis]
+        ends = []
+        for choice in itertools.product(*(((low[k], high[k])) for k in others)):
+            start, end = np.array(low), np.array(high)
+            start[others] = end[others] = choice
+            ends.append(flat(np.stack((start, end))))
+        # The edge that is lowest in the picture, of the upright ones that on the left.
+        upright = axis == len(low) - 1
+        start, end = min(ends, key=lambda line: float(line.mean(axis=0)[0 if upright else 1]))
+        if below is not None:
+            start[1 - axis] = end[1 - axis] = below[1 - axis]
+        along = (end - start) / (float(np.linalg.norm(end - start)) or 1.0)
+        aside = np.array([-along[1], along[0]])
+        aside *= math.copysign(beside, float(aside @ (0.5 * (start + end) - middle)))
+        style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+        axes.annotate("", tuple(end + aside), tuple(start + aside), arrowprops=style, annotation_clip=False)
+        x, y = 0.5 * (start + end) + 2.0 * aside
+        length = math_number(float(f"{high[axis] - low[axis]:.4g}"))
+        axes.text(x, y, f"{name}: ${length}$", ha="center", va="center", color=INK, fontsize=8.5, clip_on=False)
+
+
+def mark_largest(axes: Axes, place: Floats, value: float) -> None:
+    """A small circle at a place in the picture, shape (2,), with the value of the field there."""
+    text = f"${math_number(float(f'{value:.{_DIGITS}g}'))}$"
+    axes.plot(
+        *place, marker="o", markersize=5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=0.9, zorder=7
+    )
+    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    axes.annotate(
+        text,
+        (float(place[0]), float(place[1])),
+        (6, 6),
+        textcoords="offset points",
+        fontsize=8,
+        color=INK,
+        bbox=box,
+        zorder=7,
+    )
