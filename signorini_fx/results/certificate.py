@@ -18,6 +18,7 @@ quadrature degrees, and loads given as UFL expressions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -30,10 +31,11 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.contact_nodes import ContactNodes, ContactSide, sides_of
 from signorini_fx.results.nodal_forces import NodalForces, hooke
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.supports import Supports
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
@@ -151,67 +153,157 @@ def certify(
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
     """
-    comm, space = tagged.mesh.comm, displacement.function_space
+    space = displacement.function_space
     forces = NodalForces(scene, tagged, space)
-    dim = tagged.dimension
-    every = displacement.x.array.reshape(-1, dim)
-    y, x = every[: forces.owned], space.tabulate_dof_coordinates()[: forces.owned, :dim]
-    internal, external = forces.internal(every), forces.external(step, scale)
-    supports = Supports.of(forces, step, scale)
-    energy, work = parallel.global_sum(comm, np.array([np.sum(internal * y), np.sum(external * y)]))
-    strain_energy = max(0.0, float(energy) / 2)
-    scales = Scales(dim, scene.young, tagged.size)
+    every = displacement.x.array.reshape(-1, tagged.dimension)
+    scales = Scales(tagged.dimension, scene.young, tagged.size)
     stiffest = replace(scales, modulus=max(a + b for a, b in map(hooke, scene.material)))
-    spacing = scales.spacing(space.dofmap.index_map.size_global)
+    balance = Balance(
+        forces,
+        forces.internal(every),
+        forces.external(step, scale),
+        Supports.of(forces, step, scale),
+        scales,
+        stiffest,
+    )
+    return judged(displacement, balance, sides_of(scene, space), tractions, law=law, before=before)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The forces on a body without contact, evaluated anew, and what they are compared with.
+
+    Attributes:
+        surface: integrals over its boundary.
+        internal: a(y, .), forces, shape (owned nodes, d).
+        external: L, forces, shape (owned nodes, d).
+        supports: what is prescribed.
+        scales: of its lengths and stresses.
+        stiffest: the same with the largest modulus.
+    """
+
+    surface: SurfaceQuadrature
+    internal: Nodal
+    external: Nodal
+    supports: Supports
+    scales: Scales
+    stiffest: Scales
+
+
+@dataclass(frozen=True)
+class _Units:
+    """What figures are relative to: a length of the deformation, of the displacement, and a stress."""
+
+    length: float
+    far: float
+    stress: float
+
+
+def judged(
+    displacement: fem.Function,
+    balance: Balance,
+    sides: Sequence[ContactSide],
+    tractions: Tractions | None,
+    *,
+    law: Law = UNREGULARISED,
+    before: Before | None = None,
+) -> Certificate:
+    """Check equilibrium and contact conditions of a problem; collective.
+
+    Args:
+        displacement: y.
+        balance: forces on the body without contact.
+        sides: the parts of its boundary with contact.
+        tractions: pressure and shear at the contact points; None: there are none.
+        law: see ``certify``.
+        before: see ``certify``.
+
+    Raises:
+        ValueError: the tractions are not those of the contact points.
+    """
+    forces, supports, scales = balance.surface, balance.supports, balance.scales
+    comm, dim = forces.space.mesh.comm, forces.dimension
+    every = displacement.x.array.reshape(-1, dim)
+    y, x = every[: forces.owned], forces.space.tabulate_dof_coordinates()[: forces.owned, :dim]
+    energy, work = parallel.global_sum(comm, np.array([np.sum(balance.internal * y), np.sum(balance.external * y)]))
+    strain_energy = max(0.0, float(energy) / 2)
     far = _largest(comm, np.linalg.norm(y, axis=1))
-    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
-    force = max(_norm(comm, internal), _norm(comm, external), _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y))
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
-    residual = internal - external
     found: dict[str, Any] = {
         "supports": _share(_largest(comm, supports.missed(y)), length),
-        "displacement": far / tagged.size,
-    }
-    rest: dict[str, Any] = {
+        "displacement": far / scales.size,
         "law": law,
         "strain_energy": strain_energy,
         "potential_energy": strain_energy - float(work),
     }
     if tractions is None:
-        return Certificate(equilibrium=_share(_norm(comm, supports.left(residual)), force), **found, **rest)
-    nodes = ContactNodes.of(scene, forces, x, tractions)
-    pressure, shear = nodes.pressure, nodes.shear
-    reached, contact_forces, area = nodes.forces()
-    np.add.at(residual, reached, contact_forces)
+        return Certificate(equilibrium=equilibrium(balance, y, None, _Units(length, far, 0.0)), **found)
+    nodes = ContactNodes.of(forces, sides, tractions)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * scales.stress(strain_energy)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
-    sheared = np.linalg.norm(shear, axis=1)
-    stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * stiffest.modulus * far / finest)
+    stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * balance.stiffest.modulus * far / finest)
+    slip, origin = nodes.traces(every)[1], np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
-        last = ContactNodes.of(scene, forces, x, before.tractions)
-        so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
+        last = ContactNodes.of(forces, sides, before.tractions)
+        so_far = before.displacement.x.array.reshape(-1, dim)
         stress = max(stress, _ROUND_OFF * _largest(comm, last.felt(supports)))
-        length = max(length, _ROUND_OFF * _deformation(comm, x, so_far))
-    # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = _FAINT * scales.deflection(stress)
-    length, far = max(length, still), max(far, still)
-    residual = supports.left(residual)
-    # The stress at a node is known to the digits of the displacement over the length of its side.
-    lost = _LOST_UNITS * np.finfo(float).eps * stiffest.modulus * far / scales.side(area)
-    unbalanced = np.maximum(np.linalg.norm(residual[reached], axis=1) / area - lost, 0.0)
-    equilibrium = max(
-        _share(_norm(comm, residual), force),
-        _share(_largest(comm, unbalanced), stress),
-    )
-    u_n, u_t = nodes.traces(every)
-    overlap, slip, origin = u_n - nodes.gap, u_t, np.zeros_like(shear)
-    if before is not None:
-        slip, origin = u_t - last.traces(before.displacement.x.array.reshape(-1, dim))[1], last.shear
+        length = max(length, _ROUND_OFF * _deformation(comm, x, so_far[: forces.owned]))
+        slip, origin = slip - last.traces(so_far)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
-            slip = slip + ContactNodes.of(scene, forces, x, elastic).shear
-    bilateral = nodes.bilateral
+            slip = slip + ContactNodes.of(forces, sides, elastic).shear
+    # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
+    still = _FAINT * scales.deflection(stress)
+    units = _Units(max(length, still), max(far, still), stress)
+    found |= contact_conditions(nodes, nodes.traces(every)[0], slip, origin, law, supports, units)
+    return Certificate(equilibrium=equilibrium(balance, y, nodes, units), **found)
+
+
+def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _Units) -> float:
+    """The residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
+    collective.
+
+    Args:
+        balance: forces on the body without contact.
+        y: displacements of the owned nodes, shape (owned nodes, d).
+        nodes: the contact points with the tractions at them; None: there are none.
+        units: what stresses and lengths are relative to.
+    """
+    comm, stiffest, supports = balance.surface.space.mesh.comm, balance.stiffest, balance.supports
+    spacing = stiffest.spacing(balance.surface.space.dofmap.index_map.size_global)
+    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
+    least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
+    force = max(_norm(comm, balance.internal), _norm(comm, balance.external), least)
+    residual = balance.internal - balance.external
+    if nodes is None:
+        return _share(_norm(comm, supports.left(residual)), force)
+    reached, contact_forces, area = nodes.forces()
+    np.add.at(residual, reached, contact_forces)
+    residual = supports.left(residual)
+    # The stress at a node is known to the digits of the displacement over the length of its side.
+    lost = _LOST_UNITS * np.finfo(float).eps * stiffest.modulus * units.far / stiffest.side(area)
+    unbalanced = np.maximum(np.linalg.norm(residual[reached], axis=1) / area - lost, 0.0)
+    return max(_share(_norm(comm, residual), force), _share(_largest(comm, unbalanced), units.stress))
+
+
+def contact_conditions(
+    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: Supports, units: _Units
+) -> dict[str, float]:
+    """How far contact points are from the law, the figures of ``Certificate`` by name; collective.
+
+    Args:
+        nodes: the contact points with the tractions at them, n of them.
+        u_n: tau_N y, shape (n,).
+        slip: what tau_T y adds to the previous step, shape (n, d).
+        origin: shear at its end, shape (n, d).
+        law: the contact law that the method promises.
+        supports: what is prescribed.
+        units: what stresses and lengths are relative to.
+    """
+    comm, pressure, shear, bilateral = nodes.evaluation.space.mesh.comm, nodes.pressure, nodes.shear, nodes.bilateral
+    length, far, stress = units.length, units.far, units.stress
+    overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
     if not np.isfinite(law.gamma_n):
@@ -234,8 +326,7 @@ def certify(
         "complementarity": (np.abs(pressure * overlap), stress * far),
         "stick_slip": (np.linalg.norm(slip, axis=1)[sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
     }
-    found |= {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
-    return Certificate(equilibrium=equilibrium, **found, **rest)
+    return {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
 
 
 def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
 
@@ -22,6 +24,27 @@ Nodal = npt.NDArray[np.float64]
 _ALONG = 1e-8
 # A share of a sum below this is round-off.
 _ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class ContactSide:
+    """What a problem says of one part of its boundary; values are those at local numbers of nodes, ghosts included.
+
+    Attributes:
+        boundary: the part, see ``SurfaceQuadrature.facets``.
+        gap: nodes -> d, length, shape (n,).
+        bound: (nodes, pressure at them) -> F g, stress, shape (n,).
+        bilateral: whether contact cannot open.
+        direction: nodes -> the direction of contact, of length one, shape (n, d); None: the outward normal.
+        factor: of the measure, see ``SurfaceQuadrature.moments``.
+    """
+
+    boundary: Any
+    gap: Callable[[npt.NDArray[np.integer[Any]]], Nodal]
+    bound: Callable[[npt.NDArray[np.integer[Any]], Nodal], Nodal]
+    bilateral: bool
+    direction: Callable[[npt.NDArray[np.integer[Any]]], Nodal] | None = None
+    factor: Nodal | None = None
 
 
 @dataclass(frozen=True)
@@ -43,7 +66,7 @@ class ContactNodes:
         counts: number of points of each contact boundary.
     """
 
-    evaluation: NodalForces
+    evaluation: SurfaceQuadrature
     nodes: npt.NDArray[np.int64]
     weight: Nodal
     normal: Nodal
@@ -56,32 +79,29 @@ class ContactNodes:
     counts: list[int]
 
     @classmethod
-    def of(cls, scene: Scene, forces: NodalForces, x: Nodal, tractions: Tractions) -> ContactNodes:
-        """The contact points of a scene; collective.
+    def of(cls, forces: SurfaceQuadrature, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
+        """The contact points of a problem; collective.
 
         Args:
-            scene: the scene.
-            forces: weights and forces of its mesh.
-            x: positions of the owned nodes, shape (owned nodes, d).
+            forces: weights and forces of its space.
+            sides: the parts of its boundary with contact.
             tractions: what is claimed.
 
         Raises:
-            ValueError: the tractions are not those of the contact points of the scene.
+            ValueError: the tractions are not those of the contact points of the problem.
         """
         columns: list[tuple[Any, ...]] = []
         spread: list[Any] = []
         unmatched = False
-        for part, effect in enumerate(scene.contact):
-            moment = forces.moments(effect.boundary)
+        for part, side in enumerate(sides):
+            moment = forces.moments(side.boundary, side.factor)
             weight = np.linalg.norm(moment, axis=1)
-            direction = moment / np.maximum(weight, 1e-300)[:, None]
+            outward = moment / np.maximum(weight, 1e-300)[:, None]
             if forces.averaging:
-                spread.append(forces.products(effect.boundary))
+                spread.append(forces.products(side.boundary, side.factor))
                 weight = _sums(forces, spread[-1].sum(axis=1))
             nodes = np.flatnonzero(weight > 0)
-            normal = direction[nodes]
-            if effect.direction is not None:
-                normal = np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
+            normal = outward[nodes] if side.direction is None else side.direction(nodes)
             here = np.flatnonzero(np.asarray(tractions.part) == part)
             here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
             unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
@@ -89,21 +109,10 @@ class ContactNodes:
                 (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
-            points = in_space(x[nodes])
-            gap = sample(effect.gap, points) if not spread else _averaged_gap(forces, spread[-1], effect.gap)[nodes]
-            columns.append(
-                (
-                    nodes,
-                    weight[nodes],
-                    normal,
-                    gap if not spread else gap / weight[nodes],
-                    _friction_bound(effect.friction, points, pressure),
-                    np.full(nodes.size, isinstance(effect, BilateralContact)),
-                    pressure,
-                    shear,
-                )
-            )
-        if parallel.any_rank(forces.tagged.mesh.comm, unmatched):
+            gap = side.gap(nodes) if not spread else _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
+            bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
+            columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
+        if parallel.any_rank(forces.space.mesh.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
         counts = [len(column[0]) for column in columns]
         nodes, *rest = (np.concatenate(column) for column in zip(*columns, strict=True))
@@ -178,18 +187,36 @@ class ContactNodes:
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def _sums(forces: NodalForces, values: Any) -> Nodal:
+def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:
     """One number per node of this rank and its ghosts, summed over the ranks, shape (owned nodes,)."""
     return forces.over_ranks(np.repeat(np.ravel(values)[:, None], forces.dimension, axis=1))[:, 0]
 
 
-def _averaged_gap(forces: NodalForces, products: Any, gap: Any) -> Nodal:
+def _averaged(forces: SurfaceQuadrature, products: Any, gap: Callable[[npt.NDArray[Any]], Nodal]) -> Nodal:
     """The gap times the test functions, shape (owned nodes,)."""
     values = np.zeros(products.shape[0])
     reached = np.unique(products.indices)
-    x = forces.space.tabulate_dof_coordinates()[reached, : forces.dimension]
-    values[reached] = sample(gap, in_space(x))
+    values[reached] = gap(reached)
     return _sums(forces, products @ values)
+
+
+def sides_of(scene: Scene, space: fem.FunctionSpace) -> list[ContactSide]:
+    """The parts of the boundary with contact as a scene describes them."""
+    x = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
+
+    def side(effect: Any) -> ContactSide:
+        def along(nodes: npt.NDArray[Any]) -> Nodal:
+            return np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
+
+        return ContactSide(
+            effect.boundary,
+            lambda nodes: sample(effect.gap, in_space(x[nodes])),
+            lambda nodes, pressure: _friction_bound(effect.friction, in_space(x[nodes]), pressure),
+            isinstance(effect, BilateralContact),
+            None if effect.direction is None else along,
+        )
+
+    return [side(effect) for effect in scene.contact]
 
 
 def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:

@@ -14,7 +14,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.contact_nodes import ContactNodes, sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
@@ -170,7 +170,7 @@ class Resultants:
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
         left = nodal.internal(every) - nodal.external(self.place)
         if self.contact is not None:
-            nodes = ContactNodes.of(self.scene, nodal, self._x, Tractions.of(self.contact))
+            nodes = ContactNodes.of(nodal, sides_of(self.scene, nodal.space), Tractions.of(self.contact))
             reached, forces, _ = nodes.forces()
             np.add.at(left, reached, forces)
         return left

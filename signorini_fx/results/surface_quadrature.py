@@ -1,0 +1,183 @@
+"""Integrals over parts of the boundary by quadrature in NumPy, without any compiled form, for the certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem, la
+
+from signorini_fx import compat
+from signorini_fx.body import forms
+from signorini_fx.body.assembly import adjugates, facet_entities
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+# A basis function counts as zero below this; otherwise nodes beside a facet would get a part of it.
+_ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class Table:
+    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), their
+    derivatives along the d reference directions, (d, q, n) and (d, q, g), and the functions that contact tests with
+    (q, n): the shape functions, or the hats of the vertices where contact averages.
+    """
+
+    shape: Array
+    slope: Array
+    place: Array
+    stretch: Array
+    test: Array
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Points on facets with the same place in their reference cell.
+
+    Attributes:
+        cells: cells of the facets, shape (f,).
+        table: shape functions at the points.
+        moment: outward normal times the area (in the plane: length) of the point, shape (f, q, d).
+    """
+
+    cells: Indices
+    table: Table
+    moment: Array
+
+
+class SurfaceQuadrature:
+    """Integrals of the shape functions of a vector Lagrange space over facets; all methods are collective.
+
+    Args:
+        space: of the displacement.
+
+    Attributes:
+        space: of the displacement.
+        owned: number of nodes that this rank owns.
+        dimension: d.
+    """
+
+    def __init__(self, space: fem.FunctionSpace) -> None:
+        mesh = space.mesh
+        self.space = space
+        self.owned = int(space.dofmap.index_map.size_local)
+        self.dimension = int(mesh.topology.dim)
+        self._cell = getattr(basix.CellType, mesh.topology.cell_name())
+        self._facet = basix.cell.subentity_types(self._cell)[self.dimension - 1][0]
+        self._shapes = space.element.basix_element
+        self._hats = None
+        if self._cell == basix.CellType.tetrahedron and self._shapes.degree == 2:
+            self._hats = basix.create_element(basix.ElementFamily.P, self._cell, 1)
+        self._geometry = compat.geometry_element(mesh)
+        self._corners = compat.geometry_cells(mesh)
+        self._nodes = space.dofmap.list
+        self._x = mesh.geometry.x[:, : self.dimension]
+
+    def facets(self, boundary: Any) -> Indices:
+        """The exterior facets of a part of the boundary on this rank: here the part is a list of them."""
+        return np.asarray(boundary, dtype=np.int32)
+
+    @property
+    def averaging(self) -> bool:
+        """Whether contact averages over nodes: on quadratic tetrahedra."""
+        return self._hats is not None
+
+    def moments(self, boundary: Any, factor: Array | None = None) -> Array:
+        """Outward normal times the area (in the plane: length) of each node of a boundary, the integral
+        of its basis function, shape (owned nodes, d).
+
+        Args:
+            boundary: see ``facets``.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+        """
+        total, degree = self._zero(), self._shapes.degree
+        rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
+        if self.dimension == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
+            places, weights = {
+                1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
+                2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
+            }[degree]
+            rule = np.array(places)[:, None], np.array(weights)
+        for facets in self._facets(boundary, rule[0], rule[1], factor):
+            np.add.at(total, self._nodes[facets.cells], _clean(facets.table.test).T @ facets.moment)
+        return self.over_ranks(total)
+
+    def products(self, boundary: Any, factor: Array | None = None) -> Any:
+        """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes)."""
+        rule = basix.make_quadrature(self._facet, forms.lumped_degree(self._shapes.degree, self._geometry.degree))
+        size = len(self._zero())
+        found = sp.csr_array((size, size))
+        for facets in self._facets(boundary, rule[0], rule[1], factor):
+            test, shape = _clean(facets.table.test), _clean(facets.table.shape)
+            area = np.linalg.norm(facets.moment, axis=2)
+            values = np.einsum("qi,cq,qj->cij", test, area, shape)
+            nodes = self._nodes[facets.cells]
+            rows, columns = (np.broadcast_to(own, values.shape) for own in (nodes[:, :, None], nodes[:, None]))
+            there = values != 0
+            found += sp.csr_array((values[there], (rows[there], columns[there])), shape=(size, size))
+        return found
+
+    def with_ghosts(self, values: Array) -> Array:
+        """Values at the owned nodes, shape (owned nodes, d), with those of the ghosts, shape (nodes, d)."""
+        function = fem.Function(self.space)
+        function.x.array[: values.size] = values.ravel()
+        function.x.scatter_forward()
+        return np.array(function.x.array.reshape(-1, self.dimension))
+
+    def over_ranks(self, values: Array) -> Array:
+        """What all ranks contribute to the nodes of this one, from shape (nodes, d) to (owned nodes, d)."""
+        function = fem.Function(self.space)
+        function.x.array[:] = values.ravel()
+        function.x.scatter_reverse(la.InsertMode.add)
+        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
+
+    # --- how ---------------------------------------------------------------------------------------------------------
+
+    def _zero(self) -> Array:
+        index_map = self.space.dofmap.index_map
+        return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
+
+    def _table(self, points: Array) -> Table:
+        shape, geometry = (element.tabulate(1, points)[..., 0] for element in (self._shapes, self._geometry))
+        test = shape[0]
+        if self._hats is not None:
+            hats = self._hats.tabulate(0, points)[0, ..., 0]  # vertices come first
+            test = np.pad(hats, ((0, 0), (0, test.shape[1] - hats.shape[1])))
+        return Table(shape[0], shape[1:], geometry[0], geometry[1:], test)
+
+    def _jacobian(self, cells: Indices, table: Table) -> Array:
+        """dx_i / dX_k at the points, shape (d (i), d (k), cells, q)."""
+        x = self._x[self._corners[cells]]
+        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.dimension)])
+
+    def _facets(self, boundary: Any, places: Array, weight: Array, factor: Array | None = None) -> Iterator[Facets]:
+        """The facets of a boundary with points at ``places`` of the reference facet, shape (q, d - 1)."""
+        entities = facet_entities(self.space.mesh, self.facets(boundary))
+        vertices = basix.geometry(self._cell)
+        for side, corner in enumerate(basix.topology(self._cell)[self.dimension - 1]):
+            cells = entities[entities[:, 1] == side, 0]
+            if cells.size == 0:
+                continue
+            start, *ends = vertices[corner[: self.dimension]]
+            along = np.array(ends) - start
+            table = self._table(start + places @ along)
+            across = np.array([along[0, 1], -along[0, 0]]) if self.dimension == 2 else np.cross(*along)
+            across *= np.sign(across @ (start - vertices.mean(axis=0)))
+            # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
+            adjugate, determinant = adjugates(self._jacobian(cells, table))
+            normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
+            if factor is not None:
+                normal *= (np.nan_to_num(factor)[self._nodes[cells]] @ table.shape.T)[:, :, None]
+            yield Facets(cells, table, weight[:, None] * normal)
+
+
+def _clean(functions: Array) -> Array:
+    """Without the round-off of those that are zero."""
+    return np.where(np.abs(functions) < _ROUND_OFF, 0.0, functions)
