@@ -22,6 +22,7 @@ PICTURE = DOCS / "images" / "architecture.svg"
 LAYERS = (
     "cli",
     "studies",
+    "forms",
     "solving",
     "check",
     "results",

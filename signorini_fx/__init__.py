@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "errors": (
+        "FormError",
         "InstallationError",
         "MachineError",
         "MeshError",
@@ -20,6 +21,8 @@ _PUBLIC = {
         "SceneError",
         "SignoriniError",
     ),
+    "forms.contact_problem": ("ContactProblem",),
+    "forms.foundation": ("Coulomb", "Foundation", "Tresca"),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "records": ("Status",),
     "results.files": ("write_results",),

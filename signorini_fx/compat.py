@@ -8,7 +8,7 @@ import basix
 import mpi4py.MPI as MPI  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
-from dolfinx import __version__, common, mesh
+from dolfinx import __version__, common, cpp, fem, mesh
 
 from signorini_fx.errors import InstallationError
 
@@ -56,6 +56,19 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
+def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
+    """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
+    packed = cpp.fem.pack_coefficients(form._cpp_object)
+    kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
+    return [np.asarray(cpp.fem.pack_constants(form._cpp_object)), *(packed[kind] for kind in kinds)]
+
+
+def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
+    """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10, for comparison."""
+    found: Any = holder.topology
+    return getattr(found, "_cpp_object", found)
+
+
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
     return bool(common.has_adios2)
@@ -63,10 +76,12 @@ def has_vtx() -> bool:
 
 __all__ = [
     "VERSION",
+    "form_data",
     "geometry_cells",
     "geometry_degree",
     "geometry_element",
     "gmsh_model_to_mesh",
     "has_vtx",
     "interpolation_points",
+    "topology",
 ]

@@ -52,6 +52,13 @@ class SceneError(SignoriniError):
         return type(self), (self.problems, self.source)
 
 
+class FormError(SceneError, ValueError):
+    """An argument of ``ContactProblem`` is wrong."""
+
+    def __init__(self, problems: list[tuple[str, str]], source: str = "ContactProblem") -> None:
+        super().__init__(problems, source)
+
+
 def together(*checks: Callable[[], Any]) -> list[Any]:
     """What independent checks return; the problems of all of them are raised at once.
 

@@ -41,6 +41,7 @@ README, DOCS = ROOT / "README.md", ROOT / "docs"
 THEORY, GLOSSARY = DOCS / "theory.md", DOCS / "glossary.md"
 # Guides and reference, whose blocks are run; the other pages are theory and evidence.
 GUIDES = ["guide", "own-body", "effects", "load-steps", "in-space", "choosing-the-method", "target-accuracy", "python"]
+GUIDES += ["own-forms"]
 REFERENCE = ["scene", "generators", "mesh-files", "command-line", "results", "outcomes"]
 OWN_BODY = DOCS / "own-body.md"
 MANUAL = [DOCS / f"{name}.md" for name in [*GUIDES, "several-ranks", "install", *REFERENCE]]

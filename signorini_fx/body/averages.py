@@ -23,6 +23,7 @@ import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import compat
@@ -84,9 +85,9 @@ def averaging(scene: Scene, tagged: TaggedMesh) -> bool:
 
 
 def averaging_forms(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, factor: Any = None
 ) -> AveragingForms:
-    """Compile what the points of one boundary need."""
+    """Compile what the points of one boundary need; ``factor``: of the surface measure."""
     mesh = space.mesh
     dim, degree = mesh.geometry.dim, space.element.basix_element.degree
     ds = measure(mesh, [facets], forms.nodal_rule(degree, compat.geometry_degree(mesh), dim))(1)
@@ -94,8 +95,9 @@ def averaging_forms(
     scalar = fem.functionspace(mesh, ("Lagrange", degree))
     phi, psi = ufl.TestFunction(hats), ufl.TrialFunction(scalar)
     z = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
-    one = fem.Constant(mesh, default_scalar_type(1.0))
-    products = inventory.compile(f"{name}, averages", partial(fem.form, forms.average_form(psi, phi, ds)))
+    one = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
+    weighted = psi if factor is None else factor * psi
+    products = inventory.compile(f"{name}, averages", partial(fem.form, forms.average_form(weighted, phi, ds)))
     moments = inventory.compile(name, partial(fem.form, forms.contact_form(one, z, ufl.FacetNormal(mesh), ds)))
     return AveragingForms(hats, products, moments)
 
@@ -131,7 +133,7 @@ def averaged_points(
     shares = sp.csr_array((values, places, own.indptr), shape=(points.size, nodes.size))
     x = space.tabulate_dof_coordinates()[: fixed.size // dim, :dim]
     known = np.column_stack((x, fixed.reshape(-1, dim))).astype(np.float64)
-    there = _from_owners(known, nodes, products)
+    there = from_owners(known, nodes, space.mesh.comm)
     averages = Averages(shares, nodes.astype(np.int64), there[:, :dim], there[:, dim:] > 0)
     return node[points], weight[points], moments[points], averages
 
@@ -144,9 +146,9 @@ def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDAr
     return found
 
 
-def _from_owners(known: _Floats, nodes: npt.NDArray[Any], layout: PETSc.Mat) -> _Floats:
+def from_owners(known: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
     """Rows of ``known``, which has one per owned node, for global numbers of nodes; collective."""
-    column = layout.createVecRight()
+    column = PETSc.Vec().createMPI((len(known), None), comm=comm)
     found = np.empty((nodes.size, known.shape[1]))
     places = PETSc.IS().createGeneral(nodes.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
     received = PETSc.Vec().createSeq(nodes.size, comm=PETSc.COMM_SELF)

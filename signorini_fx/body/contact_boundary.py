@@ -164,13 +164,17 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     )
 
 
-def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32]) -> fem.Form:
-    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals."""
+def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
     mesh = space.mesh
-    rule = forms.nodal_rule(space.element.basix_element.degree, compat.geometry_degree(mesh), mesh.topology.dim)
+    degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
+    rule = forms.nodal_rule(degree, geometry, mesh.topology.dim)
+    if factor is None:
+        factor = fem.Constant(mesh, default_scalar_type(1.0))
+    elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
+        rule = {"quadrature_degree": forms.lumped_degree(degree, geometry)}
     ds = measure(mesh, [facets], rule)(1)
-    one = fem.Constant(space.mesh, default_scalar_type(1.0))
-    return fem.form(forms.contact_form(one, z, ufl.FacetNormal(space.mesh), ds))
+    return fem.form(forms.contact_form(factor, z, ufl.FacetNormal(mesh), ds))
 
 
 def contact_part(

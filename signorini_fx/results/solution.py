@@ -249,11 +249,14 @@ class ConvergenceError(SignoriniError):
     """No solution was reached.
 
     Attributes:
-        solution: the last iterate with its status, history and certificate.
+        solution: the last iterate with its status, history and certificate: a ``Solution``, or a ``ContactProblem``.
     """
 
-    def __init__(self, solution: Solution) -> None:
+    def __init__(self, solution: Any, message: str | None = None) -> None:
         self.solution = solution
+        if message is not None:
+            super().__init__(message)
+            return
         found = [found for found in solution.findings if found.level == "warning" and found.message != solution.advice]
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
 

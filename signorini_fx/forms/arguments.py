@@ -1,0 +1,188 @@
+"""The checks of what a user gives to ``ContactProblem``, before anything collective is computed with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem, la
+from dolfinx import mesh as dmesh
+
+from signorini_fx import compat, parallel
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.scene.values import kind_of
+
+Facets = npt.NDArray[np.int32]
+# Settings of a scene that concern its meshes, or its first load step.
+_NOT_HERE = ("levels", "initial_contact", "largest_deformation")
+
+
+def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
+    """The space of the displacements.
+
+    Raises:
+        FormError: the forms are not a bilinear and a linear form on one vector Lagrange space that is supported.
+    """
+    if np.issubdtype(default_scalar_type, np.complexfloating):
+        raise FormError([("a", "PETSc is built for complex numbers; contact needs a real build")])
+    spaces: list[Any] = []
+    for name, form, rank in (("a", a, 2), ("L", L, 1)):
+        if not isinstance(form, ufl.Form | fem.Form):
+            raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
+        found = form.rank if isinstance(form, fem.Form) else len(form.arguments())
+        if found != rank:
+            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {found}")])
+        if isinstance(form, fem.Form):
+            spaces += [(name, space, space) for space in form.function_spaces]
+        else:
+            given = (argument.ufl_function_space() for argument in form.arguments())
+            spaces += [(name, space._cpp_object, space) for space in given]
+    whole = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
+    if u is not None:
+        whole.insert(0, u.function_space)
+    elif not whole:
+        raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
+    space = _supported(whole[0])
+    for name, one, _ in spaces:
+        if one != space._cpp_object:
+            raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
+    return space
+
+
+def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
+    mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per dimension"
+    dim = mesh.topology.dim
+    try:
+        element = space.element.basix_element
+        fits = element.family == basix.ElementFamily.P and not element.discontinuous and element.degree in (1, 2)
+    except RuntimeError:  # a mixed element
+        fits = False
+    if not fits or dim not in (2, 3) or mesh.geometry.dim != dim or space.dofmap.index_map_bs != dim:
+        raise FormError([("a", f"its space is {space.ufl_element()}: {wanted}")])
+    if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
+        raise FormError([("a", f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
+    return space
+
+
+def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """The Dirichlet conditions.
+
+    Raises:
+        FormError: one of them is none, or is on another space.
+    """
+    if isinstance(bcs, fem.DirichletBC):
+        bcs = [bcs]
+    for k, condition in enumerate(bcs):
+        if not isinstance(condition, fem.DirichletBC):
+            raise FormError([(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")])
+        if not space._cpp_object.contains(condition.function_space):
+            raise FormError([(f"bcs[{k}]", "is on another space than a, and on none of its components")])
+    return list(bcs)
+
+
+def settings_of(given: dict[str, Any]) -> SolverSettings:
+    """The settings of the solver.
+
+    Raises:
+        FormError: with all that are wrong.
+    """
+    wrong = [(name, "is no setting of a ContactProblem") for name in given if name in _NOT_HERE]
+    if wrong:
+        raise FormError(wrong)
+    try:
+        found = SolverSettings(**given)
+    except SceneError as error:
+        raise FormError(error.problems) from None
+    if (found.algorithm, found.regularisation_error) == ("path-following", "auto"):
+        raise FormError(
+            [("regularisation_error", "must be a number: there is no estimate of the discretisation error")]
+        )
+    return found
+
+
+def foundations_of(contact: Any) -> tuple[Foundation, ...]:
+    """The foundations, their own arguments checked as far as they need no mesh.
+
+    Raises:
+        FormError: with all errors.
+    """
+    given = [contact] if isinstance(contact, Foundation) else list(contact)
+    problems: list[tuple[str, str]] = [] if given else [("contact", "is empty: a problem without contact is linear")]
+    for k, one in enumerate(given):
+        if not isinstance(one, Foundation):
+            problems.append((f"contact[{k}]", f"must be a Foundation, not {kind_of(one)}"))
+            continue
+        if not isinstance(one.friction, Coulomb | Tresca | None):
+            wrong = f"must be Coulomb(...), Tresca(...) or None, not {kind_of(one.friction)}"
+            problems.append((f"contact[{k}].friction", wrong))
+    if problems:
+        raise FormError(problems)
+    return tuple(given)
+
+
+def facets_of(contact: Sequence[Foundation], mesh: dmesh.Mesh) -> list[Facets]:
+    """The exterior facets of each foundation that this rank owns, ascending; collective.
+
+    A facet may be given on any rank that has it.
+
+    Raises:
+        FormError: with all errors: facets that do not exist, are not exterior, or are in two contacts.
+    """
+    dim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(dim, dim + 1)
+    facet_map = mesh.topology.index_map(dim)
+    exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
+    exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
+    own = slice(facet_map.size_local)
+    problems, marks = [], []
+    for k, one in enumerate(contact):
+        mark = la.vector(facet_map, 1, dtype=np.int32)
+        marks.append(mark)
+        try:
+            local = _listed(one.facets, mesh, dim, exterior.size)
+        except (ValueError, TypeError) as error:
+            problems.append((f"contact[{k}].facets", str(error)))
+            continue
+        mark.array[local] = 1
+    parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
+    taken = np.zeros(facet_map.size_local, dtype=int)
+    counts = []
+    for mark in marks:
+        mark.scatter_reverse(la.InsertMode.add)
+        there = mark.array[own] > 0
+        counts.append([there.sum(), (there & ~exterior[own]).sum(), (there & (taken > 0)).sum()])
+        taken += there
+    for k, (count, inside, twice) in enumerate(parallel.global_sum(mesh.comm, np.array(counts))):
+        name = f"contact[{k}].facets"
+        if not count:
+            problems.append((name, "there are none"))
+        if inside:
+            problems.append((name, f"{inside} of its {count} facets are not on the boundary of the mesh"))
+        if twice:
+            problems.append((name, f"shares {twice} facets with another contact: a facet has one foundation"))
+    if problems:
+        raise FormError(problems)
+    return [np.flatnonzero(mark.array[own] > 0).astype(np.int32) for mark in marks]
+
+
+def _listed(given: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
+    """Local numbers of facets, ghosts included, from a list of them or from tags."""
+    if isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], dmesh.MeshTags):
+        tags, wanted = given
+        if tags.dim != dim:
+            raise ValueError(f"the tags are on entities of dimension {tags.dim}, not {dim}")
+        if compat.topology(tags) != compat.topology(mesh):
+            raise ValueError("the tags are of another mesh")
+        return np.asarray(tags.indices[np.isin(tags.values, wanted)])
+    facets = np.asarray(given)
+    if facets.ndim != 1 or not (facets.size == 0 or np.issubdtype(facets.dtype, np.integer)):
+        raise TypeError("local numbers of facets are expected, shape (n,), or (meshtags, tag)")
+    if facets.size and not (facets.min() >= 0 and facets.max() < count):
+        raise ValueError(f"local numbers of facets are below {count} on this rank")
+    return facets.astype(np.int32)

@@ -1,0 +1,83 @@
+"""The certificate of a ``ContactProblem``.
+
+Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
+the matrix.  Contact conditions, weights, normals and the forces of contact tractions come from the independent code of
+``results``.  Both sides share the user's forms and the values of gap, friction, direction and measure at the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.body.assembly import action, assemble
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.forms.foundations import Data
+from signorini_fx.results.certificate import Balance, Certificate, judged
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.results.supports import Supports
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.scales import Scales
+
+Nodal = npt.NDArray[np.float64]
+
+
+def certify(
+    a: fem.Form,
+    L: fem.Form,
+    displacement: fem.Function,
+    fixed: npt.NDArray[np.bool_],
+    values: Nodal,
+    data: Sequence[Data],
+    scales: Scales,
+    state: ContactState,
+    law: Law,
+    before: Before | None,
+) -> Certificate:
+    """Check the conditions of a problem from the displacement and the contact tractions alone; collective.
+
+    Args:
+        a: compiled.
+        L: compiled.
+        displacement: y.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        values: to what, shape (dofs,).
+        data: of the foundations at the nodes.
+        scales: of lengths and stresses.
+        state: the contact tractions.
+        law: the contact law that the method promises.
+        before: the end of the previous step; None: there is none.
+    """
+    space = displacement.function_space
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    every = np.arange(values.size // dim, dtype=np.int32)
+    internal = action((a,), displacement, every).reshape(-1, dim)
+    prescribed = fixed.reshape(-1, dim)[:owned]
+    none, nowhere = np.zeros((0, dim)), np.zeros(0, dtype=np.int64)
+    by = np.where(prescribed, 0, -1)
+    supports = Supports(
+        prescribed, values.reshape(-1, dim)[:owned], nowhere, none, np.zeros(0), by, nowhere.astype(np.int64)
+    )
+    balance = Balance(SurfaceQuadrature(space), internal, assemble(L).reshape(-1, dim), supports, scales, scales)
+    return judged(displacement, balance, [_side(one) for one in data], Tractions.of(state), law=law, before=before)
+
+
+def _side(data: Data) -> ContactSide:
+    def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
+        found = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
+        return np.minimum(found, data.cap[nodes])
+
+    along = data.shape.direction
+    return ContactSide(
+        data.facets,
+        lambda nodes: data.gap[nodes],
+        bound,
+        data.bilateral,
+        None if along is None else lambda nodes: along[nodes],
+        data.shape.factor,
+    )

@@ -1,0 +1,329 @@
+"""``ContactProblem``: contact and friction for anybody's symmetric form, in the idiom of ``dolfinx.fem.petsc``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_data import check_exact
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms import options
+from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, settings_of, space_of
+from signorini_fx.forms.certificate import certify
+from signorini_fx.forms.elasticity import Array, digest, prescribed
+from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.foundation import Coulomb, Foundation
+from signorini_fx.forms.foundations import Foundations, Shape
+from signorini_fx.forms.system import FormSystem
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.records import History, Status
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.solving.strategy import run
+from signorini_fx.solving.task import Outcome, Start, Task
+from signorini_fx.tuned import AUTOMATIC_GAMMA
+
+
+class ContactProblem:
+    """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the boundary.
+
+        problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01, friction=Coulomb(0.3))])
+        y = problem.solve()
+
+    Constants and Functions in the forms, in the conditions and in the foundations may change between two solves: what
+    has not changed is neither assembled nor factorised again.  An own time loop calls ``advance`` after each step:
+    friction then acts on what the next step adds to the slip.
+
+    Args:
+        a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled.
+        L: a linear form on the same space.
+        bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
+        contact: the foundations.
+        u: the Function that takes the solution; None: a new one.
+        petsc_options_prefix: of the options of this problem in PETSc's database.
+        petsc_options: options without that prefix, for the SNES, its KSP and PC.
+        form_compiler_options: see ``dolfinx.fem.form``.
+        jit_options: see ``dolfinx.fem.form``.
+        stress: of the displacement: a function of it that returns UFL, or UFL of ``u``; None: there are no stresses.
+        settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
+
+    Attributes:
+        u: the solution.
+        bcs: the Dirichlet conditions; the list may change between two solves.
+        contact: the foundations.
+        pressure, shear, gap, slip: of all foundations, see ``ContactFields``.
+        history: every linear solve of all solves so far.
+        status: how the last solve ended; None before the first one.
+        certificate: the check of the last solution against the conditions of the problem; None before the first solve.
+
+    Raises:
+        FormError: an argument is wrong.
+        MachineError: a form cannot be compiled.
+    """
+
+    def __init__(
+        self,
+        a: Any,
+        L: Any,
+        bcs: Sequence[fem.DirichletBC] = (),
+        contact: Sequence[Foundation] | Foundation = (),
+        u: fem.Function | None = None,
+        *,
+        petsc_options_prefix: str = "sfx_",
+        petsc_options: Mapping[str, Any] | None = None,
+        form_compiler_options: dict[str, Any] | None = None,
+        jit_options: dict[str, Any] | None = None,
+        stress: Any = None,
+        **settings: Any,
+    ) -> None:
+        space = self._space = space_of(a, L, u)
+        self.settings = settings_of(settings)
+        self.contact = foundations_of(contact)
+        self.bcs = conditions_of(bcs, space)
+        facets = facets_of(self.contact, space.mesh)
+        with compiling():
+            self._a, self._L = (
+                form
+                if isinstance(form, fem.Form)
+                else fem.form(form, form_compiler_options=form_compiler_options, jit_options=jit_options)
+                for form in (a, L)
+            )
+        self.u = fem.Function(space, name="displacement") if u is None else u
+        self._options = petsc_options_prefix, dict(petsc_options or {})
+        self._stress = stress(self.u) if callable(stress) and not hasattr(stress, "ufl_shape") else stress
+        self._foundations = Foundations(space, self.contact, facets)
+        fields = self._fields = ContactFields.on(space, self._degree)
+        self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
+        self.history = History()
+        self.status: Status | None = None
+        self.certificate: Certificate | None = None
+        self._known: tuple[bytes, bytes] | None = None
+        self._boundary: ContactBoundary
+        self._start: Start | None = None
+        self._before: Before | None = None
+        self._outcome: Outcome | None = None
+        self._state: ContactState | None = None
+
+    @property
+    def _degree(self) -> int:
+        """Of the contact fields."""
+        return 1 if self._foundations.averaging else int(self._space.element.basix_element.degree)
+
+    @cached_property
+    def _stresses(self) -> tuple[fem.Function, fem.Expression]:
+        degree, mesh = self._space.element.basix_element.degree, self._space.mesh
+        space = fem.functionspace(mesh, ("DG", degree - 1, tuple(self._stress.ufl_shape)))
+        with compiling():
+            return fem.Function(space, name="stress"), fem.Expression(
+                self._stress, compat.interpolation_points(space.element)
+            )
+
+    @property
+    def stress(self) -> fem.Function:
+        """The stresses of the last solution, discontinuous, one degree lower than the displacement; collective.
+
+        Raises:
+            RuntimeError: the problem was given no ``stress``.
+        """
+        if self._stress is None:
+            raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
+        function, expression = self._stresses
+        function.interpolate(expression)
+        return function
+
+    @property
+    def solver(self) -> PETSc.SNES:
+        """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
+        with options.applied(*self._options):
+            if self._known is None:
+                self._update()
+            return self._task.iterate.newton.snes
+
+    def fields_of(self, number: int) -> ContactFields:
+        """The fields of one foundation alone, new Functions: at its end a node may belong to another one, too."""
+        found = ContactFields.on(self._space, self._degree)
+        found.take(self._space, self.state, self._boundary.part == number)
+        return found
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas."""
+        if self._state is None:
+            raise RuntimeError("there is no solution so far: call solve()")
+        return self._state
+
+    def solve(self) -> fem.Function:
+        """Solve with the values that constants, Functions and conditions have now; collective.
+
+        Returns:
+            ``u``.
+
+        Raises:
+            ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
+            FormError: a value is not finite, or cannot be evaluated.
+        """
+        with options.applied(*self._options):
+            data, law = self._update()
+            begun = self._start
+            if begun is None:
+                begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
+            else:  # friction is that of the pressure with which the last step has ended
+                assert begun.multipliers is not None
+                bound = None if law is None else law.bound(begun.multipliers[0])
+                begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound), law=law)
+            begun = replace(begun, factors=np.ones(1))
+            if self._outcome is not None and self._outcome.status is Status.CONVERGED and self._start is None:
+                newton = self._outcome.newton
+                begun = begun.begin_from(newton.problem.sets, newton.multipliers())
+            self._begun = begun
+            newton = self._task.iterate.newton
+            checkpoint = newton.checkpoint()
+            self._take(run(self._task, begun))
+            if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
+                newton.restore(checkpoint)
+        status = self.status
+        if status is not None and status is not Status.CONVERGED:
+            raise ConvergenceError(self, f"{status.value}: {status.advice}")
+        return self.u
+
+    def advance(self) -> None:
+        """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
+        last one.
+
+        Raises:
+            RuntimeError: the last solve has no solution.
+        """
+        if self._outcome is None or self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        law = self._task.promised(self._outcome)
+        self._start = replace(self._outcome.next_step(self._begun), place=0.0)
+        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._before)
+
+    def _take(self, outcome: Outcome) -> None:
+        """Make a result the one that the user sees, and certify it; collective."""
+        x = outcome.displacement()
+        self.u.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
+        self.u.x.scatter_forward()
+        self._outcome = outcome
+        state = self._state = ContactState.of(self._task.contact(outcome, self._begun), self._boundary)
+        self._fields.take(self._space, state)
+        self.certificate = certify(
+            self._a,
+            self._L,
+            self.u,
+            *self._prescribed,
+            self._data,
+            self._elastic.scales,
+            state,
+            self._task.promised(outcome),
+            self._before,
+        )
+        self.status = outcome.status
+        if outcome.status is Status.CONVERGED and not self.certificate.holds:
+            self.status = Status.NOT_CERTIFIED
+
+    def _update(self) -> tuple[RegularisedData, FrictionLaw | None]:
+        """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
+        space, comm = self._space, self._space.mesh.comm
+        fixed, values = self._prescribed = prescribed(space, conditions_of(self.bcs, space))
+        shapes = self._foundations.shapes()
+        geometry = [values for one in shapes for values in (one.factor, one.direction) if values is not None]
+        known = digest(self._a, fixed, *geometry), digest(self._L, values)
+        last, self._known = self._known, None  # until all that follows has gone well
+        if last is None or parallel.any_rank(comm, known[0] != last[0]):
+            before, begun = None if last is None else self._boundary, self._start
+            self._set_up(shapes)
+            self._outcome = None  # its iterate is that of another system
+            if begun is not None and before is not None:
+                self._start = carried(begun, before, self._boundary)
+        elif parallel.any_rank(comm, known[1] != last[1]):
+            self._task.system.set_case(0, self._elastic.case(self._L, values))
+        data = self._point_data(shapes)
+        self._known = known
+        return data
+
+    def _set_up(self, shapes: Sequence[Shape]) -> None:
+        """Contact points, stiffness and linear algebra; collective."""
+        space, (fixed, values) = self._space, self._prescribed
+        free_unused(space.mesh)
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._boundary = self._foundations.boundary(shapes, fixed[:owned])
+        if self.settings.algorithm == "exact":
+            try:
+                check_exact(self._boundary)
+            except SceneError as error:
+                raise FormError([("algorithm", message) for _, message in error.problems]) from None
+        elastic = self._elastic = FormSystem(
+            space, self._a, self.bcs, fixed[:owned], self._boundary, self._foundations.facets
+        )
+        system, reason = elastic.choose(self.settings.linear_algebra, self._L, values)
+        self._task = Task(
+            settings=self.settings,
+            system=system,
+            linear_algebra=reason,
+            motions=elastic.motions.at(self._boundary),
+            start=Start(*self._point_data(shapes)),
+            has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
+            natural_gamma=elastic.scales.gamma,
+            history=self.history,
+            goal=self._goal,
+        )
+
+    def _point_data(self, shapes: Sequence[Shape]) -> tuple[RegularisedData, FrictionLaw | None]:
+        """Gap, friction and regularisation at the contact points, as they are now; collective."""
+        boundary, settings = self._boundary, self.settings
+        self._data = self._foundations.data(shapes)
+        law, automatic = self._foundations.law(boundary, self._data), AUTOMATIC_GAMMA * self._elastic.scales.gamma
+        data = RegularisedData(
+            gap=self._foundations.gap(boundary, self._data),
+            gamma_n=automatic if settings.gamma_n == "auto" else settings.gamma_n,
+            gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
+            sigma=np.inf if settings.sigma == "auto" else settings.sigma,
+            lambda_hat=np.zeros(boundary.size),
+            mu_hat=np.zeros(boundary.tangents.shape[::2]),
+            bound=None if law is None else law.given,
+            bilateral=self._foundations.bilateral(boundary),
+        )
+        return data, law
+
+    def _goal(self, x: PETSc.Vec) -> float:
+        """The error allowed to path-following at an iterate, in the energy norm; collective."""
+        y = self._task.system.displacement(x)
+        force = y.duplicate()
+        self._elastic.stiffness.mult(y, force)
+        return float(self.settings.regularisation_error * np.sqrt(max(0.0, force.dot(y))))
+
+
+def carried(start: Start, before: ContactBoundary, after: ContactBoundary) -> Start:
+    """The start of a step with its shears and slips in the frames that the same points have now; collective.
+
+    Raises:
+        FormError: the points or their normals are others.
+    """
+    same = np.array_equal(before.nodes, after.nodes) and np.allclose(before.normal, after.normal)
+    if parallel.any_rank(before.comm, not same):
+        raise FormError([("contact", "its points and directions cannot change between the steps of a loop")])
+    rotation = np.einsum("nij,nik->njk", after.tangents, before.tangents)
+
+    def turned(vectors: Array | None) -> Any:
+        return None if vectors is None else np.einsum("njk,nk->nj", rotation, vectors)
+
+    data, multipliers = start.data, start.multipliers
+    return replace(
+        start,
+        data=replace(data, mu_hat=turned(data.mu_hat), slip_origin=turned(data.slip_origin)),
+        multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
+        elastic_slip=turned(start.elastic_slip),
+    )

@@ -1,0 +1,159 @@
+"""The elastic system of a user's forms: stiffness, loads, prescribed displacements and free rigid motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from hashlib import blake2b
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.errors import FormError
+
+Array = npt.NDArray[np.float64]
+# The part of a form that is not symmetric is round-off below this share of it.
+_ASYMMETRY = 1e-10
+# A motion whose energy is below this share of what the diagonal of the stiffness alone would give has no strain.
+_NO_STRAIN = 1e-11
+
+
+def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> bytes:
+    """A fingerprint of what a form is assembled from on this rank (constants, coefficients, positions of the mesh), and
+    of other arrays.
+    """
+    found = blake2b(digest_size=16)
+    for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays):
+        found.update(np.ascontiguousarray(values).data)
+    return found.digest()
+
+
+def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
+    nothing is prescribed.  Where conditions meet the last one applies.
+    """
+    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
+    fixed = np.zeros(values.size, dtype=bool)
+    for condition in bcs:
+        condition.set(values)
+        fixed[condition.dof_indices()[0]] = True
+    return fixed, values
+
+
+def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], fixed: npt.NDArray[np.bool_]) -> PETSc.Mat:
+    """The stiffness, with the largest of its entries on the diagonal of the prescribed rows; collective.
+
+    Args:
+        form: compiled.
+        bcs: the Dirichlet conditions.
+        fixed: the dofs that they prescribe, owned, shape (owned dofs,).
+
+    Raises:
+        FormError: the form is not symmetric, or not finite.
+    """
+    stiffness = fem_petsc.assemble_matrix(form, list(bcs), 0.0)
+    stiffness.assemble()
+    comm = stiffness.comm.tompi4py()
+    _check_symmetric(stiffness)
+    diagonal = stiffness.getDiagonal()
+    values = diagonal.getArray()
+    largest = parallel.global_max(comm, parallel.local_max(np.abs(values)))
+    values[fixed] = largest or 1.0
+    stiffness.setDiagonal(diagonal)
+    stiffness.setOption(PETSc.Mat.Option.SPD, True)
+    return stiffness
+
+
+def _check_symmetric(matrix: PETSc.Mat) -> None:
+    """A(x, y) = a(y, x) for two random vectors; collective."""
+    x, y = matrix.createVecs()
+    generator = np.random.default_rng(matrix.comm.rank)
+    for vector in (x, y):
+        vector.getArray()[:] = generator.standard_normal(vector.getLocalSize())
+    forces, others = x.duplicate(), x.duplicate()
+    matrix.mult(x, forces)
+    matrix.mult(y, others)
+    size = forces.norm()
+    if not np.isfinite(size):
+        raise FormError([("a", "its matrix is not finite: check its coefficients")])
+    if abs(forces.dot(y) - others.dot(x)) > _ASYMMETRY * size:
+        raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
+
+
+def without_energy(motions: RigidMotions, stiffness: PETSc.Mat) -> RigidMotions:
+    """The motions of those that the supports leave free for which a(r, r) = 0: springs, and what else resists rigid
+    motions, count as supports; collective.
+
+    Args:
+        motions: those that the supports leave free.
+        stiffness: a(., .), rows and columns of what is prescribed eliminated.
+    """
+    count = motions.free.shape[1]
+    if count == 0:
+        return motions
+    x, force = stiffness.createVecs()
+    moved, forces = np.empty((count, x.getLocalSize())), np.empty((count, x.getLocalSize()))
+    for k in range(count):
+        moved[k] = motions.displacement(np.eye(count)[k]).ravel()[: x.getLocalSize()]
+        x.getArray()[:] = moved[k]
+        stiffness.mult(x, force)
+        forces[k] = force.getArray(readonly=True)
+    size = np.abs(stiffness.getDiagonal().getArray(readonly=True)) * moved
+    comm = stiffness.comm.tompi4py()
+    energy, scale = parallel.global_sum(comm, np.stack((moved @ forces.T, moved @ size.T)))
+    columns, numbers = [], []
+    for number in np.unique(motions.assembly):
+        of = motions.assembly == number
+        values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
+        whole = np.einsum("ik,ij,jk->k", vectors, scale[np.ix_(of, of)], vectors)
+        kept = vectors[:, values <= _NO_STRAIN * whole]
+        columns.append(motions.free[:, of] @ kept)
+        numbers += [number] * kept.shape[1]
+    return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.array(numbers, dtype=np.int64))
+
+
+def modulus_of(
+    space: fem.FunctionSpace, boundary: ContactBoundary, stiffness: Array, facets: Sequence[npt.NDArray[np.int32]]
+) -> float:
+    """A modulus of the body near its contact points, stress: the scale of gamma; collective.
+
+    A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
+    per area it meets about E (1 / h + h / l^2).
+
+    Args:
+        space: the displacements.
+        boundary: the contact points.
+        stiffness: of each point per area, stress per length, ``ContactMap.stiffness``, shape (n,).
+        facets: of each foundation, in the order of ``boundary.segments``.
+    """
+    mesh = space.mesh
+    dim, listed = mesh.topology.dim, np.concatenate(list(facets))
+    across = 2 * (
+        dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, listed)[:, 0])
+        - dmesh.compute_midpoints(mesh, dim - 1, listed)
+    )
+    along, across = mesh.h(dim - 1, listed), np.linalg.norm(across, axis=1)
+    inverse, degree = 1 / across + across / along**2, space.element.basix_element.degree
+    sums = fem.Function(space)
+    array = sums.x.array.reshape(-1, dim)
+    for node in boundary.segments[:, 1:].T:
+        local = space.dofmap.index_map.global_to_local(np.ascontiguousarray(node))
+        np.add.at(array, local, np.column_stack((inverse, np.ones(inverse.size), *np.zeros((dim - 2, inverse.size)))))
+    sums.x.scatter_reverse(la.InsertMode.add)
+    total, count = array[boundary.nodes, :2].T
+    moves = stiffness > 0
+    weight, unit = boundary.weight[moves], degree * total[moves] / count[moves]
+    weights, compliance = parallel.global_sum(
+        boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
+    )
+    return float(weights / compliance)

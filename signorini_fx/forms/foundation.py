@@ -1,0 +1,56 @@
+"""What a rigid foundation does to a part of the boundary: the inputs of ``ContactProblem``, plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    """Coulomb friction: |mu| <= F lambda.
+
+    Attributes:
+        coefficient: F, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
+            Function.
+        cap: the largest bound, stress, of the same kinds; None: unlimited.
+    """
+
+    coefficient: Any
+    cap: Any = None
+
+
+@dataclass(frozen=True)
+class Tresca:
+    """Tresca friction: |mu| <= g.
+
+    Attributes:
+        bound: g, stress, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
+            Function.
+    """
+
+    bound: Any
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """A rigid foundation: y . n <= gap, the pressure lambda >= 0 pushes the body off, friction acts along it.
+
+    Attributes:
+        facets: exterior facets by their local numbers, or (meshtags, tag), with one tag or several.
+        gap: distance to the foundation along n, length, negative where they overlap: a number, a callable f(x) of
+            points of shape (3, n), a UFL expression, or a Function.
+        direction: n, from the body to the foundation, a vector of any length: numbers, a callable, a UFL vector, or a
+            Function; None: the outward normal.
+        friction: ``Coulomb``, ``Tresca``, or None.
+        bilateral: whether the contact cannot open; the pressure then has any sign.
+        measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of axisymmetric
+            ones; points at which it is zero carry no contact.  None: 1.
+    """
+
+    facets: Any
+    gap: Any = 0.0
+    direction: Any = None
+    friction: Coulomb | Tresca | None = None
+    bilateral: bool = False
+    measure: Any = None

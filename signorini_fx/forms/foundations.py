@@ -1,0 +1,193 @@
+"""The foundations of a problem on their contact points: weights, frames, gap and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.body.averages import averaging_forms, from_owners
+from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.errors import FormError
+from signorini_fx.forms.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.forms.values import NodalValues
+from signorini_fx.records import Inventory
+
+Array = npt.NDArray[np.float64]
+# A weight below this share of the largest one is the round-off of a measure that is zero there.
+_ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not.
+
+    Attributes:
+        factor: of the surface measure, shape (nodes,); None: 1.
+        direction: n, of length one, shape (nodes, d); None: the outward normal.
+    """
+
+    factor: Array | None
+    direction: Array | None
+
+
+@dataclass(frozen=True)
+class Data:
+    """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+
+    Attributes:
+        facets: owned, local numbers.
+        shape: its direction and measure.
+        gap: d, length; nan where no facet is.
+        given: Tresca's g, stress; zero without.
+        coefficient: Coulomb's F; zero without.
+        cap: the largest friction bound, stress; infinite without.
+        bilateral: whether the contact cannot open.
+    """
+
+    facets: npt.NDArray[np.int32]
+    shape: Shape
+    gap: Array
+    given: Array
+    coefficient: Array
+    cap: Array
+    bilateral: bool
+
+
+class Foundations:
+    """Several foundations on one space; all methods are collective.
+
+    Args:
+        space: the displacements.
+        contact: the foundations.
+        facets: of each foundation, owned, local numbers.
+    """
+
+    def __init__(
+        self, space: fem.FunctionSpace, contact: Sequence[Foundation], facets: Sequence[npt.NDArray[np.int32]]
+    ) -> None:
+        self._space, self._contact, self.facets = space, contact, facets
+        self._values = [NodalValues(space, here) for here in facets]
+        self._dimension = int(space.mesh.geometry.dim)
+        mesh = space.mesh
+        self.averaging = space.element.basix_element.degree == 2 and mesh.topology.cell_name() == "tetrahedron"
+        self._forms: list[tuple[Any, fem.Function | None]] = []
+
+    def shapes(self) -> list[Shape]:
+        """What decides about the points, as it is now.
+
+        Raises:
+            FormError: a direction or a measure is wrong somewhere.
+        """
+        found = []
+        for k, (one, at) in enumerate(zip(self._contact, self._values, strict=True)):
+            factor = direction = None
+            if one.measure is not None:
+                factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
+                largest = parallel.global_max(self._space.mesh.comm, parallel.local_max(np.nan_to_num(factor)))
+                factor[factor <= _ROUND_OFF * largest] = 0.0
+            if one.direction is not None:
+                direction = at(one.direction, f"contact[{k}].direction", self._dimension)
+                size = np.linalg.norm(direction, axis=1, keepdims=True)
+                if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
+                    raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
+                direction = direction / size
+            found.append(Shape(factor, direction))
+        return found
+
+    def boundary(self, shapes: Sequence[Shape], fixed: npt.NDArray[np.bool_]) -> ContactBoundary:
+        """Weights, frames and positions of the points.
+
+        Args:
+            shapes: see ``shapes``.
+            fixed: which owned dofs are prescribed, shape (owned dofs,).
+
+        Raises:
+            FormError: no point of a contact can move along its normal.
+        """
+        if not self._forms:
+            self._forms = [self._compiled(k, shape) for k, shape in enumerate(shapes)]
+        parts = []
+        for k, (shape, (form, function)) in enumerate(zip(shapes, self._forms, strict=True)):
+            if function is not None and shape.factor is not None:
+                function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
+            part = contact_part(self._space, form, self.facets[k], k, fixed, None)
+            if shape.direction is not None:
+                part = replace(part, normal=shape.direction[part.nodes])
+            movable = int(parallel.global_sum(part.comm, np.array(np.count_nonzero(~part.points.immovable))))
+            if movable == 0:
+                wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
+                raise FormError([(f"contact[{k}]", wrong)])
+            parts.append(part)
+        return join(parts)
+
+    def _compiled(self, k: int, shape: Shape) -> tuple[Any, fem.Function | None]:
+        """The unit contact form of a foundation, and the coefficient in it that is the factor of its measure."""
+        space = self._space
+        function = None if shape.factor is None else fem.Function(space)
+        factor, inventory = None if function is None else function[0], Inventory()
+        if self.averaging:
+            return averaging_forms(space, self.facets[k], inventory, f"contact {k}", factor), function
+        make = partial(unit_contact_form, space, ufl.TestFunction(space), self.facets[k], factor)
+        return inventory.compile(f"contact {k}", make), function
+
+    def data(self, shapes: Sequence[Shape]) -> list[Data]:
+        """Gaps and friction, as they are now.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
+        found = []
+        for k, (one, at, shape) in enumerate(zip(self._contact, self._values, shapes, strict=True)):
+            gap, path = at(one.gap, f"contact[{k}].gap"), f"contact[{k}].friction"
+            given, coefficient, cap = np.zeros_like(gap), np.zeros_like(gap), np.full_like(gap, np.inf)
+            if isinstance(one.friction, Tresca):
+                given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
+            elif isinstance(one.friction, Coulomb):
+                coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
+                if one.friction.cap is not None:
+                    cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
+            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, one.bilateral))
+        return found
+
+    def gap(self, boundary: ContactBoundary, data: Sequence[Data]) -> Array:
+        """The gap at the points, averaged where the displacement is that it is compared with; collective."""
+        found = np.zeros(boundary.size)
+        for k, one in enumerate(data):
+            here = boundary.part == k
+            if boundary.averages is None:
+                found[here] = one.gap[boundary.nodes[here]]
+            else:
+                known = np.nan_to_num(one.gap[: self._space.dofmap.index_map.size_local, None])
+                reached = from_owners(known, boundary.averages.nodes, boundary.comm)[:, 0]
+                found[here] = boundary.averages.shares[here] @ reached
+        return found
+
+    def law(self, boundary: ContactBoundary, data: Sequence[Data]) -> FrictionLaw | None:
+        """Friction at the points; None without."""
+        frictions = [one.friction for one in self._contact]
+        if not any(frictions):
+            return None
+
+        def at_points(name: str) -> Array:
+            found = np.zeros(boundary.size)
+            for k, one in enumerate(data):
+                here = boundary.part == k
+                found[here] = getattr(one, name)[boundary.nodes[here]]
+            return found
+
+        capped = any(isinstance(one, Coulomb) and one.cap is not None for one in frictions)
+        return FrictionLaw(at_points("given"), at_points("coefficient"), at_points("cap") if capped else None)
+
+    def bilateral(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
+        """The points whose contact cannot open; None: there are none."""
+        parts = [k for k, one in enumerate(self._contact) if one.bilateral]
+        return np.isin(boundary.part, parts) if parts else None

@@ -1,0 +1,35 @@
+"""PETSc options of one problem: those in the database with its prefix, and those that it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from petsc4py import PETSc
+
+from signorini_fx.linalg.options import PREFIX
+
+
+@contextmanager
+def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
+    """Put the options of a problem where its solver objects read them; those of the database take precedence.
+
+    Args:
+        prefix: of the problem.
+        given: options without the prefix.
+    """
+    database = PETSc.Options()
+    wanted = {name: str(value) if value is not None else "" for name, value in given.items()}
+    wanted |= {name.removeprefix(prefix): value for name, value in database.getAll().items() if name.startswith(prefix)}
+    ours = PETSc.Options(PREFIX)
+    before = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
+    for name, value in wanted.items():
+        ours[name] = value or None
+    try:
+        yield
+    finally:
+        for name in wanted:
+            ours.delValue(name)
+        for name, value in before.items():
+            database[name] = value or None

@@ -1,0 +1,511 @@
+"""``ContactProblem``: forms of the user's own, against exact states, scenes, and an independent judge."""
+
+import runpy
+from contextlib import contextmanager
+from pathlib import Path
+
+import forms
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, read_scene, solve
+from signorini_fx.forms import system
+from signorini_fx.linalg import condensed, multigrid
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+ROOT = Path(__file__).parent.parent
+GALLERY = sorted((ROOT / "demos" / "forms").glob("*.py"))
+
+
+def run(name):
+    return runpy.run_path(str(ROOT / "demos" / "forms" / f"{name}.py"))
+
+
+@contextmanager
+def counted(monkeypatch, owner, name):
+    """How often a function of a module or a class is called."""
+    calls, original = [], getattr(owner, name)
+
+    def count(*args, **kwargs):
+        calls.append(name)
+        return original(*args, **kwargs)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, name, count)
+        yield calls
+
+
+class Block:
+    """A block 3 x 1 (x 1) on a floor, its top pressed down and moved aside."""
+
+    def __init__(self, counts=(12, 4), degree=1, kind=None, comm=COMM, friction=None, gap=0.0, load=0.0, **settings):
+        d = len(counts)
+        self.mesh = forms.box((3.0, 1.0, 1.0)[:d], list(counts), kind, comm)
+        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (d,)))
+        u, v = ufl.TrialFunction(self.V), ufl.TestFunction(self.V)
+        self.bottom, self.top = forms.side(self.mesh, d - 1, 0.0), forms.side(self.mesh, d - 1, 1.0)
+        self.young, self.load = fem.Constant(self.mesh, 1000.0), fem.Constant(self.mesh, load)
+        self.down, self.aside = fem.Constant(self.mesh, -0.01), fem.Constant(self.mesh, 0.0)
+        self.a = self.young * forms.hooke(u, v, 1.0)
+        self.L = self.load * v[d - 1] * ufl.dx
+        self.bcs = [
+            self.held(d - 1, self.top, self.down),
+            *(self.held(k, self.top, self.aside if k == 0 else fem.Constant(self.mesh, 0.0)) for k in range(d - 1)),
+        ]
+        self.foundation = Foundation(self.bottom, gap=gap, friction=friction)
+        self.problem = ContactProblem(self.a, self.L, self.bcs, self.foundation, **settings)
+
+    def held(self, component, facets, value):
+        sub = self.V.sub(component)
+        return fem.dirichletbc(value, fem.locate_dofs_topological(sub, self.mesh.topology.dim - 1, facets), sub)
+
+
+# --- gallery ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", GALLERY, ids=lambda path: path.stem)
+def test_programs_are_short(path):
+    lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len([line for line in lines if line and not line.startswith("#")]) <= 25
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", ["orthotropic_block", "winkler_springs", "heated_strip", "varying_modulus"])
+def test_exact_states(name):
+    """Uniform pressures to round-off."""
+    found = run(name)
+    pressures = found["found"] if "found" in found else [found["pressure"]]
+    formulas = np.atleast_1d(found["formula"])
+    assert len(pressures) == len(formulas)
+    for pressure, formula in zip(pressures, formulas, strict=True):
+        assert pressure == pytest.approx(formula, rel=1e-11)
+    assert found["problem"].certificate.holds
+
+
+@pytest.mark.mpi
+def test_axisymmetric_hertz():
+    """Radius and pressure of Hertz's formula; the body is finite."""
+    found = run("axisymmetric_hertz")
+    state, force = found["problem"].state, found["force"]
+    radius = (0.75 * force * found["RADIUS"] * (1 - found["NU"] ** 2) / found["E"]) ** (1 / 3)
+    r = state.boundary.x[:, 0]
+    hertz = 1.5 * force / (np.pi * radius**2) * np.sqrt(np.maximum(0, 1 - (r / radius) ** 2))
+    inside = r < 0.8 * radius
+    assert state.pressure[inside] == pytest.approx(hertz[inside], rel=0.015)
+    assert (state.pressure[r > 1.1 * radius] == 0).all()
+    assert found["problem"].certificate.holds
+    total = state.forces[0][1]
+    assert total == pytest.approx(force, rel=1e-3)
+
+
+@pytest.mark.mpi
+def test_elasticity():
+    """The box of dolfinx's demo with its wall is a scene, too."""
+    found = run("elasticity")
+    tagged = tag_boundaries(
+        found["msh"],
+        {
+            "left": lambda x: np.isclose(x[0], 0.0),
+            "back": lambda x: np.isclose(x[1], 1.0),
+            "right": lambda x: np.isclose(x[0], 2.0),
+        },
+    )
+    fixed = {"x": 0.0, "y": 0.0, "z": 0.0}
+    mu, lame = 3.85e8, 5.77e8
+    poisson = lame / (2 * (lame + mu))
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "material": {"young": 2 * mu * (1 + poisson), "poisson": poisson},
+            "displacement": [{"boundary": "left", **fixed}, {"boundary": "back", **fixed}],
+            "body_force": {"x": "9e5*x[0]", "y": "9e5*x[1]"},
+            "contact": {"boundary": "right", "gap": 1e-4, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        }
+    )
+    solution = solve(scene, COMM)
+    y, same = found["uh"].x.array, solution.displacement.x.array
+    assert np.abs(y - same).max(initial=0) <= 1e-5 * 1e-3  # gamma is chosen from other scales
+    assert found["problem"].state.pressure.max(initial=0) <= solution.contact.pressure.max(initial=0) * 1.001
+
+
+@pytest.mark.mpi
+def test_own_space_is_a_scene():
+    """P2, a DirichletBC with a Function on a component, friction and gap as UFL."""
+    found = run("own_space")
+    mesh = found["mesh"]
+    tagged = tag_boundaries(mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 1.0)})
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "element": {"degree": 2},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.001, "y": "-0.004 - 0.002*sin(x[0])"},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.001*(x[0] - 1.5)**2",
+                "friction": {"law": "coulomb", "coefficient": "0.2 + 0.1*x[0]"},
+            },
+            "solver": {"gamma_n": 1e8, "gamma_t": 1e8},
+        }
+    )
+    same = solve(scene, COMM).displacement.x.array
+    assert np.abs(found["y"].x.array - same).max(initial=0) <= 1e-10 * 0.006
+
+
+# --- time loops and changes ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("algorithm", ["auto", "exact"])
+def test_own_loop_is_factors(algorithm):
+    """The law is incremental: the steps of the scene, one by one."""
+    given = read_scene(ROOT / "demos" / "scenes" / "press_and_slide.toml").model_dump(exclude_unset=True)
+    given["mesh"]["parameters"] |= {"nx": 30, "ny": 10}
+    given["solver"] = settings = {"gamma_n": 1e6, "gamma_t": 1e6, "algorithm": algorithm}
+    factors = given["displacement"][1]["factors"] = given["displacement"][1]["factors"][:21]
+    scene = parse_scene(given)
+    solution = solve(scene, COMM)
+    tagged = solution.discretisation.tagged
+    V = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    aside, top = fem.Constant(tagged.mesh, 0.0), tagged.facets("top")
+    bcs = [
+        fem.dirichletbc(value, fem.locate_dofs_topological(V.sub(k), 1, top), V.sub(k))
+        for k, value in ((1, fem.Constant(tagged.mesh, -0.003)), (0, aside))
+    ]
+    floor = Foundation((tagged.facet_tags, tagged.boundaries["bottom"]), friction=Coulomb(0.3))
+    nothing = ufl.inner(fem.Constant(tagged.mesh, (0.0, 0.0)), v) * ufl.dx
+    problem = ContactProblem(forms.hooke(u, v, 5000.0), nothing, bcs, floor, **settings)
+    for factor, step in zip(factors, solution.steps, strict=True):
+        aside.value = 0.005 * factor
+        y = problem.solve()
+        problem.advance()
+        assert np.abs(y.x.array - step.displacement.x.array).max(initial=0) <= 1e-12 * 0.005
+        state = problem.state
+        largest = COMM.allreduce(step.contact.pressure.max(initial=0), MPI.MAX)
+        for name in ("pressure", "shear"):
+            apart = np.abs(getattr(state, name) - getattr(step.contact, name)).max(initial=0)
+            assert apart <= 1e-12 * largest, name
+    assert problem.history.linear_solves == solution.history.linear_solves
+
+
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_loads_share_a_factorisation(monkeypatch, linear_algebra):
+    """Twenty loads: the stiffness is assembled and factorised once, and so is the tangent where sets stay."""
+    block = Block((24, 8), linear_algebra=linear_algebra)
+    with (
+        counted(monkeypatch, system, "assembled") as stiffness,
+        counted(monkeypatch, condensed, "SchurComplement") as schur,
+    ):
+        for factor in range(1, 21):
+            block.down.value = -0.01 * factor
+            block.load.value = -0.1 * factor
+            block.problem.solve()
+    assert len(stiffness) == 1
+    assert len(schur) == (linear_algebra == "condensed")
+    assert sum(record.factorised for record in block.problem.history.iterations) == 1
+    fresh = Block((24, 8), linear_algebra=linear_algebra, load=-2.0)
+    fresh.down.value = -0.2
+    assert block.problem.u.x.array == pytest.approx(fresh.problem.solve().x.array, abs=1e-12)
+
+
+def test_loads_share_a_multigrid_hierarchy(monkeypatch):
+    """In space, with sets that change."""
+    block = Block((6, 3, 3), linear_algebra="krylov", gap=lambda x: 0.002 * x[0], friction=Coulomb(0.3))
+    with counted(monkeypatch, multigrid.Hierarchy, "of") as hierarchies:
+        for factor in range(1, 21):
+            block.down.value = -0.001 * factor
+            block.problem.solve()
+    assert len(hierarchies) == 1
+
+
+def test_only_what_changes_is_assembled(monkeypatch):
+    """And every change has its effect: the result is that of a fresh problem."""
+    block = Block()
+    gap, friction = fem.Constant(block.mesh, 0.001), fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1)))
+    friction.x.array[:] = 0.3
+    direction = fem.Constant(block.mesh, (0.0, -1.0))
+    floor = Foundation(block.bottom, gap=gap, friction=Coulomb(friction), direction=direction)
+    problem = ContactProblem(block.a, block.L, list(block.bcs), floor)
+
+    def change(constant, value):
+        constant.value = value
+
+    left = block.held(0, forms.side(block.mesh, 0, 0.0), fem.Constant(block.mesh, 0.0))
+    changes = [
+        ("nothing", lambda: None, (0, 0)),
+        ("a load", lambda: change(block.load, -1.0), (0, 1)),
+        ("a prescribed value", lambda: change(block.aside, 0.002), (0, 1)),
+        ("the gap", lambda: change(gap, 0.002), (0, 0)),
+        ("friction", lambda: friction.x.array.__setitem__(slice(None), 0.1), (0, 0)),
+        ("the modulus", lambda: change(block.young, 500.0), (1, 1)),
+        ("a condition", lambda: problem.bcs.append(left), (1, 1)),
+        ("the direction", lambda: change(direction, (0.1, -1.0)), (1, 1)),
+        ("the mesh", lambda: block.mesh.geometry.x.__imul__(1.1), (1, 1)),
+    ]
+    problem.solve()
+    before = problem.u.x.array.copy()
+    for name, act, expected in changes:
+        act()
+        with (
+            counted(monkeypatch, system, "assembled") as stiffness,
+            counted(monkeypatch, system, "assemble") as loads,
+        ):
+            y = problem.solve().x.array.copy()
+        assert (len(stiffness), len(loads)) == expected, name
+        assert (np.abs(y - before).max() > 1e-6) == (name != "nothing"), name
+        fresh = ContactProblem(block.a, block.L, list(problem.bcs), floor).solve().x.array
+        assert np.abs(y - fresh).max() <= 1e-7 * np.abs(fresh).max(), name
+        before = y
+
+
+def test_friction_that_changes_in_a_loop():
+    """After a step the bound is that of the new coefficient at the pressure that is there, in either direction."""
+    block = Block()
+    coefficient = fem.Constant(block.mesh, 0.3)
+    problem = ContactProblem(block.a, block.L, block.bcs, Foundation(block.bottom, friction=Coulomb(coefficient)))
+    for aside, coefficient.value in ((0.0, 0.3), (0.1, 0.3), (0.2, 0.1), (0.1, 0.5)):
+        block.aside.value = aside
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.holds
+    shear, pressure = problem.shear.x.array.reshape(-1, 2), problem.pressure.x.array
+    assert shear[:, 0] == pytest.approx(-0.5 * pressure, abs=1e-5 * pressure.max())
+    assert pressure.max() > 0
+
+
+# --- outcomes --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("load", "friction", "status"),
+    [
+        ((0.0, -1.0), None, Status.NOT_HELD),
+        ((0.5, -1.0), Coulomb(0.3), Status.SLIDES),
+        ((0.0, 1.0), Coulomb(0.3), Status.OPEN),
+    ],
+)
+def test_no_equilibrium(load, friction, status):
+    block = Block()
+    v = ufl.TestFunction(block.V)
+    force = fem.Constant(block.mesh, load)
+    problem = ContactProblem(
+        block.a, ufl.inner(force, v) * ufl.dx, [], Foundation(block.bottom, friction=friction), u=fem.Function(block.V)
+    )
+    with pytest.raises(RuntimeError, match="no solution"):
+        problem.advance()
+    with pytest.raises(ConvergenceError, match=status.value) as caught:
+        problem.solve()
+    assert problem.status is status
+    assert caught.value.solution is problem
+    with pytest.raises(RuntimeError, match="no solution"):
+        problem.advance()
+    force.value = (0.05, -1.0)
+    if friction is not None:
+        assert problem.solve() is problem.u
+        problem.advance()
+
+
+@pytest.mark.parametrize("stiffness", [1e-4, 1e3])
+def test_springs_are_supports(stiffness):
+    """Weak ones, too: a body on springs alone has no free motion."""
+    block = Block()
+    u, v = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
+    a = block.a + stiffness * ufl.inner(u, v) * ufl.ds
+    L = fem.Constant(block.mesh, -1e-3 * stiffness) * v[1] * ufl.dx
+    problem = ContactProblem(a, L, [], Foundation(block.bottom, gap=1e9))
+    y = problem.solve()
+    assert y.x.array.reshape(-1, 2)[:, 1] == pytest.approx(-1e-3 * 3 / 8, rel=2e-2 if stiffness < 1 else 1)
+    lifted = fem.Constant(block.mesh, 1e-3 * stiffness) * v[1] * ufl.dx
+    free = ContactProblem(block.a + stiffness * u[0] * v[0] * ufl.ds, lifted, [], Foundation(block.bottom))
+    with pytest.raises(ConvergenceError, match="opens"):
+        free.solve()
+
+
+@pytest.mark.parametrize("kind", [dmesh.CellType.tetrahedron, dmesh.CellType.hexahedron])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.mpi
+def test_fields_on_all_elements(kind, degree):
+    """Forces are the integrals of the fields, on any number of ranks; gap and slip are those of the displacement."""
+    block = Block((4, 2, 2), degree, kind, friction=Coulomb(0.3), gap=lambda x: 0.002 * x[0])
+    block.aside.value = 0.004
+    problem = block.problem
+    problem.solve()
+    assert problem.certificate.holds
+    tags = dmesh.meshtags(block.mesh, 2, np.sort(block.bottom), np.full(block.bottom.size, 1, dtype=np.int32))
+    ds = ufl.ds(domain=block.mesh, subdomain_data=tags)(1)
+    whole = [COMM.allreduce(fem.assemble_scalar(fem.form(f * ds))) for f in (problem.pressure, -problem.shear[0])]
+    contact, friction = problem.state.forces
+    assert whole == pytest.approx([contact[2], friction[0]], rel=1e-12)
+    alone = problem.fields_of(0)
+    assert np.array_equal(alone.pressure.x.array, problem.pressure.x.array)
+    serial = Block((4, 2, 2), degree, kind, MPI.COMM_SELF, Coulomb(0.3), lambda x: 0.002 * x[0])
+    serial.aside.value = 0.004
+    serial.problem.solve()
+    assert contact == pytest.approx(serial.problem.state.forces[0], rel=1e-8)
+
+
+def test_compiled_forms_need_a_function():
+    block = Block()
+    a, L, u = fem.form(block.a), fem.form(block.L), fem.Function(block.V, name="mine")
+    with pytest.raises(FormError, match="u: must be given"):
+        ContactProblem(a, L, block.bcs, block.foundation)
+    problem = ContactProblem(a, L, block.bcs, block.foundation, u=u)
+    assert problem.solve() is u
+    assert u.name == "mine"
+    assert u.x.array == pytest.approx(block.problem.solve().x.array, abs=1e-13)
+
+
+def test_stress_is_that_of_the_form():
+    """A uniform state, after each solve; without ``stress=`` there is none."""
+    block = Block()
+    u, v = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
+
+    def stress(y):
+        return 1000.0 * ufl.sym(ufl.grad(y))
+
+    symmetric = block.held(0, forms.side(block.mesh, 0, 0.0), fem.Constant(block.mesh, 0.0))
+    a = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx
+    problem = ContactProblem(
+        a, block.L, [block.bcs[0], symmetric], Foundation(block.bottom), algorithm="exact", stress=stress
+    )
+    for block.down.value in (-0.01, -0.02):
+        problem.solve()
+        expected = [0.0, 0.0, 0.0, 1000.0 * float(block.down.value)]
+        assert np.abs(problem.stress.x.array.reshape(-1, 4) - expected).max() < 1e-10
+    with pytest.raises(RuntimeError, match="give stress="):
+        block.problem.stress  # noqa: B018
+
+
+def test_petsc_options_reach_the_solver():
+    """Of this problem alone; the SNES takes monitors before the first solve."""
+    block = Block(petsc_options_prefix="mine_", petsc_options={"ksp_type": "cg", "pc_type": "jacobi"})
+    seen = []
+    block.problem.solver.setMonitor(lambda snes, step, norm: seen.append(norm))
+    block.problem.solve()
+    assert block.problem.solver.getKSP().getType() == "cg"
+    assert seen
+    assert not [name for name in PETSc.Options().getAll() if name.startswith(("sfx_", "mine_"))]
+    other = Block()
+    other.problem.solve()
+    assert other.problem.solver.getKSP().getType() != "cg"
+    assert other.problem.u.x.array == pytest.approx(block.problem.u.x.array, abs=1e-8)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+def bad(**changes):
+    """Arguments of a problem, some of them replaced."""
+    block = Block()
+    u, v = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
+    scalar = fem.functionspace(block.mesh, ("Lagrange", 1))
+    other = fem.functionspace(block.mesh, ("Lagrange", 2, (2,)))
+    cubic = fem.functionspace(block.mesh, ("Lagrange", 3, (2,)))
+    away = fem.functionspace(forms.box((1.0, 1.0), [2, 2]), ("Lagrange", 1))
+    inner = np.setdiff1d(np.arange(20, dtype=np.int32), dmesh.exterior_facet_indices(block.mesh.topology))
+    known = {
+        "block": block,
+        "unsymmetric": block.a + u[0].dx(1) * v[1] * ufl.dx,
+        "nan": fem.Constant(block.mesh, np.nan) * block.a,
+        "scalar": ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)) * ufl.dx,
+        "cubic": ufl.inner(ufl.TrialFunction(cubic), ufl.TestFunction(cubic)) * ufl.dx,
+        "elsewhere": ufl.inner(ufl.as_vector((0.0, 1.0)), ufl.TestFunction(other)) * ufl.dx,
+        "other": fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(other, 1, block.top), other),
+        "inner": Foundation(inner),
+        "none": Foundation(np.empty(0, dtype=np.int32)),
+        "far": Foundation(np.array([10**6])),
+        "words": Foundation("bottom"),
+        "cells": Foundation((dmesh.meshtags(block.mesh, 2, np.arange(3, dtype=np.int32), 1), 1)),
+        "away": Foundation(block.bottom, gap=fem.Function(away)),
+        "twice": [block.foundation, Foundation(block.bottom)],
+        "shape": Foundation(block.bottom, gap=ufl.SpatialCoordinate(block.mesh)),
+        "normal": Foundation(block.bottom, gap=ufl.FacetNormal(block.mesh)[0]),
+        "raises": Foundation(block.bottom, gap=lambda x: 1 / 0),
+        "negative": Foundation(block.bottom, friction=Coulomb(-0.1)),
+        "infinite": Foundation(block.bottom, friction=Tresca(np.inf)),
+        "law": Foundation(block.bottom, friction=0.3),
+        "zero": Foundation(block.bottom, direction=(0.0, 0.0)),
+        "measured": Foundation(block.bottom, measure=fem.Constant(block.mesh, -1.0)),
+        "held": [*block.bcs, block.held(1, block.bottom, fem.Constant(block.mesh, 0.0))],
+    }
+    arguments = {"a": block.a, "L": block.L, "bcs": block.bcs, "contact": block.foundation}
+    return arguments | {
+        name: known.get(value, value) if isinstance(value, str) and name != "algorithm" else value
+        for name, value in changes.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"a": "unsymmetric"}, "a: is not symmetric"),
+        ({"a": "nan"}, "a: its matrix is not finite"),
+        ({"a": 3.0}, "a: must be a UFL form"),
+        ({"a": "scalar"}, "a: its space is"),
+        ({"a": "cubic"}, "a: its space is"),
+        ({"L": "elsewhere"}, "L: its arguments are on another space"),
+        ({"L": None}, "L: must be a UFL form"),
+        ({"bcs": [1]}, r"bcs\[0\]: must be a DirichletBC"),
+        ({"bcs": "other"}, r"bcs\[0\]: is on another space"),
+        ({"bcs": "held"}, r"contact\[0\]: bcs prescribe"),
+        ({"contact": []}, "contact: is empty"),
+        ({"contact": [3]}, r"contact\[0\]: must be a Foundation"),
+        ({"contact": "inner"}, r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary"),
+        ({"contact": "none"}, r"contact\[0\].facets: there are none"),
+        ({"contact": "far"}, r"contact\[0\].facets: local numbers"),
+        ({"contact": "words"}, r"contact\[0\].facets: local numbers"),
+        ({"contact": "cells"}, r"contact\[0\].facets: the tags are on entities of dimension 2"),
+        ({"contact": "twice"}, r"contact\[1\].facets: shares 12 facets"),
+        ({"contact": "away"}, r"contact\[0\].gap: .*another mesh"),
+        ({"contact": "shape"}, r"contact\[0\].gap: .*shape"),
+        ({"contact": "normal"}, r"contact\[0\].gap: cannot be evaluated"),
+        ({"contact": "raises"}, r"contact\[0\].gap: .*division by zero"),
+        ({"contact": "negative"}, r"contact\[0\].friction.coefficient: is \[-0.1\]"),
+        ({"contact": "infinite"}, r"contact\[0\].friction.bound: is \[inf\]"),
+        ({"contact": "law"}, r"contact\[0\].friction: must be Coulomb"),
+        ({"contact": "zero"}, r"contact\[0\].direction: is zero"),
+        ({"contact": "measured"}, r"contact\[0\].measure: is \[-1.0\]"),
+        ({"algorithm": "sss"}, "algorithm: "),
+        ({"levels": 3}, "levels: is no setting"),
+        ({"gamma": 3}, "gamma: "),
+        ({"algorithm": "path-following"}, "regularisation_error: must be a number"),
+    ],
+)
+def test_bad_arguments_are_named(changes, message):
+    with pytest.raises(FormError, match=f"^ContactProblem: {message}"):
+        ContactProblem(**bad(**changes)).solve()
+
+
+# --- random forms ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_random_forms(seed):
+    """Tensors, springs, supports, moduli and contacts at random, judged from a dense matrix."""
+    assert forms.verdict(seed) == {}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("first", range(50, 550, 50))
+def test_more_random_forms(first):
+    assert {seed: wrong for seed in range(first, first + 50) if (wrong := forms.verdict(seed))} == {}
+
+
+def test_the_judge_notices():
+    """Neither another displacement nor another load has these tractions."""
+    drawn = forms.draw(0)
+    drawn.problem.solve()
+    assert forms.judge(drawn) == {}
+    drawn.L = 1.01 * drawn.L
+    assert set(forms.judge(drawn)) == {"equilibrium"}
+    drawn.problem.u.x.array[:] *= 1.001
+    assert {"equilibrium", "gap 0"} <= set(forms.judge(drawn))
