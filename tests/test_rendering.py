@@ -10,10 +10,10 @@ import pytest
 
 from signorini_fx.errors import PictureError
 from signorini_fx.pictures import offscreen, view
-from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.body import Body, Volume
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
-from signorini_fx.pictures.solid import Lines, Solid
-from signorini_fx.pictures.solid_body import Skin, solid_figure, telling_view
+from signorini_fx.pictures.solid import Cut, Lines, Solid
+from signorini_fx.pictures.solid_body import Skin, section, solid_figure, telling_view
 from signorini_fx.pictures.style import VALUES
 from signorini_fx.pictures.tiling import tiling
 
@@ -117,6 +117,37 @@ def test_lines_are_hidden_by_the_body():
         picture = offscreen.drawn(solid(np.full(12, 0.5), lines=[Lines(line, "red", 6.0)]), camera, WIDTH)
         (colour,) = at(picture, camera, [[0.5, 0.5, height]])
         assert (colour[0] > 200 and colour[1] < 60) == seen
+
+
+HEXAHEDRON = [[0, 1, 3, 2, 4, 5, 7, 6]]
+TETRAHEDRA = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]]
+
+
+@pytest.mark.parametrize("cells", [HEXAHEDRON, TETRAHEDRA], ids=["hexahedron", "tetrahedra"])
+def test_a_cut_shows_the_field_inside(cells):
+    """What is before the plane is gone, and the field on the plane is that of the cells."""
+    seen = view.oblique(-90.0, 10.0)
+    camera = view.Camera.on(seen, CUBE)
+    values = 0.5 * CUBE[:, 0] + 0.5 * CUBE[:, 1]
+    cut = Cut(CUBE, values, np.array(cells), np.array([0.0, 0.6, 0.0]), np.array([0.0, -1.0, 0.0]))
+    picture = offscreen.drawn(solid(np.zeros(12), cut=cut), camera, WIDTH)
+    places = np.array([[x, 0.6, 0.5] for x in (0.2, 0.5, 0.8)])
+    np.testing.assert_allclose(hue(at(picture, camera, places)), hue(VALUES(0.5 * places[:, 0] + 0.3)), atol=0.02)
+
+
+def test_the_section_goes_through_its_point(painted, tmp_path):
+    """Along the direction that it is given, as well seen as possible; moved with the body."""
+    unit = cube(np.ones(6), (0.0, 0.0, -0.001))
+    volume = Volume(CUBE, np.tile([0.0, 0.0, -0.001], (8, 1)), np.ones(8), np.array([[0, 1, 3, 2, 4, 5, 7, 6]]))
+    origin, down = np.array([0.25, 0.5, 0.0]), np.array([0.0, 0.0, -1.0])
+    for azimuth, axis in ((-58.0, 1), (-10.0, 0)):
+        painted.clear()
+        seen = view.oblique(azimuth)
+        section(tmp_path / "cut", unit, volume, origin, down, seen=seen, suffixes=[".png"])
+        ((drawn, *_),) = painted
+        np.testing.assert_allclose(drawn.cut.origin, origin - [0.0, 0.0, 0.1])
+        np.testing.assert_array_equal(drawn.cut.normal, np.sign(seen.toward[axis]) * np.eye(3)[axis])
+        np.testing.assert_allclose(drawn.cut.points, CUBE - [0.0, 0.0, 0.1])
 
 
 def test_foundations_are_seen_from_the_body():

@@ -19,6 +19,7 @@ from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from PIL import Image
 from scenes import alone
+from scipy.spatial import cKDTree
 from spaces import block, box, friction_of
 from test_report import Page, pictures, rows_of, summary_of
 
@@ -105,7 +106,7 @@ def panels(figure):
 def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
     assert not (folder / "profiles.png").exists()
-    for name in ("deformed", "contact_surface", "history"):
+    for name in ("deformed", "section", "contact_surface", "history"):
         assert (folder / f"{name}.pdf").stat().st_size > 5000
         with Image.open(folder / f"{name}.png") as image:
             assert 400 < image.width < 1600
@@ -323,6 +324,30 @@ def test_outer_surface(cells):
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
+def test_volume(cells):
+    """The cells of all ranks fill the body, points shared, with the recovered stress of the surface where that is."""
+    comm = MPI.COMM_WORLD
+    solution = solve(block(3, cells, bound=1.5, comm=comm))
+    found = outer_surface.gather_volume(solution)
+    surface = outer_surface.gather_outer_surface(solution, ("von_mises",), recovered=True)
+    if comm.rank:
+        assert len(found.cells) == 0
+        return
+    assert len(found.points) == 16  # 4 x 2 x 2
+    corners = found.points[found.cells]
+    sides = corners[:, [1, 3 if cells == "hexahedra" else 2, 4 if cells == "hexahedra" else 3]] - corners[:, :1]
+    parts = 1 if cells == "hexahedra" else 6
+    assert np.abs(np.linalg.det(sides)).sum() / parts == pytest.approx(3.0)
+    away, at = cKDTree(found.points).query(surface.points[surface.within[:, surface.tiles.vertices]])
+    assert away.max() < 1e-9
+    values = surface.values["von_mises"][:, surface.tiles.vertices]
+    np.testing.assert_allclose(values, found.values[at], rtol=1e-6)
+    near = cKDTree(surface.points).query(found.points)[1]
+    np.testing.assert_allclose(found.displacement, surface.displacement[near], atol=1e-12)
+
+
 def test_the_body_is_drawn_with_its_stress(monkeypatch):
     """Each facet with its value, where the displacement has moved it; the label says that there is one per cell."""
     kept = []
@@ -413,7 +438,7 @@ def test_page(folder):
     kinds = [kind for kind, _ in pictures(found)]
     rubs = any(row["friction"] != "none" for row in rows_of(folder / "contact.csv"))
     of_steps = ["gif", "svg+xml"] if "steps" in summary else []
-    assert kinds == ["png", *["svg+xml"] * (1 + rubs), *of_steps, "svg+xml"]
+    assert kinds == ["png", "png", *["svg+xml"] * (1 + rubs), *of_steps, "svg+xml"]
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):

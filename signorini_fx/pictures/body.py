@@ -61,6 +61,23 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Volume:
+    """The cells of a body in space, for a section.
+
+    Attributes:
+        points: positions, length, shape (n, 3); where the field jumps there is one for each value.
+        displacement: at the points, length, shape (n, 3).
+        values: von Mises stress at the points, shape (n,).
+        cells: points of each cell in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra.
+    """
+
+    points: Floats
+    displacement: Floats
+    values: Floats
+    cells: Rows
+
+
+@dataclass(frozen=True)
 class Moment:
     """The body at a load step.
 

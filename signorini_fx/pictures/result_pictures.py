@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.csv_text import Table
-from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.body import Body, Moment, Volume
 from signorini_fx.pictures.fields import FIELDS, values_of
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ class ResultPictures:
         moments: the body at each of several load steps, for an animation.
         history: one mapping per linear solve, the columns of history.csv.
         prices: one mapping per mesh, the columns of price_list.csv.
+        volume: the cells of a body in space, if it has no more than can be drawn, for a section.
     """
 
     title: str
@@ -42,6 +43,7 @@ class ResultPictures:
     moments: Sequence[Moment]
     history: Sequence[Mapping[str, Any]]
     prices: Sequence[Mapping[str, Any]]
+    volume: Volume | None = None
 
     def draw(
         self,
@@ -86,6 +88,8 @@ class ResultPictures:
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets)
             self._draw_in_space(self.body, foundations, folder, title)
+            if contact is not None and self.volume is not None:
+                self._draw_section(self.body, self.volume, contact, foundations, folder, title)
 
     def _draw_in_the_plane(self, body: Body, contact: Table | None, folder: Path, title: str) -> None:
         from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
@@ -133,6 +137,28 @@ class ResultPictures:
             )
         if self.moments:
             moving_solid(folder / "deformed.gif", body, self.moments, foundations=foundations, title=title)
+
+    def _draw_section(
+        self,
+        body: Body,
+        volume: Volume,
+        contact: Table,
+        foundations: Sequence[FoundationSurface],
+        folder: Path,
+        title: str,
+    ) -> None:
+        """Through the centre of the contact pressure, if there is any."""
+        from signorini_fx.pictures.solid_body import Skin, section, telling_view
+
+        skin = Skin.of(body, "von_mises")
+        force = np.maximum(np.nan_to_num(contact["pressure"]), 0.0) * contact["weight"]
+        if not 0 < force.sum() < np.inf:
+            return
+        origin, across = (
+            force @ np.column_stack([contact[f"{name}{axis}"] for axis in "xyz"]) / force.sum() for name in ("", "n_")
+        )
+        seen = telling_view(skin)
+        section(folder / "section", skin, volume, origin, across, foundations=foundations, seen=seen, title=title)
 
 
 def _stem(field: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,25 @@ class Lines:
 
 
 @dataclass(frozen=True)
+class Cut:
+    """The cells of a body, of which what is before a plane is left out.
+
+    Attributes:
+        points: where they are drawn, shape (n, 3).
+        values: the field at them, shape (n,).
+        cells: in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra.
+        origin: a point of the plane, shape (3,).
+        normal: towards what is left out, shape (3,).
+    """
+
+    points: Floats
+    values: Floats
+    cells: Rows
+    origin: Floats
+    normal: Floats
+
+
+@dataclass(frozen=True)
 class Solid:
     """The surface of a body with a field, and what is around it.
 
@@ -45,6 +64,7 @@ class Solid:
         at_rest: the undeformed points, shape (n, 3), whose outline is drawn; None: it is not.
         grounds: points and polygons of each foundation, seen from the side of the body only.
         lines: more lines.
+        cut: drawn in place of the whole surface.
     """
 
     points: Floats
@@ -56,12 +76,15 @@ class Solid:
     at_rest: Floats | None = None
     grounds: Sequence[tuple[Floats, Rows]] = ()
     lines: Sequence[Lines] = ()
+    cut: Cut | None = None
 
 
 def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
     """Into a plotter of PyVista, with its light."""
     import pyvista
 
+    if solid.cut is not None:
+        solid = _behind(solid, solid.cut)
     skin = _surface(solid.points, solid.triangles)
     # Points with a normal each where the surface turns smoothly; several at sharp edges, and at jumps of the field.
     smooth = skin.compute_normals(
@@ -121,6 +144,18 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
         return np.array(plotter.screenshot(return_img=True))
     finally:
         plotter.close()
+
+
+def _behind(solid: Solid, cut: Cut) -> Solid:
+    """The surface of what is left of a body."""
+    import pyvista
+
+    kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[cut.cells.shape[1]]
+    grid = pyvista.UnstructuredGrid({kind: cut.cells}, cut.points)
+    grid.point_data["field"] = cut.values
+    left = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_surface().triangulate()
+    triangles = left.faces.reshape(-1, 4)[:, 1:]
+    return replace(solid, points=left.points, triangles=triangles, values=left.point_data["field"][triangles])
 
 
 def _surface(points: Floats, polygons: Rows) -> Any:

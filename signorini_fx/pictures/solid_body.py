@@ -10,15 +10,17 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from signorini_fx.display import clean
 from signorini_fx.pictures import offscreen, view
-from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.body import Body, Volume
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
 from signorini_fx.pictures.marks import draw_lengths
-from signorini_fx.pictures.solid import Lines, Solid
+from signorini_fx.pictures.solid import Cut, Lines, Solid
 from signorini_fx.pictures.style import BLUE, BOTH, ORANGE, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
 
@@ -181,14 +183,72 @@ def solid_figure(
             solid = replace(solid, edges=skin.edges)
         if stress is not None:
             solid = replace(solid, lines=_strokes(skin, at, stress, camera))
-        picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
-        right, top_edge = camera.half
-        axes.imshow(picture, extent=(-right, right, -top_edge, top_edge), aspect="equal")
-        axes.set_axis_off()
+        _show(axes, solid, camera, inch)
         if solid is shown[0] or axes is grid[0]:
             draw_lengths(axes, skin.points, camera.flat)
     tones.bar(figure, list(grid))
     return figure, remark
+
+
+def section(
+    path_stem: str | Path,
+    skin: Skin,
+    volume: Volume,
+    origin: Floats,
+    across: Floats,
+    *,
+    foundations: Sequence[FoundationSurface] = (),
+    seen: view.View,
+    title: str = "",
+    suffixes: Sequence[str] = BOTH,
+) -> None:
+    """Draw the von Mises stress within a body that is cut by a coordinate plane.
+
+    It is magnified like its surface, or as it is where that would bend a foundation.
+
+    Args:
+        path_stem: where to write, without suffix.
+        skin: the surface of the body.
+        volume: its cells.
+        origin: a point of the undeformed body that the plane goes through, shape (3,).
+        across: a direction that the plane contains, such as the normal of the contact boundary, shape (3,).
+        foundations: see ``deformed_solid``.
+        seen: the view.
+        title: title of the picture.
+        suffixes: of the files to write.
+    """
+    chosen = magnification(skin.points, skin.displacement)
+    factor = chosen if all(one.looks_like_itself(chosen, skin.size) for one in foundations) else 1.0
+    # Of the coordinate planes that contain the direction, as far as one does, the one that the viewer sees best.
+    facing = np.abs(seen.toward) * (1 - np.abs(across) / (float(np.linalg.norm(across)) or 1.0))
+    axis = int(np.argmax(facing))
+    normal = math.copysign(1.0, seen.toward[axis]) * np.eye(3)[axis]
+    moved = volume.points + factor * volume.displacement
+    at = origin + factor * volume.displacement[np.argmin(np.linalg.norm(volume.points - origin, axis=1))]
+    field = FIELDS["von_mises"].told(at_points=True)
+    tones = Tones(field, volume.values, np.ones(len(volume.values)))
+    cut = Cut(moved, volume.values, volume.cells, at, normal)
+    solid = replace(solid_of(skin, tones, factor, foundations), cut=cut, at_rest=None)
+    camera = view.Camera.on(seen, _extent(solid, None))
+    inch = _LARGEST / (2 * float(camera.half.max()))
+    with mpl.rc_context(STYLE):
+        figure = Figure(
+            figsize=(max(2 * inch * camera.half[0], _NARROWEST), 2 * inch * camera.half[1] + 0.9), layout="constrained"
+        )
+        axes = figure.subplots()
+        _show(axes, solid, camera, inch)
+        tones.bar(figure, axes)
+        place = math_number(float(f"{clean(float(origin[axis]), skin.size):.4g}"))
+        what = f"cut at ${'xyz'[axis]} = {place}$, displacement $\\times\\,{math_number(factor)}$"
+        finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
+
+
+def _show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
+    """The picture of a body in axes without ticks."""
+    picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
+    right, top = camera.half
+    axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
+    axes.set_axis_off()
 
 
 def solid_of(skin: Skin, tones: Tones, factor: float, foundations: Sequence[FoundationSurface]) -> Solid:

@@ -107,6 +107,7 @@ _PLANE_BODY = (
     f"{_COLOURS}Hatched lines: the foundation. The title says what is magnified; where a magnified gap would bend the "
     "foundation it is drawn beside, with the body as it is."
 )
+_SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
 _SOLID_BODY = (
     f"{_COLOURS}Gray lines: undeformed body; arrows: how long it is along each axis; gray surface: the foundation. The "
     "title says what is magnified; where a magnified gap would bend the foundation it is drawn beside, with the body "
@@ -125,7 +126,9 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
         return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
     caption = _SOLID_BODY if solid else _PLANE_BODY
     whole = picture(data, "png", "deformed body on its foundation", caption)
-    others = [
+    cut = folder.picture("section.png")
+    inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
+    others = inside + [
         picture(data, "png", field.label, f"{field.label[0].upper()}{field.label[1:]}{field.remark}.")
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None

@@ -42,7 +42,7 @@ FILES = (
     *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
     *(
         f"{name}.{kind}"
-        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps")
+        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", "section")
         for kind in ("png", "pdf")
     ),
     "deformed.gif",

@@ -12,12 +12,14 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.body import Body, Volume
 from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
 Floats = npt.NDArray[np.float64]
+# Corners of a cell as basix numbers them, in the order of VTK.
+_ORDER_OF_VTK = {"tetrahedron": [0, 1, 2, 3], "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6]}
 _SAME = 1e-8  # of the size of the body: points that are closer are one
 
 
@@ -82,3 +84,24 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
         {name: parallel.rows_on_root(comm, rows) for name, rows in values.items()},
         functions is not None,
     )
+
+
+def gather_volume(solution: Solution) -> Volume | None:
+    """The cells of all ranks with the recovered von Mises stress, on the first one; None without one; collective."""
+    comm, mesh = solution.comm, solution.discretisation.tagged.mesh
+    functions = sampling.recovered_fields(solution, ["von_mises"])
+    if functions is None:
+        return None
+    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    corners = basix.geometry(getattr(basix.CellType, mesh.topology.cell_name()))[
+        _ORDER_OF_VTK[mesh.topology.cell_name()]
+    ]
+    x = sampling.positions(solution, corners, cells)
+    u = sampling.values_at(solution.displacement, corners, cells)
+    values = sampling.values_within("von_mises", functions["von_mises"], corners, cells)
+    rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None]), axis=2).reshape(-1, 7))
+    size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:]))
+    grid = np.round(np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME).astype(np.int64)
+    _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    number = number.reshape(-1, len(corners)).astype(np.int64)
+    return Volume(rows[first, :3], rows[first, 3:6], rows[first, 6], number)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from signorini_fx import parallel
-from signorini_fx.pictures.body import Body, Moment
+from signorini_fx.pictures.body import Body, Moment, Volume
 from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
+
+MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPictures:
@@ -24,7 +26,16 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPict
         () if gather is None else _moments(solution, gather),
         as_rows(solution.history.iterations),
         as_rows(solution.price_list),
+        _volume(solution) if dimension == 3 and gather is not None else None,
     )
+
+
+def _volume(solution: Solution) -> Volume | None:
+    """The cells of a body in space; None if there are too many; collective."""
+    from signorini_fx.results.outer_surface import gather_volume
+
+    topology = solution.discretisation.tagged.mesh.topology
+    return gather_volume(solution) if topology.index_map(3).size_global <= MOST_CELLS else None
 
 
 def _gatherer(solution: Solution) -> Callable[..., Body] | None:
