@@ -13,7 +13,17 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, read_scene, solve
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    OptionsError,
+    Tresca,
+    read_scene,
+    solve,
+)
 from signorini_fx.forms import system
 from signorini_fx.linalg import condensed, multigrid
 from signorini_fx.mesh.tagged import tag_boundaries
@@ -330,6 +340,26 @@ def test_springs_are_supports(stiffness):
         free.solve()
 
 
+def test_a_body_that_falls_far():
+    """Its deformation has all its digits; where the modulus changes within a loop, the slip goes on all the same."""
+    shears = {}
+    for gap in (0.0, 1.0, 1e3):
+        block = Block()
+        force = fem.Constant(block.mesh, (0.0, -1e-3))
+        L = ufl.inner(force, ufl.TestFunction(block.V)) * ufl.dx
+        floor = Foundation(block.bottom, gap=gap, friction=Coulomb(0.3))
+        problem = ContactProblem(block.a, L, [], floor, gamma_n=1e6, gamma_t=1e6)
+        shears[gap] = []
+        for block.young.value, push in ((1000.0, 0.0), (1000.0, 2e-4), (900.0, 1e-4)):
+            force.value[0] = push
+            problem.solve()
+            problem.advance()
+            shears[gap].append(problem.shear.x.array.copy())
+    scale = np.abs(shears[0.0][1]).max()
+    for far in (1.0, 1e3):
+        assert np.abs(np.array(shears[far]) - shears[0.0]).max() <= 1e-5 * scale
+
+
 @pytest.mark.parametrize("kind", [dmesh.CellType.tetrahedron, dmesh.CellType.hexahedron])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
@@ -394,6 +424,8 @@ def test_petsc_options_reach_the_solver():
     assert block.problem.solver.getKSP().getType() == "cg"
     assert seen
     assert not [name for name in PETSc.Options().getAll() if name.startswith(("sfx_", "mine_"))]
+    with pytest.raises(OptionsError, match="nonsense"):
+        Block(petsc_options={"ksp_type": "nonsense"}).problem.solve()
     other = Block()
     other.problem.solve()
     assert other.problem.solver.getKSP().getType() != "cg"
@@ -416,6 +448,9 @@ def bad(**changes):
         "block": block,
         "unsymmetric": block.a + u[0].dx(1) * v[1] * ufl.dx,
         "nan": fem.Constant(block.mesh, np.nan) * block.a,
+        "negative form": -block.a,
+        "infinite load": fem.Constant(block.mesh, np.inf) * v[0] * ufl.dx,
+        "nowhere": [block.held(0, block.top, fem.Constant(block.mesh, np.nan))],
         "scalar": ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)) * ufl.dx,
         "cubic": ufl.inner(ufl.TrialFunction(cubic), ufl.TestFunction(cubic)) * ufl.dx,
         "elsewhere": ufl.inner(ufl.as_vector((0.0, 1.0)), ufl.TestFunction(other)) * ufl.dx,
@@ -449,7 +484,11 @@ def bad(**changes):
     [
         ({"a": "unsymmetric"}, "a: is not symmetric"),
         ({"a": "nan"}, "a: its matrix is not finite"),
+        ({"a": "negative form"}, "a: is not positive"),
         ({"a": 3.0}, "a: must be a UFL form"),
+        ({"L": "infinite load"}, "L: is not finite"),
+        ({"bcs": "nowhere"}, "bcs: is not finite"),
+        ({"u": 1}, "u: must be a Function"),
         ({"a": "scalar"}, "a: its space is"),
         ({"a": "cubic"}, "a: its space is"),
         ({"L": "elsewhere"}, "L: its arguments are on another space"),
@@ -457,7 +496,7 @@ def bad(**changes):
         ({"bcs": [1]}, r"bcs\[0\]: must be a DirichletBC"),
         ({"bcs": "other"}, r"bcs\[0\]: is on another space"),
         ({"bcs": "held"}, r"contact\[0\]: bcs prescribe"),
-        ({"contact": []}, "contact: is empty"),
+        ({"contact": None}, "contact: is empty"),
         ({"contact": [3]}, r"contact\[0\]: must be a Foundation"),
         ({"contact": "inner"}, r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary"),
         ({"contact": "none"}, r"contact\[0\].facets: there are none"),

@@ -31,6 +31,8 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     """
     if np.issubdtype(default_scalar_type, np.complexfloating):
         raise FormError([("a", "PETSc is built for complex numbers; contact needs a real build")])
+    if not isinstance(u, fem.Function | None):
+        raise FormError([("u", f"must be a Function, not {kind_of(u)}")])
     spaces: list[Any] = []
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
@@ -76,8 +78,7 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     Raises:
         FormError: one of them is none, or is on another space.
     """
-    if isinstance(bcs, fem.DirichletBC):
-        bcs = [bcs]
+    bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
             raise FormError([(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")])
@@ -112,7 +113,7 @@ def foundations_of(contact: Any) -> tuple[Foundation, ...]:
     Raises:
         FormError: with all errors.
     """
-    given = [contact] if isinstance(contact, Foundation) else list(contact)
+    given = [contact] if isinstance(contact, Foundation) else list(contact or [])
     problems: list[tuple[str, str]] = [] if given else [("contact", "is empty: a problem without contact is linear")]
     for k, one in enumerate(given):
         if not isinstance(one, Foundation):

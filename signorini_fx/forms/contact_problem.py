@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -16,6 +17,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import check_exact
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact.resting_place import Rest, resting_place
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, settings_of, space_of
@@ -111,6 +113,9 @@ class ContactProblem:
         self.certificate: Certificate | None = None
         self._known: tuple[bytes, bytes] | None = None
         self._boundary: ContactBoundary
+        self._task: Task
+        self._prescribed: tuple[npt.NDArray[np.bool_], Array]
+        self._fallen: Array  # the displacement of the resting place that slips are counted from
         self._start: Start | None = None
         self._before: Before | None = None
         self._outcome: Outcome | None = None
@@ -177,6 +182,8 @@ class ContactProblem:
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
+            rest = self._task.rest
+            data = data if rest is None else rest.data_from(data)
             if begun is None:
                 begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             else:  # friction is that of the pressure with which the last step has ended
@@ -213,9 +220,11 @@ class ContactProblem:
 
     def _take(self, outcome: Outcome) -> None:
         """Make a result the one that the user sees, and certify it; collective."""
-        x = outcome.displacement()
+        x, rest = outcome.displacement(), self._task.rest
         self.u.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         self.u.x.scatter_forward()
+        if rest is not None:
+            self.u.x.array[:] += self._fallen
         self._outcome = outcome
         state = self._state = ContactState.of(self._task.contact(outcome, self._begun), self._boundary)
         self._fields.take(self._space, state)
@@ -237,17 +246,14 @@ class ContactProblem:
     def _update(self) -> tuple[RegularisedData, FrictionLaw | None]:
         """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
         space, comm = self._space, self._space.mesh.comm
-        fixed, values = self._prescribed = prescribed(space, conditions_of(self.bcs, space))
+        self._prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
         shapes = self._foundations.shapes()
         geometry = [values for one in shapes for values in (one.factor, one.direction) if values is not None]
         known = digest(self._a, fixed, *geometry), digest(self._L, values)
         last, self._known = self._known, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, known[0] != last[0]):
-            before, begun = None if last is None else self._boundary, self._start
             self._set_up(shapes)
             self._outcome = None  # its iterate is that of another system
-            if begun is not None and before is not None:
-                self._start = carried(begun, before, self._boundary)
         elif parallel.any_rank(comm, known[1] != last[1]):
             self._task.system.set_case(0, self._elastic.case(self._L, values))
         data = self._point_data(shapes)
@@ -259,7 +265,17 @@ class ContactProblem:
         space, (fixed, values) = self._space, self._prescribed
         free_unused(space.mesh)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._boundary = self._foundations.boundary(shapes, fixed[:owned])
+        boundary = self._foundations.boundary(shapes, fixed[:owned])
+        rest = None
+        if self._start is not None:
+            rest = self._task.rest
+            # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
+            if rest is not None and parallel.any_rank(space.mesh.comm, bool(self._fallen[fixed].any())):
+                assert self._start.data.slip_origin is not None
+                data = replace(self._start.data, slip_origin=self._start.data.slip_origin + rest.u_t)
+                self._start, rest = replace(self._start, data=data), None
+            self._start, rest = carried(self._start, rest, self._boundary, boundary)
+        self._boundary = boundary
         if self.settings.algorithm == "exact":
             try:
                 check_exact(self._boundary)
@@ -269,12 +285,17 @@ class ContactProblem:
             space, self._a, self.bcs, fixed[:owned], self._boundary, self._foundations.facets
         )
         system, reason = elastic.choose(self.settings.linear_algebra, self._L, values)
+        start, motions = Start(*self._point_data(shapes)), elastic.motions.at(self._boundary)
+        if self._start is None:
+            rest = resting_place(start.data.gap, start.data.bilateral, motions, system.resultant)
+            self._fallen = np.zeros(0) if rest is None else elastic.motions.displacement(rest.motion).ravel()
         self._task = Task(
             settings=self.settings,
             system=system,
             linear_algebra=reason,
-            motions=elastic.motions.at(self._boundary),
-            start=Start(*self._point_data(shapes)),
+            motions=motions,
+            start=start,
+            rest=rest,
             has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
             natural_gamma=elastic.scales.gamma,
             history=self.history,
@@ -306,8 +327,11 @@ class ContactProblem:
         return float(self.settings.regularisation_error * np.sqrt(max(0.0, force.dot(y))))
 
 
-def carried(start: Start, before: ContactBoundary, after: ContactBoundary) -> Start:
-    """The start of a step with its shears and slips in the frames that the same points have now; collective.
+def carried(
+    start: Start, rest: Rest | None, before: ContactBoundary, after: ContactBoundary
+) -> tuple[Start, Rest | None]:
+    """The start of a step, and the place from which its slips are counted, in the frames that the same points have now;
+    collective.
 
     Raises:
         FormError: the points or their normals are others.
@@ -321,9 +345,10 @@ def carried(start: Start, before: ContactBoundary, after: ContactBoundary) -> St
         return None if vectors is None else np.einsum("njk,nk->nj", rotation, vectors)
 
     data, multipliers = start.data, start.multipliers
-    return replace(
+    begun = replace(
         start,
         data=replace(data, mu_hat=turned(data.mu_hat), slip_origin=turned(data.slip_origin)),
         multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
         elastic_slip=turned(start.elastic_slip),
     )
+    return begun, None if rest is None else replace(rest, u_t=turned(rest.u_t))

@@ -59,7 +59,7 @@ def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], fixed: npt.NDArray
         fixed: the dofs that they prescribe, owned, shape (owned dofs,).
 
     Raises:
-        FormError: the form is not symmetric, or not finite.
+        FormError: the form is not symmetric, not positive, or not finite.
     """
     stiffness = fem_petsc.assemble_matrix(form, list(bcs), 0.0)
     stiffness.assemble()
@@ -67,8 +67,9 @@ def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], fixed: npt.NDArray
     _check_symmetric(stiffness)
     diagonal = stiffness.getDiagonal()
     values = diagonal.getArray()
-    largest = parallel.global_max(comm, parallel.local_max(np.abs(values)))
-    values[fixed] = largest or 1.0
+    if parallel.any_rank(comm, bool((values[~fixed] <= 0).any())):
+        raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
+    values[fixed] = parallel.global_max(comm, parallel.local_max(np.abs(values))) or 1.0
     stiffness.setDiagonal(diagonal)
     stiffness.setOption(PETSc.Mat.Option.SPD, True)
     return stiffness

@@ -8,7 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from signorini_fx.linalg.options import PREFIX
+from signorini_fx.linalg.options import PREFIX, refused
 
 
 @contextmanager
@@ -18,6 +18,9 @@ def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
     Args:
         prefix: of the problem.
         given: options without the prefix.
+
+    Raises:
+        OptionsError: PETSc fails with them.
     """
     database = PETSc.Options()
     wanted = {name: str(value) if value is not None else "" for name, value in given.items()}
@@ -28,6 +31,8 @@ def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
         ours[name] = value or None
     try:
         yield
+    except PETSc.Error as error:
+        raise refused(error) or error from None
     finally:
         for name in wanted:
             ours.delValue(name)

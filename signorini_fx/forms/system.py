@@ -17,6 +17,7 @@ from signorini_fx.body.loads import AppliedLoad, load_case
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid import rigid_motions
+from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, assembled, modulus_of, without_energy
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import SystemSize, choose_system
@@ -41,7 +42,7 @@ class FormSystem:
         scales: of lengths and stresses.
 
     Raises:
-        FormError: the form is not symmetric, or not finite.
+        FormError: the form is not symmetric, not positive, or not finite.
     """
 
     def __init__(
@@ -84,9 +85,17 @@ class FormSystem:
         return choose_system(elasticity, size, linear_algebra)
 
     def case(self, L: fem.Form, values: Array) -> LoadCase:
-        """The right-hand side of a load and prescribed displacements, see ``choose``."""
+        """The right-hand side of a load and prescribed displacements, see ``choose``.
+
+        Raises:
+            FormError: one of them is not finite.
+        """
         function = fem.Function(self._space)
         function.x.array[:] = values
-        applied = AppliedLoad((1.0,), "L", None, assemble(L), function)
+        forces, comm = assemble(L), self._space.mesh.comm
+        for name, given in (("bcs", values), ("L", forces)):
+            if parallel.any_rank(comm, not np.isfinite(given).all()):
+                raise FormError([(name, "is not finite somewhere")])
+        applied = AppliedLoad((1.0,), "L", None, forces, function)
         supports: Any = [(None, condition) for condition in self._bcs]
         return load_case(applied, (self._a,), self.stiffness, supports, self._fixed, self._largest, self.motions)
