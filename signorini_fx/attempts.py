@@ -59,6 +59,20 @@ DAMPED = {
 }
 METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene")
 AUGMENTED = Attempt("augmented Lagrangian", "with a small gamma; its limit is the solution without regularisation")
+AUGMENTED_NEWTON = Attempt(
+    "augmented Lagrangian with monolithic Newton",
+    "the same with friction bounds that follow the pressure, where there is a monolithic form: it finds what no fixed "
+    "point does near a limit load",
+)
+AGAIN = Attempt(
+    "from the first load step by augmentation",
+    "in a ramp with Coulomb friction, once, at its first load step that fails or is hard: all load steps begin with "
+    "the augmented Lagrangian method",
+)
+WITHOUT = Attempt(
+    "from the first load step without augmentation",
+    "if that comes less far: the same load steps as before, and smaller increments after them",
+)
 HALF = Attempt(
     "half the increment",
     "in a ramp, in place of the fall-backs: the same for half the increment of the load; the last attempt has them all",
@@ -79,8 +93,8 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         DESCENT,
         BOTH,
     ),
-    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, *DAMPED.values()),
-    "load step": (METHOD, AUGMENTED, HALF),
+    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values()),
+    "load step": (METHOD, AUGMENTED, AGAIN, WITHOUT, HALF),
     "mesh": (COARSER,),
 }
 
@@ -142,7 +156,7 @@ def for_problem(*, finite_sigma: bool, eliminated: bool) -> tuple[Attempt, ...]:
 
 
 def for_coulomb(
-    *, monolithic: bool, first: bool, fallbacks: bool, augmented: bool, damped: bool = True
+    *, monolithic: bool, first: bool, fallbacks: bool, augmented: bool = True, damped: bool = True
 ) -> tuple[Attempt, ...]:
     """What is tried for one problem with Coulomb friction.
 
@@ -153,7 +167,8 @@ def for_coulomb(
         augmented: whether the augmented Lagrangian method is among them: it takes far fewer linear solves than damping.
         damped: whether damped fixed points are.
     """
-    ways = [FIXED_POINT, *((AUGMENTED,) if augmented else ()), *(DAMPED.values() if damped else ())]
+    by_augmentation = (AUGMENTED, AUGMENTED_NEWTON)[: 1 + monolithic] if augmented else ()
+    ways = [FIXED_POINT, *by_augmentation, *(DAMPED.values() if damped else ())]
     if monolithic:
         ways.insert(0 if first else 1, MONOLITHIC)
     return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])

@@ -56,6 +56,9 @@ FAILED_STEP, FAILED_RAMP = 3, 4
 # As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
 # Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
 AUGMENTED_SHARE = 1e-3
+# With friction bounds that follow the pressure it begins with a gamma this much smaller again.  Tuned on the cube of
+# demos/studies/limit_loads.py with 3 to 6 cells a side: without it the sets of one of eight cycle at 0.98 of the limit.
+AUGMENTED_NEWTON_SHARE = 0.1
 # Number of coarser meshes of the nested iteration that is tried if nothing else has helped.  Choice.
 HELPING_MESHES = 2
 
@@ -255,6 +258,9 @@ MEMORY_SHARE = 0.8
 # easy ones double the increment, up to this many times the one that was asked for, so that the curve keeps its points.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
+# One with Coulomb friction that takes more is hard: augmentation takes 30 to 50, wherever the load is.  Tuned on
+# demos/studies/limit_loads.py.
+HARD_STEP = 4 * EASY_STEP
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
 # factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
 ENCLOSED = 0.005

@@ -7,6 +7,7 @@ from scenes import example1
 
 from signorini_fx.attempts import (
     AUGMENTED,
+    AUGMENTED_NEWTON,
     DAMPED,
     FIXED_POINT,
     MONOLITHIC,
@@ -60,6 +61,7 @@ def test_ways_of_coulomb_friction(monolithic):
         FIXED_POINT,
         MONOLITHIC,
         AUGMENTED,
+        AUGMENTED_NEWTON,
         *DAMPED.values(),
     )
     assert for_coulomb(monolithic=True, first=False, fallbacks=True, augmented=False, damped=False) == (

@@ -270,6 +270,39 @@ def test_what_pressure_and_shear_undo_in_each_other_does_not_settle():
     assert augmentation.changes == pytest.approx((10.0 * np.sqrt(area), 0.0), rel=1e-6, abs=1e-3)
 
 
+def in_space(walls=("bottom",), supports=(), **solver):
+    """A block that is pressed, and pushed towards its left side and away from its front side, in two load steps."""
+    size = {"length": 1.5, "width": 1.2, "height": 1.0, "nx": 4, "ny": 3, "nz": 3}
+    friction = {"law": "coulomb", "coefficient": 0.283}
+    return parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": size},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": list(supports),
+            "traction": {"boundary": "top", "x": -2.37, "y": 2.0, "z": -10.0, "factors": [0.3, 1.0]},
+            "contact": [{"boundary": wall, "friction": friction} for wall in walls],
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.parametrize(("turn", "wrong"), [(0.0, 0.0), (1e-4, 1e-4), (np.pi, 1.0)])
+def test_a_shear_that_does_not_point_along_the_slip_has_not_settled(turn, wrong):
+    """However little the multipliers change, at a node that slips the shear is along its slip."""
+    task, _ = begun(in_space(supports=[{"boundary": "back", "x": 0.0, "y": 0.0, "z": 0.0}]))
+    newton, points = task.iterate.newton, task.motions.points
+    slip = np.zeros((points.size, 2))
+    slip[np.flatnonzero(np.trace(points.movable, axis1=1, axis2=2) > 2.5)[0]] = 0.6, 0.8
+    newton.problem.traces = lambda x: (np.zeros(points.size), slip)
+    shear = slip @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    data = replace(task.start.data, lambda_hat=np.zeros(points.size), mu_hat=shear, bound=np.ones(points.size))
+    newton.shifts = lambda data: (data.lambda_hat, data.mu_hat)
+    augmentation = Augmentation(newton, 1e8, 1e-7)
+    assert augmentation.measure(data) == 0.0
+    assert augmentation.violation == pytest.approx(wrong, rel=1e-6, abs=1e-15)
+    assert augmentation.settled is (wrong == 0.0)
+
+
 @pytest.mark.mpi
 def test_every_rank_judges_alike():
     """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
@@ -302,16 +335,18 @@ def test_a_node_that_a_support_lifts_off():
 
 def test_shear_along_a_wall_that_prescribes_the_slip():
     """A node beside a wall slips by little: the shear across the wall, which does nothing, has its limit."""
-    size = {"length": 1.5, "width": 1.2, "height": 1.0, "nx": 4, "ny": 3, "nz": 3}
-    scene = {
-        "mesh": {"generator": "box", "parameters": size},
-        "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}],
-        "traction": {"boundary": "top", "x": -2.37, "y": 2.0, "z": -10.0, "factors": [0.3, 1.0]},
-        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.283}},
-        "solver": {"algorithm": "alm", "gamma_n": 1e7, "gamma_t": 1e4, "tolerance": 1e-10},
-    }
-    solution = alone(parse_scene(scene))
+    supports = [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}]
+    solution = alone(in_space(supports=supports, algorithm="alm", gamma_n=1e7, gamma_t=1e4, tolerance=1e-10))
     assert solution.status is Status.CONVERGED
     assert solution.certificate.holds
     assert max(step.linear_solves for step in solution.steps) <= 30
+
+
+def test_shear_along_a_wall_that_is_a_contact():
+    """A node at the edge of two contacts slips along it: the shear across the edge has its limit at once."""
+    supports = [{"boundary": "back", "normal": 0.0}]
+    walls, gammas = ("bottom", "left"), {"gamma_n": 1e7, "gamma_t": 1e4}
+    solution = alone(in_space(walls, supports, algorithm="alm", tolerance=1e-10, **gammas))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert max(step.linear_solves for step in solution.steps) <= 40

@@ -9,7 +9,7 @@ from scenes import alone, example1
 from signorini_fx import attempts
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import strategy
+from signorini_fx.solving import augmented, strategy
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
@@ -103,8 +103,10 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
 @pytest.mark.parametrize("fallbacks", [False, True])
 def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
-    for name in ("fixed_point", "coulomb_newton"):
-        monkeypatch.setattr(strategy, name, lambda *arguments, **options: Status.SLIDES)
+    ways = {strategy: ("fixed_point", "coulomb_newton"), augmented: ("fixed_point", "augmented_lagrangian")}
+    for module, names in ways.items():
+        for name in names:
+            monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)
     scene = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},

@@ -16,7 +16,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver, strategy
+from signorini_fx.solving import augmented, solver, strategy
 from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task
 
@@ -161,6 +161,7 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
 def test_damping(monkeypatch):
     """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
     monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
+    monkeypatch.setattr(augmented, "augmented_lagrangian", lambda *_, **__: Status.CYCLING)
     ours = alone(pulled(5.0))
     assert fall_backs_of(ours)[-1] == "fixed point damped by 0.5 from the same start"
     monkeypatch.undo()
@@ -185,7 +186,7 @@ def test_augmentation():
 @pytest.mark.usefixtures("no_fall_backs")
 def test_nested_iteration(monkeypatch):
     """When nothing else has helped, coarser meshes make the start."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
+    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
     ours = alone(jumping())
     assert fall_backs_of(ours)[1:] == ["nested iteration on 2 coarser meshes"]
     assert len(ours.levels) == 3
@@ -196,7 +197,7 @@ def test_nested_iteration(monkeypatch):
 @pytest.mark.usefixtures("no_fall_backs")
 def test_giving_up(monkeypatch):
     """At last the outcome is the one that the plain iteration had."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
+    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
     monkeypatch.setattr(solver, "for_mesh", lambda **_: ())
     ours = alone(jumping(), check=False)
     assert ours.status is Status.CYCLING
@@ -233,7 +234,7 @@ def test_fall_backs_that_fail_restores_the_start(monkeypatch):
 @pytest.mark.usefixtures("no_fall_backs")
 def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
     """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
-    monkeypatch.setattr(strategy, "_augmented", lambda task, start, failed, data: failed)
+    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
 
     def without(scene, levels):
         return [with_contact(scene, boundary="nowhere")] * (levels - 1)

@@ -273,6 +273,44 @@ def test_the_price_of_a_ramp():
     assert from_nothing.allowed == FAILED_STEP * SolverSettings.model_fields["max_iterations"].default
 
 
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_ramp_that_begins_again(hard):
+    """First with augmentation; if that comes less far, without, as far as before, and on with what is left."""
+    path, solves = LoadPath(ramp(1.0)), 100
+    for _ in range(4):
+        path.advance(EASY_STEP)
+    known = path.next if hard else path.reached
+    assert path.begins_again(Status.CONVERGED if hard else Status.CYCLING, solves)
+    assert not path.begins_again(Status.SLIDES, solves)
+    path.begin_again(Status.CONVERGED if hard else Status.CYCLING, 4 * EASY_STEP + solves)
+    assert path.at.augmented
+    path.advance(EASY_STEP)
+    assert path.falls_short
+    assert not path.begins_again(Status.CYCLING, solves)
+    path.begin_again(Status.CYCLING, 10 * EASY_STEP + solves)
+    assert not path.at.augmented
+    assert not path.falls_short
+    assert not path.begins_again(Status.CYCLING, solves)
+    path.advance(EASY_STEP)
+    while path.reached < known:
+        assert path.allowed == FAILED_STEP * EASY_STEP
+        path.advance(EASY_STEP)
+    assert path.reached == pytest.approx(known)
+    assert path._ramp == FAILED_RAMP * 10 * EASY_STEP - 10 * EASY_STEP - solves
+
+
+def test_augmentation_that_comes_as_far_is_kept():
+    """A ramp begins again without it only if it would lose a load step."""
+    path = LoadPath(ramp(1.0))
+    path.advance(EASY_STEP)
+    path.advance(EASY_STEP)
+    path.begin_again(Status.CYCLING, 100)
+    path.advance(EASY_STEP)
+    assert path.falls_short
+    path.advance(EASY_STEP)
+    assert not path.falls_short
+
+
 def test_a_place_that_was_passed_is_no_limit():
     """It has a solution after all."""
     path = LoadPath(ramp(1.0))

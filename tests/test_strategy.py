@@ -15,7 +15,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.model import SurfaceTraction
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import strategy
+from signorini_fx.solving import augmented, strategy
 from signorini_fx.solving.one_mesh import contact_task
 
 
@@ -23,14 +23,16 @@ def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
     """Not from the iterate that the one before has left behind."""
     starts = []
 
-    def fails(newton, *_, augmentation=None, **__):
-        if augmentation is None:  # which begins by solving a problem of its own
+    def fails(newton, *_, augmentation=None, natural=None, **__):
+        if augmentation is None and natural is None:  # which begin by solving a problem of their own
             starts.append(newton.x.getArray().copy())
         newton.x.set(7.0)  # as far away as can be
         return Status.CYCLING
 
     monkeypatch.setattr(strategy, "fixed_point", fails)
     monkeypatch.setattr(strategy, "coulomb_newton", fails)
+    for name in ("fixed_point", "augmented_lagrangian"):
+        monkeypatch.setattr(augmented, name, fails)
     scene = example1(coefficient=0.3, nx=12, ny=4)
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, discretisation.boundary, History())
@@ -174,7 +176,7 @@ def posed(scene):
 def test_augmentation_begins_with_small_gammas():
     """Both by the same factor."""
     task = posed(example1(bound=1.5, nx=6, ny=2, gamma=(1e8, 2e7)))
-    data = strategy._softened(task, task.start, strategy.Outcome(Status.CYCLING, task.iterate.newton, task.start.data))
+    data = augmented.softened(task, task.start, strategy.Outcome(Status.CYCLING, task.iterate.newton, task.start.data))
     assert data.gamma_n < 1e7
     assert data.gamma_n / data.gamma_t == pytest.approx(5.0)
 

@@ -4,7 +4,8 @@ For fixed sets an update reduces an error e of the multipliers to r e, with r = 
 the contact nodes.  The limit is the same for every gamma, but with a small one an iterate changes little although it is
 far from the limit, and the two multipliers have a gamma each.  So a small change alone does not mean convergence: the
 remaining error is the change times r / (1 - r), with the observed r or that of the largest k, whichever is smaller; and
-the displacement has to satisfy the conditions of the limit itself.  If a multiplier converges slowly its gamma is
+the displacement has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r, and
+the shear of one node may still turn to its slip when no norm shows it.  If a multiplier converges slowly its gamma is
 increased, up to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is reduced.
 """
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.laws import Nodal, RegularisedData
+from signorini_fx.contact.laws import Nodal, RegularisedData, inner, slip_of, unit
 from signorini_fx.contact.laws import length as length_of
 from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
 
@@ -42,7 +43,9 @@ class Augmentation:
         changes: the last changes of pressure and shear that the body feels, ``ContactPoints.scale``; nan: not known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.
-        violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes.
+        violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes,
+            and slip against the shear or across it: the smaller of the slip, relative to these, and of the part of the
+            shear that does not point along it, relative to the largest stress.
     """
 
     newton: SemismoothNewton
@@ -84,12 +87,15 @@ class Augmentation:
         # At its bound the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(after[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
+        slip = slip_of(u_t, data)
+        wrong = np.minimum(length_of(slip) / (length or 1.0), length_of(_astray(after[1], slip)) / (stress or 1.0))
+        least = (0.0, parallel.global_max(comm, parallel.local_max(wrong)))
         lefts, violations, slow = [], [], []
-        for change, last, gamma, one in zip(changes, self.changes, gammas, moved, strict=True):
+        for change, last, gamma, one, other in zip(changes, self.changes, gammas, moved, least, strict=True):
             share = change / last if last > 0 else np.nan
             beyond = share / (1 - share) if share < 1 else np.inf
             left = change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)
-            violation = parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0)
+            violation = max(other, parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0))
             slow.append(bool(share > SLOW_SHARE) and max(left, violation) > self.tolerance)
             lefts.append(left)
             violations.append(violation)
@@ -113,6 +119,12 @@ class Augmentation:
             gamma_n=grown(data.gamma_n, self.slow[0]),
             gamma_t=grown(data.gamma_t, self.slow[1]),
         )
+
+
+def _astray(shear: Nodal, slip: Nodal) -> Nodal:
+    """The part of a shear that does not point along the slip."""
+    way = unit(slip)
+    return shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
 
 
 def _both(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import basix
@@ -26,7 +26,7 @@ from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.contact.points import ContactPoints
+from signorini_fx.contact.points import ContactPoints, SharedNodes
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
@@ -118,7 +118,16 @@ class ContactBoundary:
         """The same without coordinates, for the core."""
         frames = self.frames_in_axes
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
-        return ContactPoints(self.comm, self.weight, movable, self.x)
+        return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
+
+    @property
+    def _shared(self) -> SharedNodes:
+        """The points that share a node with another one; none where points average."""
+        order = np.argsort(self.nodes, kind="stable")
+        nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1) if self.averages is None else []
+        pairs = [pair for same in nodes for pair in permutations((int(point) for point in same), 2)]
+        here, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        return SharedNodes(here, beside, np.einsum("nji,nj->ni", self.frames[here], self.normal[beside]))
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""

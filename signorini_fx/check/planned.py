@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from signorini_fx.attempts import (
+    AGAIN,
     AUGMENTED,
     EXACT_SOLVES,
     FULL_STEPS,
     HALF,
     METHOD,
+    WITHOUT,
     Attempt,
     for_coulomb,
     for_mesh,
@@ -49,7 +51,8 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
             f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
             f"all that fail together {FAILED_RAMP} times those that do not"
         )
-        rows.append(("a load step of the ramp", (METHOD, HALF, *step[1:]), most))
+        again = (AGAIN, WITHOUT) if scene.has_coulomb and len(step) > 1 else ()
+        rows.append(("a load step of the ramp", (METHOD, *again[:1], HALF, *step[1:], *again[1:]), most))
     others = for_mesh(generated=isinstance(scene.mesh, MeshGenerator), ramp=ramp, fallbacks=s.fallbacks)
     if others and s.levels == 1 and scene.accuracy is None:
         rows.append(("the first load step", others, f"at most {limit} linear solves more"))

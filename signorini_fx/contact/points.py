@@ -20,6 +20,20 @@ _ALONG = 1e-8
 
 
 @dataclass(frozen=True)
+class SharedNodes:
+    """Pairs of contact points at one node, each pair both ways round, m of them.
+
+    Attributes:
+        here, beside: the first and the second one, shape (m,).
+        normal: that of the second one in the frame of the first one, shape (m, d).
+    """
+
+    here: npt.NDArray[np.int64]
+    beside: npt.NDArray[np.int64]
+    normal: Nodal
+
+
+@dataclass(frozen=True)
 class ContactPoints:
     """The contact points of this rank, n of them.
 
@@ -29,12 +43,14 @@ class ContactPoints:
         movable: orthogonal projector onto the directions in which something at the point can move, in its frame,
             shape (n, d, d); the identity where nothing is prescribed.
         x: position, length, shape (n, m): says which of several equal points comes first, alike on any number of ranks.
+        shared: points that share a node; None: there are none.
     """
 
     comm: MPI.Comm
     weight: Nodal
     movable: Nodal
     x: Nodal
+    shared: SharedNodes | None = None
 
     @property
     def size(self) -> int:
@@ -65,8 +81,35 @@ class ContactPoints:
 
         A shear along them does nothing to the body, so only the friction law says what it is.
         """
-        values, vectors = np.linalg.eigh(self.movable[:, 1:, 1:])
-        return np.einsum("nik,nk,njk->nij", vectors, np.where(values <= _ALONG, 1.0, 0.0), vectors)
+        return np.eye(self.dimension - 1) - _onto_range(self.movable[:, 1:, 1:])
+
+    def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
+        """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
+
+        A shear along it and the pressures of both have only a common effect.  The displacement there is what the two
+        have been entered by, which vanishes in the limit.
+
+        Args:
+            contact: which points are in contact, shape (n,).
+            entered: tau_N y - d there, length, shape (n,).
+
+        Returns:
+            Projections onto the tangential directions in which a point does not move, ``still`` and these, shape
+            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``, length, shape (n, d - 1).
+        """
+        found, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
+        if self.shared is None:
+            return found, moved
+        across = self.shared.normal[:, 1:]
+        size = np.linalg.norm(across, axis=1)
+        use = contact[self.shared.here] & contact[self.shared.beside] & (size > _ALONG)
+        here, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
+        aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
+        np.add.at(found, here, across[:, :, None] * across[:, None, :])
+        found = _onto_range(found)
+        moved[here] = across * ((entered[beside] - aligned * entered[here]) / size)[:, None]
+        slips = np.trace(found, axis1=1, axis2=2) < self.dimension - 1.5
+        return np.where(slips[:, None, None], found, self.still), np.where(slips[:, None], moved, 0.0)
 
     def norm(self, values: Nodal) -> float:
         """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
@@ -96,3 +139,9 @@ class ContactPoints:
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
         return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
+
+
+def _onto_range(matrices: Nodal) -> Nodal:
+    """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > _ALONG, 1.0, 0.0), vectors))

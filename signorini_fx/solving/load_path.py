@@ -9,7 +9,15 @@ from math import floor
 from signorini_fx.attempts import step_limit
 from signorini_fx.records import Status
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP, LARGEST_INCREMENT, SMALLEST_INCREMENT
+from signorini_fx.tuned import (
+    EASY_STEP,
+    ENCLOSED,
+    FAILED_RAMP,
+    FAILED_STEP,
+    HARD_STEP,
+    LARGEST_INCREMENT,
+    SMALLEST_INCREMENT,
+)
 
 # Outcomes that another increment of the load does not change, and those that it does not change if nothing has been
 # reached before.
@@ -37,6 +45,9 @@ class Position:
         done: those of all load steps with a solution.
         wasted: those of all attempts without one.
         hard: whether a load step was solved by fall-backs where no increment was small enough without them.
+        begun: how many times the ramp has begun again: with augmentation, then without.
+        known: the place that it had reached when it began again; -1: it has not.
+        spent: linear solves of all that was tried until it began again for the last time.
     """
 
     reached: float = -1.0
@@ -48,6 +59,14 @@ class Position:
     done: int = 0
     wasted: int = 0
     hard: bool = False
+    begun: int = 0
+    known: float = -1.0
+    spent: int = 0
+
+    @property
+    def augmented(self) -> bool:
+        """Whether the load steps begin with augmentation."""
+        return self.begun == 1
 
 
 class LoadPath:
@@ -72,7 +91,10 @@ class LoadPath:
         # The first of several factors is reached in one step, whose law is static.
         self._from_nothing = scene.grows_from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
-        self.at = Position(increment=self._nominal if self._from_nothing else 1.0)
+        settings = scene.solver
+        self._may_augment = scene.has_coulomb and settings.fallbacks and settings.algorithm != "alm"
+        self._begin = Position(increment=self._nominal if self._from_nothing else 1.0)
+        self.at = self._begin
 
     @property
     def reached(self) -> float:
@@ -140,8 +162,13 @@ class LoadPath:
     @property
     def _ramp(self) -> int:
         """Linear solves that the attempts without a solution may take together."""
-        least = EASY_STEP * max(self._divided or 1, _FEW_STEPS)
-        return FAILED_RAMP * max(self.at.done, least) if self.at.done else self._most
+        at, least = self.at, EASY_STEP * max(self._divided or 1, _FEW_STEPS)
+        if not at.done:
+            return self._most
+        # What was tried before a ramp has begun again counts as one of them.
+        most = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done, least)
+        # Without augmentation it takes the same load steps again, and goes on from there only with what is left.
+        return max(0, most - at.spent) if at.begun > 1 and at.reached >= at.known - _SAME_PLACE else most
 
     @property
     def bracket(self) -> str | None:
@@ -153,6 +180,39 @@ class LoadPath:
         text = f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
         closed = at.failed - at.reached <= self._enclosed
         return text if closed else f"{text}; smaller increments would take more linear solves than they may"
+
+    def begins_again(self, status: Status, linear_solves: int) -> bool:
+        """Whether the ramp is to begin again with augmentation: it does, once, at its first hard load step.
+
+        The fixed-point iteration has then failed or contracts slowly, as it does near a limit load and where several
+        contacts wedge a body.  Augmentation has to begin with the first load step: with what regularisation leaves in
+        them, elastic slip and penetration, two contacts of one node may contradict each other.
+
+        Args:
+            status: how the next load step ended.
+            linear_solves: that it took.
+        """
+        if not (self._may_augment and self._divisible) or self.at.begun:
+            return False
+        if status is Status.CONVERGED:
+            return linear_solves > HARD_STEP
+        return status not in (*_PROVED, *_HOPELESS, *_HOPELESS_AT_FIRST)
+
+    @property
+    def falls_short(self) -> bool:
+        """Whether augmentation has come less far than the ramp had without it, which is then to begin again so."""
+        return self.at.augmented and self.at.reached < self.at.known - _SAME_PLACE
+
+    def begin_again(self, status: Status, linear_solves: int) -> None:
+        """Go back to the first load step: first with augmentation, then without.
+
+        Args:
+            status: how the next load step ended.
+            linear_solves: of all load steps so far.
+        """
+        at = self.at
+        reached = self.next if status is Status.CONVERGED else at.reached
+        self.at = replace(self._begin, begun=at.begun + 1, known=max(at.known, reached), spent=linear_solves)
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""

@@ -52,7 +52,13 @@ def load_step(
     def attempt() -> LoadStep:
         before = history.linear_solves
         place, factors = path.next, discretisation.factors(path.next)
-        here = replace(start, place=place, factors=factors, without_fall_backs=path.without_fall_backs)
+        here = replace(
+            start,
+            place=place,
+            factors=factors,
+            without_fall_backs=path.without_fall_backs,
+            augmented=path.at.augmented,
+        )
         if scene.several_steps:
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
@@ -64,18 +70,21 @@ def load_step(
 
     def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
         yield METHOD, attempt
-        while path.shorten(ended[-1].result.status, ended[-1].result.linear_solves):
+        while _goes_on(path, ended[-1].result):
             yield HALF, attempt
 
-    step = tried(
+    return tried(
         increments(),
         history=history,
         settled=lambda step: step.result.status is Status.CONVERGED,
         restore=lambda: newton.restore(begun),
     )[-1]
-    if step.result.status is not Status.CONVERGED and path.bracket is not None:
-        history.add(f"the ramp ends: {path.bracket}")
-    return step
+
+
+def _goes_on(path: LoadPath, failed: StepResult) -> bool:
+    """Whether a smaller increment is to be tried after a load step without a solution."""
+    status, solves = failed.status, failed.linear_solves
+    return not path.begins_again(status, solves) and path.shorten(status, solves)
 
 
 def recalled_step(

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.attempts import AGAIN, WITHOUT
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import check_exact, first_sets, friction_law, regularised_data
 from signorini_fx.body.contact_map import elasticity_of
@@ -121,20 +122,40 @@ def solve_contact(
     scene, history = discretisation.scene, task.history
     original = start.data if task.rest is None else replace(start.data, gap=start.data.gap + task.rest.u_n)
     path = LoadPath(scene)
+    first, begun, before_all = start, task.iterate.newton.checkpoint(), (0, 0, 0)
     steps: list[StepResult] = []
     last: Before | None = None
+    unstored: tuple[int, int, int] | None = None  # where the records begin that no stored load step has
     while not path.ended:
-        marks = history.linear_solves, len(history.outer), len(history.events)
+        marks = unstored or (history.linear_solves, len(history.outer), len(history.events))
+        before_all = marks if not steps else before_all
         step = None
         if kept is not None and kept.checkpoint.found:
             step = recalled_step(discretisation, task, start, last, timings, kept, path)
         again = step is not None
         step = step or load_step(discretisation, task, start, last, timings, path)
-        result, start, outcome = step.result, step.start, step.outcome
+        result, anew = step.result, None
+        if again or history.exhausted:
+            pass
+        elif path.begins_again(result.status, result.linear_solves):
+            anew = AGAIN
+        elif result.status is not Status.CONVERGED and path.falls_short:
+            anew = WITHOUT
+        if anew is not None:
+            history.add(f"{step}: {anew}")
+            path.begin_again(result.status, history.linear_solves - before_all[0])
+            task.iterate.newton.restore(begun)
+            start, last, steps, unstored = first, None, [], before_all
+            if kept is not None:
+                kept.forget(0)
+            continue
+        start, outcome = step.start, step.outcome
         steps.append(result)
         if result.status is Status.CONVERGED or len(steps) == 1:
             ended, law, data = outcome, task.promised(outcome), outcome.problem.data
         if result.status is not Status.CONVERGED:
+            if path.bracket is not None:
+                history.add(f"the ramp ends: {path.bracket}")
             break
         after(discretisation, outcome, result)
         if not again:
@@ -142,6 +163,7 @@ def solve_contact(
             if kept is not None:
                 with timings.phase("checkpoint"):
                     kept.store(discretisation, task, start, outcome, result, path, timings, marks)
+            unstored = None
         if path.ended:
             break
         assert result.contact is not None

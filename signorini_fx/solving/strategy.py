@@ -3,8 +3,7 @@
 Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
 ``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
 pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
-    fp,
-(ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
+fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
 """
 
 from __future__ import annotations
@@ -14,18 +13,17 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algorithms.fall_backs import touching_nodes
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.attempts import (
     AUGMENTED,
+    AUGMENTED_NEWTON,
     DAMPED,
     FIXED_POINT,
     METHOD,
@@ -35,13 +33,13 @@ from signorini_fx.attempts import (
     step_limit,
     tried,
 )
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import OuterRecord, Status
+from signorini_fx.solving.augmented import automatic_gamma, by_augmentation, softened
+from signorini_fx.solving.coulomb_statics import coulomb_start, proved
 from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import (
-    AUGMENTED_SHARE,
-    AUTOMATIC_GAMMA,
     CONTINUATION_SHARE,
     LARGEST_GAMMA,
     LARGEST_GAMMA_RATIO,
@@ -60,7 +58,7 @@ def run(task: Task, start: Start, most: int | None = None) -> Outcome:
     task.iterate.begin_step(start)
     if task.settings.algorithm == "alm":
         data = start.data
-        enough = with_enough_digits(data, _natural(task))
+        enough = with_enough_digits(data, automatic_gamma(task))
         if (enough.gamma_n, enough.gamma_t) != (data.gamma_n, data.gamma_t):
             task.history.add(
                 f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
@@ -91,8 +89,8 @@ def _solve(task: Task, start: Start) -> Outcome:
 
         yield METHOD, method
         if not task.has_coulomb and _may_augment(task, start):
-            data = _softened(task, start, first)
-            yield f"{AUGMENTED} with gamma_n = {data.gamma_n:.3g}", lambda: _augmented(task, start, first, data)
+            data = softened(task, start, first)
+            yield f"{AUGMENTED} with gamma_n = {data.gamma_n:.3g}", lambda: by_augmentation(task, start, first, data)
 
     outcomes = tried(
         attempts(),
@@ -111,74 +109,38 @@ def _may_augment(task: Task, start: Start) -> bool:
 
 def _by_method(task: Task, start: Start) -> Outcome:
     """The method of the scene, and the unregularised limit if it is to follow."""
-    coulomb = start.law if task.has_coulomb else None
-    outcome = _given_friction(task, start, start.data) if coulomb is None else _coulomb(task, start, coulomb)
+    if start.law is None or not task.has_coulomb:
+        outcome = _given_friction(task, start, start.data)
+    elif start.augmented:
+        outcome = _augmented_first(task, start, start.law)
+    else:
+        outcome = _coulomb(task, start, start.law)
     exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED and not outcome.augmented
     return _exact(task, start, outcome) if exact else outcome
 
 
-def _softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
-    """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
-    easiest.  Where the problem with gamma was solved and only its limit was not, gamma stays.
-    """
-    given = replace(failed.data, slip_origin=_without_elastic_slip(start, failed.data))
-    solved = task.settings.algorithm == "exact" and failed.newton is not task.iterate.newton
-    share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
-    return replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
-
-
-def _without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
-    """Where slip counts from without the part of it in earlier load steps that is due to the regularisation."""
-    if start.elastic_slip is None or data.slip_origin is None:
-        return data.slip_origin
-    return data.slip_origin - start.elastic_slip
-
-
-def _augmented(task: Task, start: Start, failed: Outcome, data: RegularisedData) -> Outcome:
-    """The last fall-back on one mesh, which leaves no regularisation error, nor the elastic slip of earlier steps.
-
-    Args:
-        task: the inputs.
-        start: where the load step starts.
-        failed: the outcome of the method of the scene.
-        data: the problem to begin with.
-    """
-    s, newton = task.settings, task.iterate.newton
-    given = replace(data, gamma_n=failed.data.gamma_n, gamma_t=failed.data.gamma_t)
-    everywhere = ActiveSets.all_in_contact(*given.mu_hat.shape)
-    if start.law is None or not task.has_coulomb:
-        status = augmented_lagrangian(
-            newton,
-            data,
-            everywhere,
-            natural=_natural(task),
-            first_iteration=1,
-            tolerance=s.tolerance,
-            max_outer=s.max_outer_iterations,
+def _augmented_first(task: Task, start: Start, law: FrictionLaw) -> Outcome:
+    """Coulomb friction by augmentation; by the method of the scene if that fails and no smaller increment may do."""
+    newton = task.iterate.newton
+    begin = newton.checkpoint()
+    begun = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    data = softened(task, start, begun)
+    ways: list[tuple[object, Callable[[], Outcome]]] = [
+        (name, partial(by_augmentation, task, start, begun, data, monolithic=name is AUGMENTED_NEWTON))
+        for name in for_coulomb(
+            monolithic=_may_be_monolithic(law, start.data), first=False, fallbacks=True, damped=False
         )
-    else:
-        contact = _coulomb_start(task, given)
-        status = newton.solve(replace(contact, gamma_n=data.gamma_n, gamma_t=data.gamma_t), everywhere)
-        if status is Status.CONVERGED:
-            status = fixed_point(
-                newton,
-                data,
-                start.law,
-                newton.multipliers(),
-                None,
-                tolerance=s.tolerance,
-                max_outer=s.max_outer_iterations,
-                augmentation=Augmentation(newton, _natural(task), s.tolerance),
-            )
-        status = _proved(task, data, start.law, status)
-    if status is not Status.CONVERGED:
-        return replace(failed, status=status, newton=newton, monolithic=False)
-    return Outcome(status, newton, given, augmented=True)  # no regularisation error of path-following remains
-
-
-def _natural(task: Task) -> float:
-    """The gamma of a scene that gives none."""
-    return AUTOMATIC_GAMMA * task.natural_gamma
+        if name in (AUGMENTED, AUGMENTED_NEWTON)
+    ]
+    if not start.without_fall_backs:
+        ways.append((METHOD, partial(_coulomb, task, start, law)))
+    return tried(
+        ways,
+        history=task.history,
+        settled=lambda outcome: not task.gave_up(outcome.status),
+        restore=lambda: newton.restore(begin),
+        told=lambda outcome: outcome.status.value,
+    )[-1]
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
@@ -245,7 +207,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
                 newton,
                 data,
                 start.sets,
-                natural=_natural(task),
+                natural=automatic_gamma(task),
                 first_iteration=start.iteration,
                 tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
@@ -267,7 +229,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     )
     before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
     if multipliers is None or finds_gamma:
-        data = _coulomb_start(task, start.data)
+        data = coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
             before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
         else:
@@ -288,7 +250,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
             first_sets,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
-            augmentation=Augmentation(newton, _natural(task), s.tolerance) if s.algorithm == "alm" else None,
+            augmentation=Augmentation(newton, automatic_gamma(task), s.tolerance) if s.algorithm == "alm" else None,
             damping=damping,
         )
 
@@ -299,7 +261,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
             task.iterate.unsymmetric_newton,
             replace(data, bound=law.given, coupling=law.coefficient),
             first_sets,
-            natural=_natural(task),
+            natural=automatic_gamma(task),
             first_iteration=1,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
@@ -340,18 +302,20 @@ def _either_way(
         **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
     }
     names = for_coulomb(
-        # The monolithic method allows neither for a cap nor for a pressure of either sign.
-        monolithic=law.cap is None and begun.data.bilateral is None,
+        monolithic=_may_be_monolithic(law, begun.data),
         first=monolithic_first,
         fallbacks=s.fallbacks,
-        augmented=_may_augment(task, start),
+        augmented=_may_augment(task, start) and not start.augmented,
         damped=not start.without_fall_backs,
     )
 
+    augmented = (AUGMENTED, AUGMENTED_NEWTON)
+
     def ended(name: Attempt) -> Outcome:
-        if name is AUGMENTED:
-            return _augmented(task, start, begun, _softened(task, start, begun))
-        status = _proved(task, begun.data, law, ways[name]())
+        if name in augmented:
+            data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
+            return by_augmentation(task, start, begun, data, monolithic=coupled)
+        status = proved(task, begun.data, law, ways[name]())
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
     def settled(outcome: Outcome) -> bool:
@@ -360,54 +324,12 @@ def _either_way(
         return not task.gave_up(outcome.status)
 
     return tried(
-        ((name if name is AUGMENTED else f"{name} from the same start", partial(ended, name)) for name in names),
+        ((name if name in augmented else f"{name} from the same start", partial(ended, name)) for name in names),
         history=task.history,
         settled=settled,
         restore=lambda: newton.restore(checkpoint),
         told=lambda outcome: outcome.status.value,
     )[-1]
-
-
-def _proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing.
-
-    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
-    fixed-point iteration has failed, and another method may find it.
-    """
-    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
-        return status
-    everywhere = task.motions.points.everywhere
-    rough = law.given + law.coefficient > 0
-    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
-        return status
-    lost = no_balance(law, data.bilateral, task.motions, task.system.resultant, data.gap)
-    if lost is not None:
-        return lost.status
-    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    return Status.OUTER_MAX_ITERATIONS
-
-
-def _coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
-
-    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
-    only where it touches at its resting place.
-    """
-    motions, everywhere = task.motions, task.motions.points.everywhere
-
-    def possible(stick: npt.NDArray[np.bool_]) -> bool:
-        """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
-        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(everywhere.size))
-        held = motions.held_by(everywhere, stick)
-        return held and no_balance(law, data.bilateral, motions, task.system.resultant, data.gap) is None
-
-    if possible(~everywhere):
-        return replace(data, bound=None)
-    stick = everywhere
-    if motions.held_by(~everywhere, everywhere):
-        touching = touching_nodes(motions.points.comm, data)
-        stick = touching if possible(touching) else everywhere
-    return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
 def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
@@ -434,3 +356,8 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
         return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
 
     return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)
+
+
+def _may_be_monolithic(law: FrictionLaw, data: RegularisedData) -> bool:
+    """Whether there is a monolithic form: it allows neither for a cap nor for a pressure of either sign."""
+    return law.cap is None and data.bilateral is None

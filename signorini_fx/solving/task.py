@@ -48,6 +48,7 @@ class Start:
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
+        augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
     """
 
     data: RegularisedData
@@ -61,6 +62,7 @@ class Start:
     regularisation_error: float | None = None
     elastic_slip: Nodal | None = None
     without_fall_backs: bool = False
+    augmented: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""

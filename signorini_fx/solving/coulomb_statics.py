@@ -1,0 +1,56 @@
+"""What statics says about Coulomb friction: a first problem that has a solution, and which outcomes are proved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algorithms.fall_backs import touching_nodes
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.statics import no_balance
+from signorini_fx.records import Status
+from signorini_fx.solving.task import Task
+
+
+def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
+
+    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
+    only where it touches at its resting place.
+    """
+    motions, everywhere = task.motions, task.motions.points.everywhere
+
+    def possible(stick: npt.NDArray[np.bool_]) -> bool:
+        """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
+        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(everywhere.size))
+        held = motions.held_by(everywhere, stick)
+        return held and no_balance(law, data.bilateral, motions, task.system.resultant, data.gap) is None
+
+    if possible(~everywhere):
+        return replace(data, bound=None)
+    stick = everywhere
+    if motions.held_by(~everywhere, everywhere):
+        touching = touching_nodes(motions.points.comm, data)
+        stick = touching if possible(touching) else everywhere
+    return replace(data, bound=np.where(stick, np.inf, 0.0))
+
+
+def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
+    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing.
+
+    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
+    fixed-point iteration has failed, and another method may find it.
+    """
+    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
+        return status
+    everywhere = task.motions.points.everywhere
+    rough = law.given + law.coefficient > 0
+    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
+        return status
+    lost = no_balance(law, data.bilateral, task.motions, task.system.resultant, data.gap)
+    if lost is not None:
+        return lost.status
+    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
+    return Status.OUTER_MAX_ITERATIONS
