@@ -24,10 +24,11 @@ from signorini_fx import (
     read_scene,
     solve,
 )
-from signorini_fx.forms import system
+from signorini_fx.forms import contact_problem, system
 from signorini_fx.linalg import condensed, multigrid
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
+from signorini_fx.results.certificate import Certificate
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -290,6 +291,34 @@ def test_friction_that_changes_in_a_loop():
     shear, pressure = problem.shear.x.array.reshape(-1, 2), problem.pressure.x.array
     assert shear[:, 0] == pytest.approx(-0.5 * pressure, abs=1e-5 * pressure.max())
     assert pressure.max() > 0
+
+
+def test_a_bound_that_changes_in_a_loop():
+    """Tresca's: the whole floor slips at the new bound."""
+    block = Block()
+    bound = fem.Constant(block.mesh, 0.1)
+    problem = ContactProblem(block.a, block.L, block.bcs, Foundation(block.bottom, friction=Tresca(bound)))
+    for block.aside.value, bound.value in ((0.1, 0.1), (0.2, 0.3)):
+        problem.solve()
+        problem.advance()
+        shear = problem.shear.x.array.reshape(-1, 2)[problem.pressure.x.array > 0, 0]
+        assert shear == pytest.approx(float(bound.value), rel=1e-9)
+
+
+def test_a_solve_begins_with_the_sets_of_the_last_one():
+    block = Block((24, 8), gap=lambda x: 0.01 * x[0], friction=Coulomb(0.3))
+    block.problem.solve()
+    first = block.problem.history.linear_solves
+    block.problem.solve()
+    assert block.problem.history.linear_solves - first < first / 2
+
+
+def test_what_is_not_certified_is_no_solution(monkeypatch):
+    block = Block()
+    monkeypatch.setattr(contact_problem, "certify", lambda *given: Certificate(equilibrium=1e-3))
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        block.problem.solve()
+    assert block.problem.status is Status.NOT_CERTIFIED
 
 
 # --- outcomes --------------------------------------------------------------------------------------------------------
