@@ -32,9 +32,10 @@ def test_a_cube_in_a_corner_of_three_walls(coefficient):
     assert row.beyond.attempts > 0
 
 
-def test_a_plate_between_two_rails():
+@pytest.mark.parametrize("aside", [False, True])
+def test_a_plate_between_two_rails(aside):
     """Directions of slip settle also at the edges of two contacts, where the plate hardly slips."""
-    row = enclosed(limit_loads.plate(cells=12, layers=1))
+    row = enclosed(limit_loads.plate(cells=20, layers=1, aside=aside))
     assert row.beyond.solves < row.below.solves
 
 

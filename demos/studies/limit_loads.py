@@ -104,22 +104,31 @@ def bracket(contact_size: float = 2.0, size: float = 5.0, pull: float = 12.0) ->
     )
 
 
-def plate(cells: int = 80, layers: int = 3, pull: float = 50.0) -> Case:
-    """A plate on a base between two rails, clamped at four places, and pulled off one rail beside its middle."""
+def plate(cells: int = 80, layers: int = 3, beyond: float = 1.3, *, aside: bool = False) -> Case:
+    """A plate on a base between two rails, clamped at four places, and pulled off one rail.
+
+    Pulled at its whole side it slides straight along the other rail: the limit is F times the loads that press, as
+    that of the cube.  Pulled beside its middle it turns as well.  The clamps end at edges of cells if ``cells`` is a
+    multiple of 20.
+    """
     size = {"length": 10.0, "width": 10.0, "height": 0.5, "nx": cells, "ny": cells, "nz": layers}
-    clamp, side = 20.0, 4.0
+    clamp, side, coefficient = 20.0, 4.0, 0.2
+    down, across = 4 * 2.5**2 * clamp, side * 10 * 0.5
+    force = beyond * coefficient * (down + across)
+    pull = force / (10 * 0.5)
     clamped = f"{-clamp} if 1 <= abs(x[0] - 5) <= 3.5 and 1 <= abs(x[1] - 5) <= 3.5 else 0"
     return Case(
         pulled(
             {"generator": "box", "parameters": size},
             70000.0,
-            0.2,
+            coefficient,
             ("left", "front", "bottom"),
             ({"boundary": "top", "z": clamped}, {"boundary": "back", "y": -side}),
-            {"boundary": "right", "x": f"{pull} if x[1] >= 5 else 0"},
+            {"boundary": "right", "x": f"{2 * pull} if x[1] >= 5 else 0" if aside else pull},
         ),
-        [((0, 0, -4 * 2.5**2 * clamp), (5, 5, 0.5)), ((0, -side * 10 * 0.5, 0), (5, 10, 0.25))],
-        ((pull * 5 * 0.5, 0, 0), (10, 7.5, 0.25)),
+        [((0, 0, -down), (5, 5, 0.5)), ((0, -across, 0), (5, 10, 0.25))],
+        ((force, 0, 0), (10, 7.5 if aside else 5, 0.25)),
+        None if aside else 1 / beyond,
     )
 
 
@@ -128,6 +137,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "corner of three walls, F = 0.6": lambda: corner(0.6),
     "bracket with bolt and stop": bracket,
     "plate between two rails": plate,
+    "plate between two rails, pulled aside": lambda: plate(cells=40, aside=True),
 }
 
 
