@@ -45,13 +45,13 @@ CORE = ("algorithms", "problem", "linalg", "contact")
 TOP_LEVEL = {
     "cli": ("__main__",),
     "ground": (
-        *("attempts", "compat", "csv_text", "display", "manifest", "parallel", "petsc_start", "records", "scales"),
-        "tuned",
+        *("attempts", "compat", "csv_text", "display", "manifest", "method", "parallel", "petsc_start", "records"),
+        *("scales", "tuned"),
     ),
     "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Outcomes, records, the plan of attempts, ranks, manifests, start of PETSc, versions, tuned constants.",
+    "ground": "Outcomes, records, plan of attempts, ranks, manifests, start of PETSc, versions, tuned constants.",
     "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.

@@ -7,6 +7,7 @@ from scenes import alone, example1
 from spaces import block
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import ActiveSets
 from signorini_fx.mesh.tagged import load_mesh
@@ -14,14 +15,13 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.strategy import run
 
 
 def solved_task(scene):
     """A task that has been run, for a look inside, and its contact boundary."""
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, d.boundary, History())
-    assert run(task, task.start).status is Status.CONVERGED
+    assert solve_task(task, task.start).status is Status.CONVERGED
     return task, d.boundary
 
 

@@ -18,9 +18,9 @@ LONG = {"nx": 600, "ny": 12, "linear_algebra": "condensed"}
 
 
 def task_of(scene):
-    """The contact problem of a scene, not yet solved, and its contact boundary."""
+    """The contact problem of a scene, not yet solved, and its discretisation."""
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    return contact_task(discretisation, discretisation.boundary, History()), discretisation.boundary
+    return contact_task(discretisation, discretisation.boundary, History()), discretisation
 
 
 @pytest.mark.parametrize(
@@ -94,9 +94,9 @@ def test_few_nodes_start_as_in_the_paper():
 
 def test_coarse_matrix_is_galerkins():
     """P^T S P, P^T b and the length of the boundary, with P linear between every second node."""
-    task, fine = task_of(example1(bound=1.5, nx=24, ny=4, linear_algebra="condensed"))
-    level = boundary_levels._coarser(boundary_levels._finest(task, fine))
-    coarse = level.boundary
+    task, d = task_of(example1(bound=1.5, nx=24, ny=4, linear_algebra="condensed"))
+    level = boundary_levels._coarser(boundary_levels._finest(task, d.boundary))
+    fine, coarse = d.boundary, level.boundary
     order = np.argsort(coarse.x[:, 0])
     np.testing.assert_allclose(coarse.x[order, 0], np.linspace(0, 3, 13), atol=1e-12)
     hat = np.array([np.interp(fine.x[:, 0], coarse.x[order, 0], unit) for unit in np.eye(13)])
@@ -120,7 +120,7 @@ def test_coarse_matrix_is_galerkins():
 def test_what_few_nodes_know():
     """Each has its own gap and law; the ends of a boundary stay, and the node of two boundaries wherever it is."""
     friction = {"law": "coulomb", "coefficient": "0.2 + x[0]", "cap": "3 + x[0]"}
-    task, boundary = task_of(
+    task, d = task_of(
         parse_scene(
             {
                 "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 5, "ny": 5}},
@@ -134,16 +134,16 @@ def test_what_few_nodes_know():
             }
         )
     )
-    finest = boundary_levels._finest(task, boundary)
+    finest = boundary_levels._finest(task, d.boundary)
     level = boundary_levels._coarser(finest)
     rows = level.retained
-    assert sorted(boundary.x[rows].max(axis=1).round(9)) == [0.0, 0.0, 0.4, 0.4, 0.8, 0.8, 1.0, 1.0]
+    assert sorted(d.boundary.x[rows].max(axis=1).round(9)) == [0.0, 0.0, 0.4, 0.4, 0.8, 0.8, 1.0, 1.0]
     np.testing.assert_array_equal(level.data.gap, finest.data.gap[rows])
     for name in ("given", "coefficient", "cap"):
         np.testing.assert_array_equal(getattr(level.law, name), getattr(finest.law, name)[rows], err_msg=name)
     # Where a boundary goes on beyond the node of two, that is none of its ends.
     beyond = replace(finest, chains=[np.roll(chain, 1) for chain in finest.chains])
-    corner = np.flatnonzero(np.abs(boundary.x).max(axis=1) < 1e-9)
+    corner = np.flatnonzero(np.abs(d.boundary.x).max(axis=1) < 1e-9)
     assert corner.size == 2
     assert set(corner) <= set(boundary_levels._coarser(beyond).retained)
 

@@ -7,9 +7,9 @@ import pytest
 from scenes import alone, example1
 
 from signorini_fx import attempts
+from signorini_fx.algorithms import augmented, strategy
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import augmented, strategy
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
 from signorini_fx import attempts
-from signorini_fx.algorithms import descent, fall_backs
+from signorini_fx.algorithms import augmented, descent, fall_backs, strategy
 from signorini_fx.algorithms.descent import energy_descent
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact import resting_place as resting
@@ -16,7 +16,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import augmented, solver, strategy
+from signorini_fx.solving import solver
 from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task
 

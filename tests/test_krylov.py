@@ -10,6 +10,7 @@ from test_linalg import turned
 from test_ranks import same_on_all_ranks
 from test_space_ranks import brick
 
+from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
@@ -20,7 +21,6 @@ from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
-from signorini_fx.solving.strategy import run
 from signorini_fx.solving.sweep import sweep
 
 WORLD = MPI.COMM_WORLD
@@ -178,7 +178,7 @@ def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
     scene = block(6, "tetrahedra", bound=1.5, gamma=gamma, linear_algebra="krylov")
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, d.boundary, History())
-    assert run(task, task.start).status is Status.CONVERGED
+    assert solve_task(task, task.start).status is Status.CONVERGED
     (found,) = made
     held, soft = found._truncated_at
     assert (np.trace(held, axis1=1, axis2=2) > 0.5).any() == (gamma > 1e3)

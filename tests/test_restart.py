@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from signorini_fx.algorithms import strategy
+from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import ActiveSets, unit
 from signorini_fx.errors import SceneError
@@ -26,12 +28,11 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import load_steps, one_mesh, strategy
+from signorini_fx.solving import load_steps, one_mesh
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.solver import solve
-from signorini_fx.solving.task import Outcome
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -233,7 +234,7 @@ def test_a_ramp(tmp_path, push, method):
 @pytest.mark.parametrize("where", [4, 6])
 def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monkeypatch):
     """A restart counts every linear solve of the run before once, also those that led nowhere."""
-    plain, seen = strategy.run, []
+    plain, seen = strategy.solve_task, []
 
     def fails_now_and_then(task, start, most=None):
         outcome = plain(task, start, most)
@@ -242,7 +243,7 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
         seen.append(start.step)
         return replace(outcome, status=Status.CYCLING)
 
-    monkeypatch.setattr(load_steps, "run", fails_now_and_then)
+    monkeypatch.setattr(load_steps, "solve_task", fails_now_and_then)
     given = a_ramp(0.9)
     reference = solve(given, MPI.COMM_SELF)
     assert any("half the increment" in event for event in reference.history.events)

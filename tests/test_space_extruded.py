@@ -9,12 +9,12 @@ import pytest
 from spaces import box, turned_tangents
 from test_space_patch import rotation
 
+from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body import contact_boundary
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.strategy import run
 
 TABLE = json.loads((Path(__file__).parent / "data" / "tables.json").read_text())["table1"]
 THICKNESS = 0.025
@@ -103,6 +103,6 @@ def test_table_1(turn, monkeypatch):
         for gamma_t in TABLE["gamma_2"]:
             data = replace(task.start.data, gamma_n=gamma_n, gamma_t=gamma_t)
             before = task.history.linear_solves
-            assert run(task, replace(task.start, data=data)).status is Status.CONVERGED
+            assert solve_task(task, replace(task.start, data=data)).status is Status.CONVERGED
             found[-1].append(task.history.linear_solves - before)
     assert found == TABLE["iterations"]

@@ -8,14 +8,13 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.algorithms import fall_backs
+from signorini_fx.algorithms import augmented, fall_backs, strategy
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.model import SurfaceTraction
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import augmented, strategy
 from signorini_fx.solving.one_mesh import contact_task
 
 
@@ -132,7 +131,7 @@ def test_model_of_the_path(gamma):
         scene = parse_scene(data)
         discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(discretisation, discretisation.boundary, History())
-        outcome = strategy.run(task, task.start)
+        outcome = strategy.solve_task(task, task.start)
         assert outcome.status is Status.CONVERGED
         return task, outcome
 

@@ -48,14 +48,12 @@ def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: F
         gap[here] = _gap(effect.gap, boundary, here, f"contact[{index}].gap")
     automatic = AUTOMATIC_GAMMA * body.scales.gamma
     settings = scene.solver
-    zero = np.zeros(boundary.size)
-    return RegularisedData(
-        gap=gap,
-        gamma_n=automatic if settings.gamma_n == "auto" else settings.gamma_n,
-        gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
-        sigma=np.inf if settings.sigma == "auto" else settings.sigma,
-        lambda_hat=zero,
-        mu_hat=np.zeros(boundary.tangents.shape[::2]),
+    return RegularisedData.unshifted(
+        gap,
+        boundary.tangents.shape[2],
+        automatic if settings.gamma_n == "auto" else settings.gamma_n,
+        automatic if settings.gamma_t == "auto" else settings.gamma_t,
+        np.inf if settings.sigma == "auto" else settings.sigma,
         bound=None if law is None else law.given,
         bilateral=bilateral_nodes(scene, boundary),
     )

@@ -136,6 +136,22 @@ class RegularisedData:
     bilateral: npt.NDArray[np.bool_] | None = None
     slip_origin: Nodal | None = None
 
+    @classmethod
+    def unshifted(
+        cls,
+        gap: Nodal,
+        tangents: int,
+        gamma_n: float,
+        gamma_t: float,
+        sigma: float = np.inf,
+        *,
+        bound: Nodal | None = None,
+        bilateral: npt.NDArray[np.bool_] | None = None,
+    ) -> RegularisedData:
+        """The problem without shifts, for points with d - 1 tangents."""
+        none = np.zeros((gap.size, tangents))
+        return cls(gap, gamma_n, gamma_t, sigma, np.zeros(gap.size), none, bound, bilateral=bilateral)
+
     @property
     def has_friction(self) -> bool:
         """Whether a friction condition is part of the problem."""

@@ -83,9 +83,25 @@ class ContactMap:
         sets = [PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in kept]
         return ContactMap(self.operator.createSubMatrix(*sets), points or self.points, fixed)
 
+    def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """The matrix with a block of shape (d, d) for each point on its diagonal; collective.
+
+        Args:
+            blocks: shape (n, d, d).
+            into: an earlier one, which is filled again; None: a new one.
+        """
+        first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
+        if into is None:
+            into = PETSc.Mat().createAIJ((rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm)
+        places = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(PETSc.IntType)
+        if places.size:
+            into.setValuesRCV(places, places, np.ascontiguousarray(blocks))
+        into.assemble()
+        return into
+
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""
-        pattern = self.operator.transposeMatMult(self.operator)
+        pattern = self.law(np.ones(self.points.movable.shape)).ptap(self.operator)
         if not parallel.any_rank(self.points.comm, not _within(pattern, matrix)):
             return matrix
         pattern.zeroEntries()

@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.points import ContactPoints
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
@@ -37,6 +39,12 @@ class RigidLoad:
     work: Nodal
     size: Nodal
     assembly: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, forces: PETSc.Vec, modes: Sequence[PETSc.Vec]) -> RigidLoad:
+        """That of forces on the rigid motions of one body, which has no other assembly; collective."""
+        size, none = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
+        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, none)
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
@@ -73,6 +81,15 @@ class FreeMotions:
     relative: Nodal
     assembly: npt.NDArray[np.int64]
     of_point: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:
+        """B times the free rigid motions of one body, which has no other assembly; collective."""
+        relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
+        for number, mode in enumerate(modes):
+            relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
+        none = np.zeros(len(modes), dtype=np.int64)
+        return cls(contact.points, relative, none, np.zeros(contact.points.size, dtype=np.int64))
 
     @property
     def count(self) -> int:

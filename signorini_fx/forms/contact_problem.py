@@ -13,6 +13,8 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import check_exact
 from signorini_fx.body.contact_state import ContactState
@@ -29,12 +31,11 @@ from signorini_fx.forms.foundations import Foundations, Shape
 from signorini_fx.forms.system import FormSystem
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.method import Settings
 from signorini_fx.records import History, Status
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.strategy import run
-from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 
@@ -197,7 +198,7 @@ class ContactProblem:
             self._begun = begun
             newton = self._task.iterate.newton
             checkpoint = newton.checkpoint()
-            self._take(run(self._task, begun))
+            self._take(solve_task(self._task, begun))
             if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
                 newton.restore(checkpoint)
         status = self.status
@@ -214,7 +215,7 @@ class ContactProblem:
         """
         if self._outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
-        law = self._task.promised(self._outcome)
+        law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
         self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._before)
 
@@ -236,7 +237,7 @@ class ContactProblem:
             self._data,
             self._elastic.scales,
             state,
-            self._task.promised(outcome),
+            Law(*self._task.promised(outcome)),
             self._before,
         )
         self.status = outcome.status
@@ -290,7 +291,7 @@ class ContactProblem:
             rest = resting_place(start.data.gap, start.data.bilateral, motions, system.resultant)
             self._fallen = np.zeros(0) if rest is None else elastic.motions.displacement(rest.motion).ravel()
         self._task = Task(
-            settings=self.settings,
+            settings=Settings.of(self.settings),
             system=system,
             linear_algebra=reason,
             motions=motions,
@@ -307,13 +308,12 @@ class ContactProblem:
         boundary, settings = self._boundary, self.settings
         self._data = self._foundations.data(shapes)
         law, automatic = self._foundations.law(boundary, self._data), AUTOMATIC_GAMMA * self._elastic.scales.gamma
-        data = RegularisedData(
-            gap=self._foundations.gap(boundary, self._data),
-            gamma_n=automatic if settings.gamma_n == "auto" else settings.gamma_n,
-            gamma_t=automatic if settings.gamma_t == "auto" else settings.gamma_t,
-            sigma=np.inf if settings.sigma == "auto" else settings.sigma,
-            lambda_hat=np.zeros(boundary.size),
-            mu_hat=np.zeros(boundary.tangents.shape[::2]),
+        data = RegularisedData.unshifted(
+            self._foundations.gap(boundary, self._data),
+            boundary.tangents.shape[2],
+            automatic if settings.gamma_n == "auto" else settings.gamma_n,
+            automatic if settings.gamma_t == "auto" else settings.gamma_t,
+            np.inf if settings.sigma == "auto" else settings.sigma,
             bound=None if law is None else law.given,
             bilateral=self._foundations.bilateral(boundary),
         )

@@ -31,6 +31,7 @@ from signorini_fx.contact.laws import (
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.callbacks import called_back
+from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem.problem import Problem
 
 # The largest k, relative to the stiffness at a contact node.
@@ -44,6 +45,15 @@ class ExactProblem(Problem):
     sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
     +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
     """
+
+    @classmethod
+    def of(cls, system: ElasticSystem, motions: FreeMotions) -> ExactProblem:
+        """The problem in unknowns of which each component of a relative displacement is one.
+
+        Raises:
+            ValueError: see ``rotate``.
+        """
+        return cls(rotate(system), motions)
 
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
         super().__init__(system, motions)

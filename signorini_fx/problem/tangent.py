@@ -16,7 +16,7 @@ class ContactTangent:
     """What the Jacobians of one problem hold, by their handles.  Of A only the entries that contact adds to are set.
 
     Args:
-        matrix: A, whose pattern has that of B^T B.
+        matrix: A, whose pattern has that of B^T D B, see ``ContactMap.admitted``.
         contact: B.
 
     Attributes:
@@ -33,12 +33,9 @@ class ContactTangent:
         free.getArray()[:] = ~contact.fixed
         self._operator = contact.operator.copy()
         self._operator.diagonalScale(R=free)
-        size, dimension = contact.points.size, contact.points.dimension
-        rows = contact.operator.getSizes()[0]
-        self._law = PETSc.Mat().createAIJ((rows, rows), nnz=(dimension, 0), comm=matrix.comm)
-        places = contact.operator.getOwnershipRange()[0] + np.arange(size * dimension)
-        self._places = places.reshape(-1, dimension).astype(PETSc.IntType)
-        self._product = self._added(np.ones((size, dimension, dimension)), None)
+        self._law = contact.law
+        self._blocks = contact.law(np.ones(contact.points.movable.shape))
+        self._product = self._blocks.ptap(self._operator)
         starts, self._columns, _ = self._product.getValuesCSR()
         touched = np.flatnonzero(np.diff(starts))
         self._rows = (matrix.getOwnershipRange()[0] + touched).astype(PETSc.IntType)
@@ -67,15 +64,9 @@ class ContactTangent:
         since = None if known[1] is None else moved
         if changed > 0:
             self.inserted[matrix.handle] = blocks
-            _, _, added = self._added(blocks, self._product).getValuesCSR()
+            self._law(self._weight * blocks, self._blocks).ptap(self._operator, result=self._product)
+            _, _, added = self._product.getValuesCSR()
             if self._rows.size:
                 matrix.setValuesIJV(self._starts, self._columns, self._elastic + added, rowmap=self._rows)
             matrix.assemble()
         return since
-
-    def _added(self, blocks: Nodal, product: PETSc.Mat | None) -> PETSc.Mat:
-        """B^T D B without prescribed unknowns; collective."""
-        if self._places.size:
-            self._law.setValuesRCV(self._places, self._places, np.ascontiguousarray(self._weight * blocks))
-        self._law.assemble()
-        return self._law.ptap(self._operator, result=product)

@@ -13,6 +13,7 @@ from pydantic import (
     field_validator,
 )
 
+from signorini_fx.method import Settings
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.values import (
     Automatic,
@@ -98,9 +99,9 @@ class SolverSettings(Table):
     regularisation_error: Automatic = "auto"
     linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
     levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
-    max_iterations: Count = 100
-    max_outer_iterations: Count = 100
-    tolerance: Positive = 1e-7
+    max_iterations: Count = Settings.max_iterations
+    max_outer_iterations: Count = Settings.max_outer_iterations
+    tolerance: Positive = Settings.tolerance
     largest_deformation: Positive = 0.5
     fallbacks: bool = True
 

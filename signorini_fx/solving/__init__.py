@@ -1,7 +1,7 @@
-"""From a scene to its solution: strategy, nested iteration, load steps, sweeps, solution to a given accuracy.
+"""From a scene to its solution: nested iteration, load steps, sweeps, restarts, solution to a given accuracy.
 
-This is the only package that knows all algorithms and their order.  It is not called ``solve``, because that is the
-name of the public function.
+This package must not know how a load step is solved, which is the core's.  It is not called ``solve``, because that is
+the name of the public function.
 """
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded

@@ -14,8 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary, chains
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem
@@ -23,8 +26,6 @@ from signorini_fx.linalg.coarsened import CoarsenedSystem
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.records import History, Status
 from signorini_fx.solving.nested import carry_over
-from signorini_fx.solving.strategy import run
-from signorini_fx.solving.task import Start, Task
 from signorini_fx.tuned import COARSEST_NODES, FEWEST_NODES_TO_COARSEN
 
 _ALGORITHMS = ("auto", "ssn", "exact")
@@ -47,14 +48,16 @@ class _Level:
     retained: Indices
 
 
-def worthwhile(task: Task, boundary: ContactBoundary) -> bool:
+def worthwhile(task: Task, discretisation: Discretisation) -> bool:
     """Whether a task has a dense system large enough, no start yet, and an algorithm that would use one."""
+    boundary = discretisation.boundary
     return (
         isinstance(task.system, CondensedSystem)
+        and boundary is not None
         and boundary.x.shape[1] == 2  # on a surface "every second node" is not defined
         and boundary.axes is None  # whose unknowns are not interpolated
         and boundary.size > FEWEST_NODES_TO_COARSEN
-        and task.settings.initial_contact == "auto"
+        and discretisation.scene.solver.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS
     )
 
@@ -72,14 +75,14 @@ def start_from_few_nodes(task: Task, boundary: ContactBoundary) -> Start:
         history = History()
         coarse = replace(
             task,
-            settings=task.settings.model_copy(update={"algorithm": "ssn", "fallbacks": False}),
+            settings=replace(task.settings, algorithm="ssn", fallbacks=False),
             system=level.system,
             motions=level.motions,
             start=replace(task.start, data=level.data, law=level.law, sets=level.first_sets),
             rest=None,
             history=history,
         )
-        outcome = run(coarse, coarse.start if start is None else coarse.start.begin_from(*start))
+        outcome = solve_task(coarse, coarse.start if start is None else coarse.start.begin_from(*start))
         status, start = outcome.status, None
         if status is Status.CONVERGED:
             start = carry_over(ContactState.of(coarse.contact(outcome, coarse.start), level.boundary), fine.boundary)

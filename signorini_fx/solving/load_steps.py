@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import HALF, METHOD, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
@@ -15,13 +17,11 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.restart import Kept
-from signorini_fx.solving.strategy import run
-from signorini_fx.solving.task import Outcome, Start, Task
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def load_step(
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
         with timings.phase("iterate"):
-            outcome = run(task, here, path.allowed)
+            outcome = solve_task(task, here, path.allowed)
         result = _certified(discretisation, task, here, outcome, last, timings)
         ended.append(LoadStep(replace(result, linear_solves=history.linear_solves - before), here, outcome))
         return ended[-1]
@@ -127,7 +127,7 @@ def _certified(
             discretisation.tagged,
             displacement,
             Tractions.of(contact),
-            law=task.promised(outcome),
+            law=Law(*task.promised(outcome)),
             step=start.place,
             before=last,
         )

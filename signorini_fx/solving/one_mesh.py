@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import AGAIN, WITHOUT
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import check_exact, first_sets, friction_law, regularised_data
@@ -30,10 +31,11 @@ from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.method import Settings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import boundary_levels
@@ -41,7 +43,6 @@ from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.load_steps import judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import Kept
-from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step with its task, its outcome and its result.
@@ -80,7 +81,7 @@ def solve_mesh(
         start = start.begin_from(*carry_over(state, discretisation.boundary))
         if coarser is not None and not scene.several_steps:
             _begin_at_coarse(task, coarser, discretisation)
-    elif boundary_levels.worthwhile(task, discretisation.boundary) and not (kept is not None and kept.begun()):
+    elif boundary_levels.worthwhile(task, discretisation) and not (kept is not None and kept.begun()):
         with timings.phase("iterate"):
             start = boundary_levels.start_from_few_nodes(task, discretisation.boundary)
     solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
@@ -152,7 +153,7 @@ def solve_contact(
         start, outcome = step.start, step.outcome
         steps.append(result)
         if result.status is Status.CONVERGED or len(steps) == 1:
-            ended, law, data = outcome, task.promised(outcome), outcome.problem.data
+            ended, law, data = outcome, Law(*task.promised(outcome)), outcome.problem.data
         if result.status is not Status.CONVERGED:
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
@@ -277,7 +278,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
 def contact_task(
     discretisation: Discretisation, boundary: ContactBoundary, history: History, coarser: MeshLevel | None = None
 ) -> Task:
-    """The contact problem of a discretised scene, ready for ``strategy.run`` or for a user-defined algorithm."""
+    """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
     scene = discretisation.scene
     law = friction_law(scene, boundary)
     if scene.solver.algorithm == "exact":
@@ -290,7 +291,7 @@ def contact_task(
     motions = discretisation.motions.at(boundary)
     rest = resting_place(data.gap, data.bilateral, motions, system.resultant)
     return Task(
-        settings=scene.solver,
+        settings=Settings.of(scene.solver),
         system=system,
         linear_algebra=reason,
         motions=motions,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx import parallel
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
 from signorini_fx.problem.exact import ExactProblem
@@ -20,7 +21,6 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status, 
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.load_path import LoadPath
-from signorini_fx.solving.task import Outcome, Start, Task
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
 from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
@@ -35,7 +36,6 @@ from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import Kept
-from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 

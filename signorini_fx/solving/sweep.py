@@ -11,6 +11,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
@@ -29,7 +30,6 @@ from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
-from signorini_fx.solving.strategy import run
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,8 +125,8 @@ def sweep(
         start = replace(begin, factors=load * discretisation.factors(0))
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
-        outcome = run(task, start)
-        contact, promised = ContactState.of(task.contact(outcome, start), boundary), task.promised(outcome)
+        outcome = solve_task(task, start)
+        contact, promised = ContactState.of(task.contact(outcome, start), boundary), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)

@@ -29,6 +29,7 @@ from signorini_fx.accuracy.price_list import (
     price_list,
     with_polygon,
 )
+from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.material import plane_modulus
 from signorini_fx.display import duration
@@ -43,7 +44,6 @@ from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.task import Outcome, Task
 from signorini_fx.tuned import (
     BULK,
     COARSER_START,

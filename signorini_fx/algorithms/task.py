@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.algorithms.fall_backs import FallBacks
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import (
@@ -20,16 +22,15 @@ from signorini_fx.contact.laws import (
     slip_of,
 )
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.resting_place import Rest, resting_place
 from signorini_fx.contact.state import PointState
 from signorini_fx.linalg import ElasticSystem
-from signorini_fx.linalg.rotated import rotate
+from signorini_fx.method import Settings
 from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.problem.problem import Problem
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import History, Status
-from signorini_fx.results.promised_law import UNREGULARISED, Law
-from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 
 @dataclass(frozen=True)
@@ -129,28 +130,67 @@ class Task:
     """The inputs of a contact problem.
 
     Attributes:
-        settings: the solver settings of the scene.
+        settings: algorithms, their parameters and limits.
         system: the elastic system.
         motions: the free rigid motions at its contact points.
         start: where the first load step starts.
         has_coulomb: whether the friction bound depends on the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         history: records.
-        linear_algebra: which kind of elastic system it is, and why.
+        linear_algebra: which kind of elastic system it is, and why; for its owner.
         goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
         rest: the resting place from which displacements are counted; None: from the initial position.
     """
 
-    settings: SolverSettings
+    settings: Settings
     system: ElasticSystem
     motions: FreeMotions
     start: Start
     has_coulomb: bool
     natural_gamma: float
     history: History
-    linear_algebra: str
-    goal: Callable[[PETSc.Vec], float]
+    linear_algebra: str = ""
+    goal: Callable[[PETSc.Vec], float] = lambda x: 0.0
     rest: Rest | None = None
+
+    @classmethod
+    def of(
+        cls,
+        system: ElasticSystem,
+        motions: FreeMotions,
+        gap: Nodal,
+        law: FrictionLaw | None = None,
+        *,
+        gamma: float | None = None,
+        bilateral: npt.NDArray[np.bool_] | None = None,
+        settings: Settings | None = None,
+    ) -> Task:
+        """A problem that is given by matrices alone; collective.
+
+        The natural unit of gamma is that of the stiffest contact point, its stiffness over its weight, times the share
+        of a side of its piece in that of the contact boundary.
+
+        Args:
+            system: the elastic system with its loads.
+            motions: the free rigid motions at its contact points.
+            gap: d, length, shape (n,).
+            law: of friction; None: there is none.
+            gamma: gamma_1 and gamma_2, stress per length; None: ``AUTOMATIC_GAMMA`` times the natural unit.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            settings: algorithms, their parameters and limits; None: the defaults.
+        """
+        points, comm = motions.points, motions.points.comm
+        side = (points.weight / parallel.global_sum(comm, points.weight.sum())) ** (1.0 / (points.dimension - 1))
+        stiffness = system.contact.stiffness(system.matrix.getDiagonal())
+        natural = parallel.global_max(comm, parallel.local_max(stiffness * side))
+        gamma = AUTOMATIC_GAMMA * natural if gamma is None else gamma
+        bound = None if law is None else law.given
+        data = RegularisedData.unshifted(gap, points.dimension - 1, gamma, gamma, bound=bound, bilateral=bilateral)
+        rest = resting_place(gap, bilateral, motions, system.resultant)
+        sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
+        start = Start(data if rest is None else rest.data_from(data), law, sets, iteration=0)
+        coulomb = parallel.any_rank(comm, law is not None and bool((law.coefficient > 0).any()))
+        return cls(settings or Settings(), system, motions, start, coulomb, natural, History(), rest=rest)
 
     @cached_property
     def iterate(self) -> Iterate:
@@ -187,16 +227,19 @@ class Task:
             xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
         )
 
-    def promised(self, outcome: Outcome) -> Law:
-        """The contact law that a result promises to satisfy: without regularisation, or with the current gamma."""
+    def promised(self, outcome: Outcome) -> tuple[float, float]:
+        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy; infinite: without regularisation."""
         if outcome.augmented or self.settings.algorithm in ("alm", "exact"):
-            return UNREGULARISED
-        return Law(outcome.problem.data.gamma_n, outcome.problem.data.gamma_t)
+            return np.inf, np.inf
+        return outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed for another reason than a limit that the user has set."""
-        limit = {Status.MAX_ITERATIONS: "max_iterations", Status.OUTER_MAX_ITERATIONS: "max_outer_iterations"}
-        return status is Status.CYCLING or (status in limit and not _limited(self.settings, limit[status]))
+        if status is Status.MAX_ITERATIONS:
+            return not self.settings.limited("max_iterations")
+        if status is Status.OUTER_MAX_ITERATIONS:
+            return not self.settings.limited("max_outer_iterations")
+        return status is Status.CYCLING
 
 
 class Iterate:
@@ -208,7 +251,7 @@ class Iterate:
 
     def __init__(
         self,
-        settings: SolverSettings,
+        settings: Settings,
         system: ElasticSystem,
         motions: FreeMotions,
         history: History,
@@ -228,7 +271,7 @@ class Iterate:
             self._history,
             symmetric=symmetric,
             try_fall_backs=self._fall_backs if settings.fallbacks else None,
-            limited=_limited(settings, "max_iterations"),
+            limited=settings.limited("max_iterations"),
         )
 
     @cached_property
@@ -244,8 +287,8 @@ class Iterate:
     @cached_property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        system = rotate(self._system)
-        return self._newton(ExactProblem(system, self._motions), system.start.copy())
+        problem = ExactProblem.of(self._system, self._motions)
+        return self._newton(problem, problem.system.start.copy())
 
     @cached_property
     def exact_unsymmetric_newton(self) -> SemismoothNewton:
@@ -262,8 +305,3 @@ class Iterate:
                 self.exact_newton.problem.system.set_load(start.factors)
         fixed = self._system.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]
-
-
-def _limited(settings: SolverSettings, name: str) -> bool:
-    """Whether a limit is lower than its default: then the user has set it, and reaching it is not a failure."""
-    return bool(getattr(settings, name) < SolverSettings.model_fields[name].default)

@@ -4,6 +4,20 @@ Two independent choices make a method.  ``algorithm`` says how the regularisatio
 ``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
 pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
 fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
+
+Neither a scene nor a form is needed.  With scipy matrices K, B, a load f, weights w and gaps d of the contact points, a
+friction coefficient of 0.3 and a rigid motion ``up`` that the supports leave free::
+
+    elasticity, motions = from_scipy(K, f, B, w, prescribed=(numbers, values), modes=up[:, None])
+    system = CondensedSystem.of(elasticity)  # or FullSystem; PETSc matrices on several ranks make an Elasticity too
+    law = FrictionLaw(given=0 * w, coefficient=0 * w + 0.3)
+    task = Task.of(system, motions, d, law)
+    outcome = solve_task(task, task.start)
+    assert outcome.status is Status.CONVERGED
+    state = task.contact(outcome, task.start)  # state.pressure, state.shear, state.u_n, ...
+    y = outcome.displacement().getArray(readonly=True)
+    if task.rest is not None:  # where the body rests without strains, from which displacements are counted
+        y = y + up * task.rest.motion
 """
 
 from __future__ import annotations
@@ -17,10 +31,13 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algorithms.augmented import automatic_gamma, by_augmentation, softened
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
+from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import (
     AUGMENTED,
     AUGMENTED_NEWTON,
@@ -36,9 +53,6 @@ from signorini_fx.attempts import (
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import OuterRecord, Status
-from signorini_fx.solving.augmented import automatic_gamma, by_augmentation, softened
-from signorini_fx.solving.coulomb_statics import coulomb_start, proved
-from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import (
     CONTINUATION_SHARE,
     LARGEST_GAMMA,
@@ -47,7 +61,7 @@ from signorini_fx.tuned import (
 )
 
 
-def run(task: Task, start: Start, most: int | None = None) -> Outcome:
+def solve_task(task: Task, start: Start, most: int | None = None) -> Outcome:
     """Solve a load step; the iterates stay in ``task.iterate``.
 
     Args:

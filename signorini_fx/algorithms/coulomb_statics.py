@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algorithms.fall_backs import touching_nodes
+from signorini_fx.algorithms.task import Task
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import Status
-from signorini_fx.solving.task import Task
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:

@@ -8,11 +8,11 @@ import numpy as np
 
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation
+from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.records import Status
-from signorini_fx.solving.coulomb_statics import coulomb_start, proved
-from signorini_fx.solving.task import Outcome, Start, Task
 from signorini_fx.tuned import AUGMENTED_NEWTON_SHARE, AUGMENTED_SHARE, AUTOMATIC_GAMMA, START_GAMMA
 
 
