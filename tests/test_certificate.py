@@ -207,6 +207,38 @@ def test_nodes_that_supports_press_hide_nothing():
     assert found.friction_cone == pytest.approx(1e-4, rel=0.1)  # of the pressure
 
 
+@pytest.mark.parametrize("push", [0.0, 1e-3])
+@pytest.mark.parametrize("gamma", [1e1, 1e5, 1e11])
+def test_pressure_that_supports_take_has_round_off(gamma, push):
+    """Supports press all nodes into the foundation and leave one tangential direction free, in which the normals have
+    a component of round-off: it is no shear, and the loads and the shear along this direction are still judged.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {
+                "generator": "ring",
+                "parameters": {"radius": 1.0, "inner_radius": 0.5, "height": 0.7, "nt": 3, "nr": 1, "nz": 2}
+                | {"cell": "tetrahedron"},
+            },
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": name, "x": 0.0, "z": 0.0} for name in ("outer", "inner")],
+            "traction": {"boundary": "top", "x": -0.1, "y": push, "z": 0.1},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "1e-3*(x[0] + 0.3*x[1])",
+                "friction": {"law": "tresca", "bound": 0.1},
+            },
+            "solver": {"gamma_n": gamma, "gamma_t": gamma},
+        }
+    )
+    solution = alone(scene)
+    assert solution.certificate.holds
+    change = 1e-6 * np.array([0.0, solution.contact.pressure.max(), 0.0])
+    refused(judged(solution, shear=lambda shear: shear + change), "equilibrium")
+    load = scene.traction[0].model_copy(update={"y": push + 1e-5})
+    refused(judged(solution, scene=scene.model_copy(update={"traction": (load,)})), "equilibrium")
+
+
 def test_another_scene():
     """Another load, support, material or load factor."""
     solution = solved("Coulomb", "ssn")

@@ -243,6 +243,9 @@ def judged(
     inside = _FAINT * scales.stress(strain_energy)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
     stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * balance.stiffest.modulus * far / finest)
+    # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
+    stress = max(stress, _ROUND_OFF * _largest(comm, np.linalg.norm(nodes.traction, axis=1)))
+    length = max(length, _ROUND_OFF * _largest(comm, np.abs(nodes.pressure)) / law.gamma_n)
     slip, origin = nodes.traces(every)[1], np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)

@@ -120,6 +120,11 @@ class ContactNodes:
         held = spread or None
         return cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts)
 
+    @property
+    def traction(self) -> Nodal:
+        """Pressure and shear as one vector, stress, shape (n, d)."""
+        return np.asarray(self.pressure[:, None] * self.normal + self.shear)
+
     def traces(self, every: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d); the latter as a vector, shape (n, d)."""
         if self.spread is None:
@@ -134,7 +139,7 @@ class ContactNodes:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
-        traction = self.pressure[:, None] * self.normal + self.shear
+        traction = self.traction
         if self.spread is None:
             return self.nodes, self.weight[:, None] * traction, self.weight
         found = []
