@@ -164,11 +164,12 @@ def put(table, name, values):
 
 def moved(given, change):
     """Another displacement; where contact points are nodes, the contact table says the same."""
-    return replace(given, displacement=given.displacement + change)
+    step = given.steps[-1]
+    return replace(given, steps=[*given.steps[:-1], replace(step, displacement=step.displacement + change)])
 
 
 def one_percent_more(given):
-    return moved(given, 0.01 * given.displacement)
+    return moved(given, 0.01 * given.steps[-1].displacement)
 
 
 def turned_displacement(given):
@@ -267,6 +268,32 @@ def test_another_scene_is_noticed(name, tmp_path):
         assert verdict(name, given, **changes).kind == WRONG, changes
 
 
+def stepped(gamma):
+    """Two load steps of a slender body that its support presses into the foundation at one end."""
+    points, cells, boundaries = grid(16, 1, 1, "hexahedron")
+    given = {
+        "mesh": {"file": "body.inp"},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "left", "x": 0.0, "z": 0.0}],
+        "traction": [{"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.02, "factors": [1.0, 0.5]}],
+        "contact": [{"boundary": "bottom", "gap": "1e-5*(x[0] - 8)", "friction": {"law": "tresca", "bound": 0.005}}],
+        "solver": {"gamma_n": gamma},
+    }
+    return Trial(0, given, Mesh(points * [16.0, 1.0, 1.0], cells, boundaries, {}), same(3))
+
+
+def test_an_earlier_load_step_is_judged_by_its_own_displacement(tmp_path):
+    """A large gamma leaves the pressure fewer digits than the displacement has, and a slender body bends under what is
+    lost: its displacement does not follow from the tractions.  One that is off is noticed.
+    """
+    drawn = stepped(2e10)
+    given = answer_of(solution_of(drawn.write(tmp_path)), drawn.units)
+    found = judge(drawn.scene, drawn.mesh, given)
+    assert found.kind == RIGHT, found.worst
+    given.steps[0].displacement[:] *= 1 + 1e-5
+    assert judge(drawn.scene, drawn.mesh, given).kind == WRONG
+
+
 @needs_cvxopt
 @pytest.mark.parametrize("name", TRIALS)
 def test_the_cone_programme_notices_too(name, tmp_path):
@@ -284,7 +311,7 @@ def test_the_cone_programme_notices_too(name, tmp_path):
     law = (0.0, 0.0) if name == "exact" else (1 / given.gamma[0], 1 / given.gamma[1])
     nothing = cones.Origin.nothing(len(bound))
     right, wrong = (
-        cones.compare(body_, contact, 0, given.displacement[order], factor * bound, nothing, law)
+        cones.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
         for factor in (1.0, 1.01)
     )
     assert wrong.displacement > 20 * right.displacement
@@ -327,7 +354,7 @@ def test_the_room_that_statics_leaves():
     assert room((0.0, 0.0), half, down=0.1) < 0
 
     def kind(data, outcome):
-        return judge(data, mesh, Answer(outcome, points, 0 * points, [], gamma=(np.inf, np.inf))).kind
+        return judge(data, mesh, Answer(outcome, points, [], gamma=(np.inf, np.inf))).kind
 
     assert kind(given((0.3, 0.3), {"law": "tresca", "bound": 0.5}), OPEN) == DENIED
     assert kind(given((0.3, 0.3), half), OPEN) == DENIED

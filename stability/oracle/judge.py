@@ -19,7 +19,6 @@ from stability.oracle.conditions import (
     Tractions,
     contact_of,
     free_dofs,
-    interior,
     violations,
 )
 from stability.oracle.elements import Array, Ints
@@ -58,10 +57,12 @@ class Step:
     """A load step as a user gets it.
 
     Attributes:
+        displacement: at the places of the answer, shape (n, 2).
         table: the contact table.
         regularised: whether its certificate says that it keeps to the regularised law.
     """
 
+    displacement: Array
     table: Mapping[str, npt.NDArray[Any]]
     regularised: bool = False
 
@@ -73,7 +74,6 @@ class Answer:
     Attributes:
         outcome: how it ended.
         place: where displacements are given, shape (n, 2).
-        displacement: of the last load step, shape (n, 2).
         steps: load steps, as far as they went.
         gamma: gamma_1 and gamma_2 that the package reports, of the last load step.
         events: what the run said of fall-backs.
@@ -82,7 +82,6 @@ class Answer:
 
     outcome: str
     place: Array
-    displacement: Array
     steps: Sequence[Step]
     gamma: tuple[float, float]
     events: Sequence[str] = ()
@@ -134,8 +133,8 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
     if len(answer.steps) != body.steps:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
-    last = in_order(body.x, answer.place, body.size)
-    if last is None:
+    nodes = in_order(body.x, answer.place, body.size)
+    if nodes is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
     origin = Origin.nothing(len(contact.nodes))
     for number, step in enumerate(answer.steps):
@@ -144,8 +143,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
             return Verdict(WRONG, answer.outcome, {"contact table": np.inf}, note="rows are not the contact nodes")
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
         said = Tractions(table["pressure"], table["shear"], table["state"])
-        told = table["u_n"][:, None] * contact.normal + table["u_t"][:, None] * contact.tangent
-        u = answer.displacement[last] if number == body.steps - 1 else interior(body, contact, number, told)
+        u = step.displacement[nodes]
         worse(_table(body, contact, table, u, origin))
         law = _promised(body, contact, number, u, said, origin, answer, worse)
         worse(violations(body, contact, number, u, said, origin, law))

@@ -29,6 +29,7 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
     space = solution.displacement.function_space
     dimension = space.mesh.geometry.dim
     units = units or same(dimension)
+    shown = [*(step.displacement for step in solution.steps[:-1]), solution.displacement]
     names = [effect.boundary for effect in solution.scene.contact]
     tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
     told = solution.parameters
@@ -36,10 +37,13 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
     return Answer(
         outcome=solution.status.value,
         place=space.tabulate_dof_coordinates()[:, :dimension] / units.length,
-        displacement=solution.displacement.x.array.reshape(-1, dimension) / units.length,
         steps=[
-            Step(units.table(table.columns), step.certificate.law.regularised)
-            for table, step in zip(tables, solution.steps, strict=True)
+            Step(
+                displacement.x.array.reshape(-1, dimension) / units.length,
+                units.table(table.columns),
+                step.certificate.law.regularised,
+            )
+            for displacement, table, step in zip(shown, tables, solution.steps, strict=True)
         ],
         gamma=(told.get("gamma_n", np.inf) / stiffness, told.get("gamma_t", np.inf) / stiffness),
         events=tuple(map(str, solution.history.events)),

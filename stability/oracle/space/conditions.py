@@ -189,26 +189,6 @@ class Tractions:
     state: npt.NDArray[np.str_]
 
 
-def displacement(body: Body, contact: Contact, step: int, said: Tractions, at: Array) -> Array:
-    """The displacement (nodes, 3) that loads and contact tractions make, moved rigidly to where the points are said
-    to be, ``at`` (points, 3), as far as supports allow.
-    """
-    start, free = body.prescribed(step).ravel(), body.free
-    force = free.T @ (body.load(step) - contact.forces(said.pressure, said.shear) - body.stiffness @ start)
-    matrix = (free.T @ body.stiffness @ free).toarray()
-    motions = null_motions(body)
-    if not motions.shape[1]:
-        return np.asarray(start + free @ np.linalg.solve(matrix, force)).reshape(-1, 3)
-    inner = free.T @ motions
-    inner, _ = np.linalg.qr(inner)
-    stiff = float(np.abs(np.diag(matrix)).max())
-    u = start + free @ np.linalg.solve(matrix + stiff * inner @ inner.T, force - inner @ (inner.T @ force))
-    rest = (at - contact.of(u.reshape(-1, 3))).ravel()
-    columns = contact.moves(motions).reshape(-1, motions.shape[1])
-    factors, *_ = np.linalg.lstsq(columns, rest, rcond=1e-12)
-    return np.asarray(u + motions @ factors).reshape(-1, 3)
-
-
 def null_motions(body: Body) -> Array:
     """Rigid motions of the pieces that the supports allow, a column each."""
     rigid = body.rigid.reshape(len(body.x), 3, -1)
