@@ -784,7 +784,7 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/coulomb_statics",
-        "held and no_balance(law, data.bilateral, motions, task.system.resultant, data.gap) is None",
+        "held and no_balance(law, data.bilateral, motions, task.system.resultant) is None",
         "held",
         "the balance of the first problem is not checked",
         tests=("starts::test_a_block_that_friction_keeps_in_its_corner",),

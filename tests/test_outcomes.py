@@ -165,6 +165,54 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
         assert any("no load presses" in found.message for found in solution.findings)
 
 
+@pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
+@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+@pytest.mark.parametrize("gap", [(0.01, 0.01), (0.03, -0.01)])
+def test_strains_that_press(gap, algorithm, friction):
+    """A block with clearance of 0.02 in sum, compressed by 3 % along its foundations: it becomes too thick for them."""
+    sides = zip(("bottom", "top"), gap, strict=True)
+    scene = parse_scene(
+        {
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 3.0, "height": 2.0, "nx": 6, "ny": 4},
+            },
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": LEFT,
+            "traction": {"boundary": "right", "x": -30.0},
+            "contact": [{"boundary": side, "gap": distance, "friction": friction} for side, distance in sides],
+            "solver": {"algorithm": algorithm},
+        }
+    )
+    solution = outcome(scene)
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert solution.contact.pressure.min() > 0
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm", "path-following"])
+@pytest.mark.parametrize(("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.OPEN)])
+def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
+    """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it bends down, not up."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 0.5, "nx": 8, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "y": 0.0}, {"boundary": "right", "y": 0.0}],
+            "traction": {"boundary": "top", "pressure": pressure},
+            "contact": {"boundary": "bottom", "gap": 1e-3, "friction": {"law": "coulomb", "coefficient": 0.05}},
+            "solver": {"algorithm": algorithm},
+        }
+    )
+    solution = outcome(scene)
+    assert solution.status is status
+    if status is Status.CONVERGED:
+        assert solution.certificate.holds
+        assert solution.contact.pressure.max() > 0
+    else:
+        assert "no load presses the body on its foundation" in solution.advice
+
+
 @pytest.mark.parametrize(("push", "status"), [(4.05, Status.CONVERGED), (4.15, Status.TIPS), (6.1, Status.TIPS)])
 def test_a_block_that_tips_is_not_said_to_open(push, status):
     """Weight 3 on a foot of length 3, a push at height 1.1: it tips over its toe at 4.5 / 1.1 = 4.09, slides at 6."""

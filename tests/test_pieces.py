@@ -320,9 +320,9 @@ def test_gaps_of_each_piece(loose):
     ]
     supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
     d = discretise(scene_on(mesh, displacement=supports, contact=contact), mesh, Timings())
-    gap = contact_task(d, d.boundary, History()).start.data.gap
-    lost = no_balance(None, None, d.boundary, d.motions, np.zeros(d.motions.free.shape[1]), gap)
-    members = d.motions.assembly_of(d.boundary.nodes)[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
+    task = contact_task(d, d.boundary, History())
+    lost = no_balance(None, None, task.motions, np.zeros(d.motions.free.shape[1]), task.start.data.gap)
+    members = task.motions.of_point[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
     assert (lost.status, {lost.assembly}) == (Status.OPEN, set(members))
 
 

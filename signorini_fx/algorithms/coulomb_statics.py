@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algorithms.fall_backs import touching_nodes
+from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE
 from signorini_fx.algorithms.task import Task
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import Status
 
@@ -26,7 +27,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
         law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(everywhere.size))
         held = motions.held_by(everywhere, stick)
-        return held and no_balance(law, data.bilateral, motions, task.system.resultant, data.gap) is None
+        return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
 
     if possible(~everywhere):
         return replace(data, bound=None)
@@ -49,8 +50,36 @@ def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) 
     rough = law.given + law.coefficient > 0
     if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
         return status
-    lost = no_balance(law, data.bilateral, task.motions, task.system.resultant, data.gap)
+    motions, resultant = task.motions, task.system.resultant
+    lost = no_balance(law, data.bilateral, motions, resultant)
+    if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies()):
+        gap = _free_gap(task, data)
+        lost = None if gap is None else no_balance(law, data.bilateral, motions, resultant, gap)
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
     return Status.OUTER_MAX_ITERATIONS
+
+
+def _free_gap(task: Task, data: RegularisedData) -> Nodal | None:
+    """The gap of the body as its loads alone deform it, shape (n,), where these have no resultant; collective.
+
+    One linear solve, in which springs at the contact nodes hold the body, so soft that their forces are below the
+    tolerance for residuals; None if it does not succeed.
+    """
+    newton, soft = task.iterate.newton, RESIDUAL_TOLERANCE * task.natural_gamma
+    checkpoint, none = newton.checkpoint(), np.zeros_like(data.mu_hat)
+    springs = RegularisedData(
+        gap=none[:, 0],
+        gamma_n=soft,
+        gamma_t=soft,
+        sigma=np.inf,
+        lambda_hat=none[:, 0],
+        mu_hat=none,
+        bound=np.full(len(none), np.inf),
+        bilateral=np.ones(len(none), dtype=bool),
+    )
+    status = newton.solve_once(springs, ActiveSets.all_in_contact(*none.shape), lambda: None)
+    gap: Nodal = data.gap - newton.problem.traces(newton.x)[0]
+    newton.restore(checkpoint)
+    return gap if status is Status.CONVERGED else None

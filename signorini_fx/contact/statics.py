@@ -67,8 +67,9 @@ def no_balance(
         motions: free rigid motions at the contact points.
         load: the work of the loads on the free motions, zero where it is round-off (``ElasticSystem.resultant``),
             shape (k,).
-        gap: lengths, shape (n,): a body without a load, and not squeezed by its foundation, then counts as one that
-            leaves it; None: only if it can move off without touching, because strains may press it on otherwise.
+        gap: of the body as its loads alone deform it, lengths, shape (n,): a body without a resultant, with no given
+            friction, and not squeezed by its foundation, then counts as one that leaves it; None, where that is not
+            known: only if it can move off without touching, because strains may press it on otherwise.
 
     Returns:
         How the first assembly moves away that does; None if that is not proved of any of them.
@@ -87,8 +88,11 @@ def no_balance(
             found = Status.NOT_HELD if unheld[number] else Status.OPEN, work
         elif work.any():
             found = escape(here, work)
-        elif separable(here) or (gaps is not None and not squeezed(here, gaps[every.assembly == number])):
-            found = Status.OPEN, work
+        else:
+            # A given friction acts without a pressure, and then holds the body.
+            apart = gaps is not None and not here.given.any() and not squeezed(here, gaps[every.assembly == number])
+            if apart or separable(here):
+                found = Status.OPEN, work
         if found is not None:
             motion = np.zeros(load.size)
             motion[columns] = found[1]

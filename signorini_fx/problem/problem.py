@@ -203,7 +203,10 @@ class Problem(ABC):
             if self._escaping is None:  # until the data change
                 data, none = self.data, np.zeros(points.size)
                 law = FrictionLaw(*(none if part is None else part for part in (data.bound, data.coupling)))
-                self._escaping = (no_balance(law, data.bilateral, motions, resultant, data.gap),)
+                # Strains change the gaps: without a load there are none.
+                at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
+                gap = data.gap if at_rest else None
+                self._escaping = (no_balance(law, data.bilateral, motions, resultant, gap),)
             (found,) = self._escaping
             return None if found is None else found.status
 
