@@ -144,6 +144,10 @@ def rigid_motions(
     motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
     supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
     free, assembly = _null_space(supported, motions)
+    # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
+    for column in free.T:
+        moved = motions.of_pieces(column)[owned]
+        column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
     return RigidMotions(pieces, x, piece, centre, length, free, assembly)
 
 
@@ -165,10 +169,17 @@ def nearest_motion(
         turned: nodes whose components in ``fixed`` are in a frame of their own.
         comm: the ranks that share the body.
     """
-    supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
+    products = _at_supports(motions, fixed, prescribed, turned, comm)
+    return motions.of_pieces(_nearest(motions, *products))[: fixed.shape[0]]
+
+
+def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floats:
+    """The motions of the pieces that are nearest to a displacement, from the products of ``_at_supports``, shape
+    (m p,); pieces that pins join to others stay where they are.
+    """
     alone = np.bincount(motions.pieces.assembly)[motions.pieces.assembly] == 1
     nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=_HELD, hermitian=True), moved)
-    return motions.of_pieces(np.where(alone[:, None], nearest, 0.0).ravel())[: fixed.shape[0]]
+    return np.where(alone[:, None], nearest, 0.0).ravel()
 
 
 def _at_supports(
