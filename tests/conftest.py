@@ -6,6 +6,7 @@ import faulthandler
 import gc
 import io
 import os
+import signal
 import sys
 import time
 
@@ -21,6 +22,10 @@ from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
+
+# A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()

@@ -664,7 +664,7 @@ print([name for name in sys.modules if name.startswith("signorini_fx.")])
         "in_space",
         "pictures.view",
         "outer_surface",
-        "results.surface",
+        "results.surface'",
     ):
         assert name not in run.stdout
 

@@ -3,5 +3,3 @@
 This package knows dolfinx meshes, the generators of ``meshes/`` and the formats in ``files/``.  It must not know finite
 element spaces, materials or contact.
 """
-
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh

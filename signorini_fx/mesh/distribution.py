@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import basix.ufl
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 import ufl

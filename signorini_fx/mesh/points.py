@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import basix
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import geometry

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh

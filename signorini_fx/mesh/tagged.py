@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 import basix
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
