@@ -10,9 +10,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "demos" / "studies"))
 
 import limit_loads
 
+from signorini_fx.algorithms import strategy
 from signorini_fx.attempts import AGAIN, WITHOUT
 from signorini_fx.records import Status
-from signorini_fx.solving import strategy
 
 FAILS = Status.CYCLING
 
