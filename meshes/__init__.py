@@ -1,24 +1,28 @@
 """Mesh generators.
 
-Each module has ``generate(comm, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters`` of a scene.
-With ``coarser(parameters, factor)`` it can be used in a nested iteration; with ``simplices(parameters)``, for bodies
-with straight sides, it makes triangles or tetrahedra for adaptive refinement, as needed for a given accuracy.
-The functions here are shared by several generators; they get the initialised module gmsh, so that nothing heavy is
-imported.  Bodies in space have the axis x[2] upwards and the foundation below.
+A generator is a function ``generate(comm, /, *, ...) -> TaggedMesh``; its keyword arguments are the ``mesh.parameters``
+of a scene.  Those of this package are the functions of this name in its modules; other installed packages add theirs as
+entry points of the group ``signorini_fx.generators``.  The decorator ``generator`` says what a nested iteration and
+adaptive refinement need to know.
+
+The functions for drawing are shared by several generators; they get the initialised module gmsh, so that nothing heavy
+is imported.  Bodies in space have the axis x[2] upwards and the foundation below.
 """
 
 from __future__ import annotations
 
 import inspect
 import math
+import pkgutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator
+from pydantic import AfterValidator, ConfigDict, validate_call
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
@@ -46,6 +50,55 @@ _NEAR = 1e-6
 _BYTES_PER_CELL = 1000.0
 
 
+# Entry points of other packages.
+GROUP = "signorini_fx.generators"
+Generate = TypeVar("Generate", bound=Callable[..., Any])
+
+
+def known_generators() -> dict[str, EntryPoint]:
+    """The generators that a scene can name, in the order of their names; of two of one name that of this package."""
+    ours = [module.name for module in pkgutil.iter_modules(__path__)]
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    found |= {name: EntryPoint(name, f"{__name__}.{name}:generate", GROUP) for name in ours}
+    return dict(sorted(found.items()))
+
+
+def generator(
+    *,
+    counts: Sequence[str] = (),
+    sizes: Sequence[str] = (),
+    least: Mapping[str, int] | None = None,
+    simplices: str | None = None,
+) -> Callable[[Generate], Generate]:
+    """Check the arguments of a generator by their annotations, and say how its mesh depends on its parameters.
+
+    Without this decorator a generator makes its meshes all the same, but none for a nested iteration and none that is
+    refined adaptively.
+
+    Args:
+        counts: the parameters that are numbers of cells along a line; cells twice as large need half of them.
+        sizes: the parameters that are lengths of cells.
+        least: the smallest numbers of cells, where these are more than 1.
+        simplices: of a body with straight sides and a parameter ``cell`` its value for triangles or tetrahedra.
+    """
+
+    def decorate(generate: Generate) -> Generate:
+        checked: Any = validate_call(config=ConfigDict(arbitrary_types_allowed=True))(generate)
+        defaults = {name: given.default for name, given in inspect.signature(generate).parameters.items()}
+
+        def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
+            """The parameters for cells that are ``factor`` times as large."""
+            given = {**defaults, **parameters}
+            fewer = {name: max((least or {}).get(name, 1), round(given[name] / factor)) for name in counts}
+            return {**parameters, **fewer, **{name: factor * given[name] for name in sizes}}
+
+        checked.coarser = coarser if counts or sizes else None
+        checked.simplices = simplices
+        return cast(Generate, checked)
+
+    return decorate
+
+
 def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
     """Refuse a mesh that is too large for the machines, before it is made; collective.
 
@@ -67,22 +120,6 @@ def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
 def cells_of_grid(nx: int, ny: int, cell: str) -> int:
     """The number of cells of a grid of nx by ny quadrilaterals, each cut into two triangles or not."""
     return nx * ny * (2 if cell == "triangle" else 1)
-
-
-def coarser_grid(
-    generate: Callable[..., Any], parameters: dict[str, Any], factor: float, names: Sequence[str] = ("nx", "ny")
-) -> dict[str, Any]:
-    """The parameters with the counts ``names`` divided by ``factor``, at least 1."""
-    defaults = inspect.signature(generate).parameters
-    counts = {name: parameters.get(name, defaults[name].default) for name in names}
-    return parameters | {name: max(1, round(count / factor)) for name, count in counts.items()}
-
-
-def coarser_sizes(generate: Callable[..., Any], parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters with ``size`` and ``contact_size`` multiplied by ``factor``."""
-    defaults = inspect.signature(generate).parameters
-    sizes = {name: factor * parameters.get(name, defaults[name].default) for name in ("size", "contact_size")}
-    return parameters | sizes
 
 
 def refuse(parameter: str, message: str) -> NoReturn:
@@ -207,6 +244,35 @@ def _refuse_short(sizes: Sizes, fine: float) -> None:
             refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
 
 
+# The dimension of a cell, and its area or volume for edges of length 1.  Those in space are from counts: a tetrahedron
+# has less volume than the regular one, 0.12; four hexahedra have that of one with edges of length 2.
+_CELLS = {
+    "triangle": (2, math.sqrt(3) / 4),
+    "quadrilateral": (2, math.sqrt(3) / 2),
+    "tetrahedron": (3, 0.075),
+    "hexahedron": (3, 0.15),
+}
+
+
+def approximate_cells(
+    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
+) -> float:
+    """The approximate number of cells of these sizes in a body.
+
+    Args:
+        sizes: lengths of their edges.
+        within: the area or volume of the body up to distances from the places where they are small.
+        cell: their kind.
+    """
+    _refuse_short(sizes, sizes.zone)
+    far = max(sizes.reach, sizes.zone)
+    r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
+    h = sizes.at(r)
+    dimension, content = _CELLS[cell]
+    with np.errstate(over="ignore", divide="ignore"):
+        return float((np.diff(within(r)) / (content * (0.5 * (h[1:] + h[:-1])) ** dimension)).sum())
+
+
 def mesh_surface(
     drawing: Drawing,
     bodies: Iterable[int],
@@ -274,26 +340,6 @@ def mesh_surface(
 
 
 # --- bodies in space -------------------------------------------------------------------------------------------------
-
-
-def cells_of_solid(
-    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
-) -> float:
-    """The approximate number of cells of these sizes in a body.
-
-    Args:
-        sizes: lengths of their edges.
-        within: the volume of the body up to distances from the places where they are small.
-        cell: ``tetrahedron`` or ``hexahedron``.
-    """
-    _refuse_short(sizes, sizes.zone)
-    far = max(sizes.reach, sizes.zone)
-    r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
-    h = sizes.at(r)
-    # From counts: a tetrahedron has less volume than the regular one, 0.12 h^3; four hexahedra have that for 2 h.
-    own = 0.15 if cell == "hexahedron" else 0.075
-    with np.errstate(over="ignore"):
-        return float((np.diff(within(r)) / (own * (0.5 * (h[1:] + h[:-1])) ** 3)).sum())
 
 
 def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:

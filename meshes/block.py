@@ -17,10 +17,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
+from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=5_000)]
 Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
@@ -28,7 +28,7 @@ Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
 _DRAWN_LENGTH = 3.0
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nx", "ny"), simplices="triangle")
 def generate(
     comm: MPI.Comm,
     /,
@@ -112,13 +112,3 @@ def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grad
     for lines, name in ((bottom, "bottom"), ([right], "right"), (top, "top"), ([left], "left")):
         gmsh.model.addPhysicalGroup(1, lines, name=name)
     gmsh.model.mesh.generate(2)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor)
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for triangles; see ``generate``."""
-    return parameters | {"cell": "triangle"}

@@ -19,16 +19,16 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.grid import create_box
 from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.meshes import Length, coarser_grid, refuse_too_large
+from signorini_fx.meshes import Length, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=2_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nx", "ny", "nz"), simplices="tetrahedron")
 def generate(
     comm: MPI.Comm,
     /,
@@ -73,13 +73,3 @@ def generate(
             for name, value in zip(pair, (0.0, ends[axis]), strict=True)
         },
     )
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor, ("nx", "ny", "nz"))
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for tetrahedra; see ``generate``."""
-    return parameters | {"cell": "tetrahedron"}

@@ -26,7 +26,6 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import (
@@ -34,8 +33,8 @@ from signorini_fx.meshes import (
     Length,
     Sizes,
     Surface,
-    cells_of_solid,
-    coarser_sizes,
+    approximate_cells,
+    generator,
     mesh_solid,
     plane,
     refuse,
@@ -43,7 +42,7 @@ from signorini_fx.meshes import (
 )
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -149,13 +148,8 @@ def generate(
         """The volume around the axis of the hole, beyond the seat by d at most."""
         return np.where(d > 0, np.minimum(math.pi * thickness * (seat_radius + d) ** 2, most), 0.0)
 
-    refuse_too_large(comm, share * cells_of_solid(sizes, within, cell))
+    refuse_too_large(comm, share * approximate_cells(sizes, within, cell))
     return gmsh_mesh(comm, draw, name="bracket", unit=unit)
 
 
 _NEAR = 1e-6
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

@@ -21,17 +21,17 @@ import math
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, coarser_grid, mesh_extruded, refuse_too_large
+from signorini_fx.meshes import Drawing, Length, generator, mesh_extruded, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=1_000)]
 # Corners of the core, as a share of the radius: cells in the core and around it are of one size there.
 _CORE = 0.55
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nr", "nt", "nz"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -86,8 +86,3 @@ def generate(
 
     refuse_too_large(comm, nt * (nt + 4 * nr) * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="cylinder", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor, ("nr", "nt", "nz"))

@@ -25,7 +25,6 @@ from typing import Any, Literal
 
 import numpy as np
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import (
@@ -33,9 +32,9 @@ from signorini_fx.meshes import (
     Length,
     Part,
     Sizes,
-    cells_of_solid,
-    coarser_sizes,
+    approximate_cells,
     cut_to_part,
+    generator,
     mesh_solid,
     plane,
     refuse,
@@ -43,7 +42,7 @@ from signorini_fx.meshes import (
 )
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -102,10 +101,5 @@ def generate(
     most = math.pi * radius**2 * height
     # Around the circle where the rounding begins, half a torus.
     around = math.pi**2 * max(radius - rounding, 0.1 * radius)
-    refuse_too_large(comm, share * cells_of_solid(sizes, lambda d: np.minimum(around * d**2, most), cell))
+    refuse_too_large(comm, share * approximate_cells(sizes, lambda d: np.minimum(around * d**2, most), cell))
     return gmsh_mesh(comm, draw, name="cylindrical_punch", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

@@ -25,15 +25,15 @@ import math
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Corner, Drawing, Length, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
+from signorini_fx.meshes import Corner, Drawing, Length, Sizes, draw_outline, generator, mesh_surface, refuse
 
 Angle = Annotated[float, Field(ge=10, le=80, allow_inf_nan=False)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -103,8 +103,3 @@ def generate(
         mesh_surface(drawing, [body], names, sizes, curves=names["left"] + names["right"], cell=cell, order=order)
 
     return gmsh_mesh(comm, draw, name="dovetail", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

@@ -19,13 +19,12 @@ from typing import Any, Literal
 
 import numpy as np
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse_too_large
+from signorini_fx.meshes import Drawing, Length, Sizes, approximate_cells, generator, mesh_surface, refuse_too_large
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -70,24 +69,9 @@ def generate(
             arcs += rest
         body = geo.addPlaneSurface([geo.addCurveLoop([arcs[0], *top, *rest])])
         names = {"arc": arcs, "top": top} | ({"symmetry": rest} if symmetric else {})
-        sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
         mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
-    share = (0.5 if symmetric else 1.0) * (0.5 if cell == "quadrilateral" else 1.0)
-    refuse_too_large(comm, share * _cells(radius, size, contact_size, contact_zone))
+    sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
+    share = 0.5 if symmetric else 1.0
+    refuse_too_large(comm, approximate_cells(sizes, lambda r: share * np.pi / 2 * r**2, cell))
     return gmsh_mesh(comm, draw, name="half_disk", unit=unit)
-
-
-def _cells(radius: float, size: float, contact_size: float, contact_zone: float) -> float:
-    """The approximate number of triangles: the area around the origin over theirs, h^2 sqrt(3) / 4, ring by ring."""
-    near, zone = min(contact_size, size), min(contact_zone, 0.99 * radius)
-    r = np.concatenate([[0.0, zone], zone + np.geomspace(1e-9, 1.0, 400) * (radius - zone)])
-    h = np.interp(r, [zone, radius], [near, size])
-    between = 0.5 * (h[1:] + h[:-1])
-    with np.errstate(over="ignore", divide="ignore"):
-        return float((np.pi / 2 * np.diff(r**2) / (np.sqrt(3) / 4 * between**2)).sum())
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

@@ -22,7 +22,6 @@ from typing import Any, Literal
 
 import numpy as np
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import (
@@ -30,16 +29,16 @@ from signorini_fx.meshes import (
     Length,
     Part,
     Sizes,
-    cells_of_solid,
-    coarser_sizes,
+    approximate_cells,
     cut_to_part,
+    generator,
     mesh_solid,
     plane,
     refuse_too_large,
 )
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -86,14 +85,9 @@ def generate(
 
     sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
     share = {"whole": 1.0, "half": 0.5, "quarter": 0.25}[part]
-    refuse_too_large(comm, cells_of_solid(sizes, lambda r: share * 2 / 3 * np.pi * r**3, cell))
+    refuse_too_large(comm, approximate_cells(sizes, lambda r: share * 2 / 3 * np.pi * r**3, cell))
     return gmsh_mesh(comm, draw, name="half_sphere", unit=unit)
 
 
 # Radius of the gmsh model.
 _R = 8.0
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

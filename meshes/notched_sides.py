@@ -17,18 +17,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse, refuse_too_large
+from signorini_fx.meshes import Length, generator, refuse
+from signorini_fx.meshes.rectangle import structured
 
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nx", "ny"), simplices="triangle")
 def generate(
     comm: MPI.Comm,
     /,
@@ -59,34 +57,7 @@ def generate(
     Raises:
         SceneError: left and right would begin elsewhere than at ``lower``, so that the body would be held elsewhere.
     """
-    near = 1e-9 * max(length, height)
     row = round(lower / height * ny)
-    if not 0 < row < ny or abs(lower - row * height / ny) > near:
+    if not 0 < row < ny or abs(lower - row * height / ny) > 1e-9 * max(length, height):
         refuse("lower", f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of {height / ny:g}")
-    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
-    mesh = dmesh.create_rectangle(
-        comm,
-        [np.zeros(2), np.array([length, height])],
-        [nx, ny],
-        dmesh.CellType[cell],
-        diagonal=dmesh.DiagonalType[diagonal],
-    )
-    return tag_boundaries(
-        mesh,
-        {
-            "left": lambda x: (np.abs(x[0]) < near) & (x[1] > lower - near),
-            "right": lambda x: (np.abs(x[0] - length) < near) & (x[1] > lower - near),
-            "bottom": lambda x: np.abs(x[1]) < near,
-            "top": lambda x: np.abs(x[1] - height) < near,
-        },
-    )
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor)
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for triangles; see ``generate``."""
-    return parameters | {"cell": "triangle"}
+    return structured(comm, (length, height), (nx, ny), cell, diagonal, lower)

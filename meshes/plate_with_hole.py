@@ -18,13 +18,12 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Length, Sizes, generator, mesh_surface, refuse
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -85,8 +84,3 @@ def generate(
         mesh_surface(drawing, [geo.addPlaneSurface(loops)], names, sizes, curves=hole, cell=cell, order=order)
 
     return gmsh_mesh(comm, draw, name="plate_with_hole", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

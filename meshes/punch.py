@@ -22,13 +22,12 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, validate_call
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Corner, Drawing, Length, Sizes, coarser_sizes, draw_outline, mesh_surface, refuse
+from signorini_fx.meshes import Corner, Drawing, Length, Sizes, draw_outline, generator, mesh_surface, refuse
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -81,8 +80,3 @@ def generate(
         mesh_surface(drawing, [body], names, sizes, points=edges, cell=cell, order=order)
 
     return gmsh_mesh(comm, draw, name="punch", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

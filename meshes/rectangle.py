@@ -19,15 +19,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
-from signorini_fx.meshes import Length, cells_of_grid, coarser_grid, refuse_too_large
+from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nx", "ny"), simplices="triangle")
 def generate(
     comm: MPI.Comm,
     /,
@@ -53,36 +53,30 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, bottom, top.
     """
-    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
+    return structured(comm, (length, height), (nx, ny), cell, diagonal)
+
+
+def structured(
+    comm: MPI.Comm,
+    extent: tuple[float, float],
+    counts: tuple[int, int],
+    cell: str,
+    diagonal: str = "right",
+    lower: float = 0.0,
+) -> TaggedMesh:
+    """The rectangle from the origin to ``extent`` with names on its four sides, on left and right from ``lower`` up."""
+    refuse_too_large(comm, cells_of_grid(*counts, cell))
+    corners = [np.zeros(2), np.array(extent)]
     mesh = dmesh.create_rectangle(
-        comm,
-        [np.zeros(2), np.array([length, height])],
-        [nx, ny],
-        dmesh.CellType[cell],
-        diagonal=dmesh.DiagonalType[diagonal],
+        comm, corners, list(counts), dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal]
     )
-    return name_sides(mesh, length, height)
-
-
-def name_sides(mesh: dmesh.Mesh, length: float, height: float) -> TaggedMesh:
-    """Name the four sides of the rectangle [0, length] x [0, height]."""
-    near = 1e-9 * max(length, height)
+    (length, height), near = extent, 1e-9 * max(extent)
     return tag_boundaries(
         mesh,
         {
-            "left": lambda x: np.abs(x[0]) < near,
-            "right": lambda x: np.abs(x[0] - length) < near,
+            "left": lambda x: (np.abs(x[0]) < near) & (x[1] > lower - near),
+            "right": lambda x: (np.abs(x[0] - length) < near) & (x[1] > lower - near),
             "bottom": lambda x: np.abs(x[1]) < near,
             "top": lambda x: np.abs(x[1] - height) < near,
         },
     )
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor)
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for triangles; see ``generate``."""
-    return parameters | {"cell": "triangle"}

@@ -17,17 +17,17 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, coarser_grid, mesh_extruded, refuse, refuse_too_large
+from signorini_fx.meshes import Drawing, Length, generator, mesh_extruded, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=1_000)]
 # A curved cell that turns by a right angle may be inverted.
 Around = Annotated[int, Field(gt=1, le=1_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nr", "nt", "nz"), least={"nt": 2})
 def generate(
     comm: MPI.Comm,
     /,
@@ -83,9 +83,3 @@ def generate(
 
     refuse_too_large(comm, 4 * nt * nr * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="ring", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    fewer = coarser_grid(generate, parameters, factor, ("nr", "nt", "nz"))
-    return fewer | {"nt": max(2, fewer["nt"])}

@@ -20,15 +20,15 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, Sizes, coarser_sizes, mesh_surface, refuse
+from signorini_fx.meshes import Drawing, Length, Sizes, generator, mesh_surface, refuse
 
 Angle = Annotated[float, Field(gt=0, le=170, allow_inf_nan=False)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(sizes=("size", "contact_size"))
 def generate(
     comm: MPI.Comm,
     /,
@@ -88,8 +88,3 @@ def generate(
         mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
     return gmsh_mesh(comm, draw, name="ring_segment", unit=unit)
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_sizes(generate, parameters, factor)

@@ -20,18 +20,17 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
-from signorini_fx.meshes import Length, coarser_grid, refuse
-from signorini_fx.meshes.rectangle import name_sides
+from signorini_fx.meshes import Length, generator, refuse
+from signorini_fx.meshes.rectangle import structured
 
 Depth = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("facets", "ny"), simplices="triangle")
 def generate(
     comm: MPI.Comm,
     /,
@@ -61,23 +60,10 @@ def generate(
     """
     if depth >= height:
         refuse("depth", f"depth must be less than height, got {depth:g} and {height:g}")
-    mesh = dmesh.create_rectangle(
-        comm, [np.zeros(2), np.array([length, height])], [2 * teeth * facets, ny], dmesh.CellType[cell]
-    )
-    tagged = name_sides(mesh, length, height)
+    tagged = structured(comm, (length, height), (2 * teeth * facets, ny), cell)
     if depth > 0.0:
-        x = mesh.geometry.x
+        x = tagged.mesh.geometry.x
         half = length / teeth / 2
         rise = depth * (1 - np.abs(x[:, 0] / half % 2 - 1))
         x[:, 1] += rise * (1 - x[:, 1] / height)
     return tagged
-
-
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor, ("facets", "ny"))
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for triangles; see ``generate``."""
-    return parameters | {"cell": "triangle"}

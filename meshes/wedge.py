@@ -17,16 +17,16 @@ import math
 from typing import Annotated, Any, Literal
 
 from mpi4py import MPI
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import Field
 
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, coarser_grid
+from signorini_fx.meshes import Drawing, Length, generator
 
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0, le=5_000)]
 
 
-@validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+@generator(counts=("nx", "ny"), simplices="triangle")
 def generate(
     comm: MPI.Comm,
     /,
@@ -56,31 +56,28 @@ def generate(
     unit = height / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        drawing = Drawing(gmsh, unit)
-        geo = gmsh.model.geo
-        low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
-        corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
-        sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
-        for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
-            geo.mesh.setTransfiniteCurve(side, count + 1)
-        geo.mesh.setTransfiniteSurface(body)
+        body, sides = draw_section(Drawing(gmsh, unit), tip, height, angle, (nx, ny))
         if cell == "quadrilateral":
-            geo.mesh.setRecombine(2, body)
-        geo.synchronize()
+            gmsh.model.geo.mesh.setRecombine(2, body)
+        gmsh.model.geo.synchronize()
         gmsh.model.addPhysicalGroup(2, [body], name="body")
-        for side, name in zip(sides, ("tip", "right", "top", "left"), strict=True):
-            gmsh.model.addPhysicalGroup(1, [side], name=name)
+        for name, curves in sides.items():
+            gmsh.model.addPhysicalGroup(1, curves, name=name)
         gmsh.model.mesh.generate(2)
 
     return gmsh_mesh(comm, draw, name="wedge", unit=unit)
 
 
-def coarser(parameters: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters for cells ``factor`` times as large; see ``generate``."""
-    return coarser_grid(generate, parameters, factor)
-
-
-def simplices(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters for triangles; see ``generate``."""
-    return parameters | {"cell": "triangle"}
+def draw_section(
+    drawing: Drawing, tip: float, height: float, angle: float, counts: tuple[int, int]
+) -> tuple[int, dict[str, list[int]]]:
+    """The trapezium with so many facets along the tip and along the flanks, and its curves by name."""
+    geo = drawing.gmsh.model.geo
+    low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
+    corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
+    sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    section = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+    for side, count in zip(sides, 2 * counts, strict=True):
+        geo.mesh.setTransfiniteCurve(side, count + 1)
+    geo.mesh.setTransfiniteSurface(section)
+    return section, {name: [side] for name, side in zip(("tip", "right", "top", "left"), sides, strict=True)}

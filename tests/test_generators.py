@@ -1,9 +1,11 @@
 """Every generator: names, area, shape of the cells, the same mesh every time; parameters that do not go together."""
 
-import importlib
 import inspect
-import pkgutil
+import re
+import sys
+import tomllib
 from math import cos, hypot, pi, radians, sin, tan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,15 +13,16 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from test_meshes_in_space import SMALL as IN_SPACE
 
-from signorini_fx import meshes
 from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.meshes import known_generators
 from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.template import scene_schema
 from signorini_fx.solving.solver import solve
 
 
@@ -119,7 +122,7 @@ def length(tagged, name):
 
 def test_all_are_here():
     """No generator is without these tests, or those in space."""
-    assert sorted([*SMALL, *IN_SPACE]) == sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    assert sorted([*SMALL, *IN_SPACE]) == list(known_generators())
 
 
 def check(tagged, whole, lengths, rel):
@@ -172,7 +175,7 @@ LENGTHS |= {"size", "contact_size", "contact_zone", "depth", "lower"}
 @pytest.mark.parametrize("name", sorted(set(SMALL) - {"block", "rectangle", "notched_sides"}))
 def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
-    generate = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+    generate = known_generators()[name].load()
     defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key in LENGTHS}
     lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key in LENGTHS}
     first, second = make(name), make(name, **lengths)
@@ -289,13 +292,98 @@ def test_more_cells_than_there_could_be(name, changes):
 @each
 def test_documented(name):
     """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    module = importlib.import_module(f"signorini_fx.meshes.{name}")
-    assert "::\n" in module.__doc__
-    doc = inspect.getdoc(module.generate)
+    generate = known_generators()[name].load()
+    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
+    doc = inspect.getdoc(generate)
     for boundary in SMALL[name][2]:
         assert boundary in doc.partition("Returns:")[2]
     for parameter in SMALL[name][0]:
         assert f"\n    {parameter}: " in doc
+
+
+# --- generators of other packages ------------------------------------------------------------------------------------
+
+GUIDE = Path(__file__).parent.parent / "docs" / "generators.md"
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Installs a package with these generators, and with the module of the guide."""
+
+    def install(*generators):
+        guide = GUIDE.read_text(encoding="utf-8")
+        code, settings = (re.search(rf"```{kind}\n(.*?)```", guide, re.DOTALL)[1] for kind in ("python", "toml"))
+        (tmp_path / "wavy.py").write_text(code, encoding="utf-8")
+        project = tomllib.loads(settings)["project"]
+        ((group, names),) = project["entry-points"].items()
+        data = tmp_path / f"{project['name']}-{project['version']}.dist-info"
+        data.mkdir()
+        (data / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n", encoding="utf-8")
+        lines = [*(f"{name} = {value}" for name, value in names.items()), *generators]
+        (data / "entry_points.txt").write_text("\n".join([f"[{group}]", *lines]), encoding="utf-8")
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.delitem(sys.modules, "wavy", raising=False)
+
+    return install
+
+
+def wavy(parameters, **settings):
+    """A scene on the mesh of the guide."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "wavy", "parameters": parameters},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
+            "contact": {"boundary": "bottom", "gap": "x[1]", "direction": [0, -1]},
+            **settings,
+        }
+    )
+
+
+def test_generator_of_another_package(installed):
+    """That of the guide is named in a scene as ours are, on several meshes too, and its parameters are checked."""
+    installed()
+    assert "wavy" in scene_schema()["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"]
+    solution = alone(wavy({"nx": 24}, solver={"levels": 2}))
+    assert solution.converged
+    assert [row.dofs for row in solution.price_list[:2]] == [2 * 13 * 5, 2 * 25 * 9]
+    columns = table_of(solution).columns
+    assert columns["y"].max() == pytest.approx(0.1)
+    assert (columns["state"] != "open").any()
+    assert simplex_parameters("wavy", {}) is None
+    for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "positive"), ({"n": 1}, "nx, ny")):
+        with pytest.raises(SceneError, match=told):
+            alone(wavy(parameters))
+
+
+def test_generators_of_other_packages_that_cannot_be_used(installed):
+    """The message says where it comes from; ours stay ours."""
+    installed("absent = nowhere:generate", "broken = wavy:nothing", "box = wavy:generate")
+    for name, told in (
+        ("absent", "No module named 'nowhere'"),
+        ("broken", "nothing"),
+        ("other", "no generator 'other'"),
+    ):
+        with pytest.raises(SceneError, match=rf"mesh\.generator: .*{told}"):
+            generate_mesh(name, {}, MPI.COMM_SELF)
+    assert generate_mesh("box", {"nx": 2, "ny": 1, "nz": 1}, MPI.COMM_SELF).dimension == 3
+
+
+def test_without_the_decorator(installed, monkeypatch):
+    """A plain function makes its mesh, no coarser ones; what is no mesh is refused."""
+    installed("plain = wavy:plain", "none = wavy:none")
+    import wavy as module
+
+    def plain(comm, /, *, nx=4):
+        return module.generate(comm, nx=nx, ny=1)
+
+    monkeypatch.setattr(module, "plain", plain, raising=False)
+    monkeypatch.setattr(module, "none", lambda comm: 7, raising=False)
+    assert generate_mesh("plain", {"nx": 2}, MPI.COMM_SELF).mesh.topology.index_map(2).size_global == 4
+    with pytest.raises(SceneError, match=r"solver\.levels"):
+        coarser_parameters("plain", {}, 2.0)
+    with pytest.raises(SceneError, match="a TaggedMesh is expected"):
+        generate_mesh("none", {}, MPI.COMM_SELF)
 
 
 # --- bodies in contact -----------------------------------------------------------------------------------------------

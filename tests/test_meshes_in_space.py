@@ -1,6 +1,5 @@
 """Generators in space: names, volume, areas, shape of the cells; the same mesh every time, on ranks, in all units."""
 
-import importlib
 import inspect
 from math import cos, pi, radians, tan
 
@@ -18,6 +17,7 @@ from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.shape import check_shape, quality
 from signorini_fx.mesh.refinement import cells_at, refine
 from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.meshes import known_generators
 from signorini_fx.scene.reading import parse_scene
 
 TAN, COS = tan(radians(15)), cos(radians(15))
@@ -213,7 +213,7 @@ NO_LENGTHS = {"angle", "nx", "ny", "nz", "nr", "nt", "cell", "order", "part", "s
 @each
 def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
-    generate = importlib.import_module(f"signorini_fx.meshes.{name}").generate
+    generate = known_generators()[name].load()
     defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key != "comm"}
     lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key not in NO_LENGTHS}
     first, second = make(name), make(name, **lengths)
@@ -346,12 +346,12 @@ def test_cells_too_large_for_their_arcs():
 @each
 def test_documented(name):
     """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    module = importlib.import_module(f"signorini_fx.meshes.{name}")
-    assert "::\n" in module.__doc__
-    doc = inspect.getdoc(module.generate)
+    generate = known_generators()[name].load()
+    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
+    doc = inspect.getdoc(generate)
     for boundary in SMALL[name][2]:
         assert boundary in doc.partition("Returns:")[2]
-    for parameter in inspect.signature(module.generate).parameters:
+    for parameter in inspect.signature(generate).parameters:
         assert parameter == "comm" or f"\n    {parameter}: " in doc
 
 

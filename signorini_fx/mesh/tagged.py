@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import inspect
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,7 +20,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
-from signorini_fx import compat, meshes, parallel
+from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.distribution import from_root
 from signorini_fx.mesh.files import formats
@@ -32,6 +30,7 @@ from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.raw import rows_of
 from signorini_fx.mesh.files.shape import STRAIGHT, Ints
+from signorini_fx.meshes import known_generators
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
@@ -218,25 +217,27 @@ def curvature(tagged: TaggedMesh) -> float:
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:
-    """Run the generator ``name`` (a module of ``meshes/`` with a function ``generate(comm, ...)``).
+    """Run the generator ``name``, see ``signorini_fx.meshes``.
 
     Raises:
         SceneError: unknown generator, or parameters that it refuses.
     """
-    generate: Callable[..., TaggedMesh] = _generator(name, parameters).generate
-    return replace(generate(comm, **parameters), origin={"generator": name, "parameters": dict(parameters)})
+    tagged = _generator(name, parameters)(comm, **parameters)
+    if not isinstance(tagged, TaggedMesh):
+        raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
+    return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
 
 
 def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
     """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
 
     Raises:
-        SceneError: the generator has no function ``coarser(parameters, factor)``.
+        SceneError: the generator does not say how.
     """
     coarser = getattr(_generator(name, parameters), "coarser", None)
     if coarser is None:
         raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
-    result: dict[str, Any] = coarser(dict(parameters), factor)
+    result: dict[str, Any] = coarser(parameters, factor)
     return result
 
 
@@ -248,16 +249,14 @@ def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     Raises:
         SceneError: unknown generator.
     """
-    simplices = getattr(_generator(name, parameters), "simplices", None)
-    return None if simplices is None else simplices(dict(parameters))
+    cell = getattr(_generator(name, parameters), "simplices", None)
+    return None if cell is None else {**parameters, "cell": cell}
 
 
-def generated_cell(name: str, parameters: Mapping[str, Any]) -> str:
-    """The kind of the cells that the generator ``name`` makes, such as "triangle"."""
-    cell: str = parameters.get(
-        "cell", inspect.signature(_generator(name, parameters).generate).parameters["cell"].default
-    )
-    return cell
+def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
+    """The kind of cells that the generator ``name`` makes, such as "triangle"; None if no parameter says so."""
+    known = inspect.signature(_generator(name, parameters)).parameters
+    return parameters.get("cell", known["cell"].default) if "cell" in known else None
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -266,7 +265,7 @@ def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any
     Raises:
         SceneError: unknown generator.
     """
-    known = inspect.signature(_generator(name, parameters).generate).parameters
+    known = inspect.signature(_generator(name, parameters)).parameters
     return {**parameters, "order": 2} if "order" in known else None
 
 
@@ -316,18 +315,22 @@ def read_mesh(
     return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
 
 
-def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
-    """The module of a generator, which takes these parameters.
+def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
+    """The generator of this name, which takes these parameters.
 
     Raises:
-        SceneError: there is none of this name, or parameters are wrong: all of them are reported.
+        SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
+            reported.
     """
-    known = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
+    known = known_generators()
     if name not in known:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
-    module = importlib.import_module(f"signorini_fx.meshes.{name}")
-    generate = inspect.unwrap(module.generate)
-    types = get_type_hints(generate, include_extras=True)
+    try:
+        generate: Callable[..., Any] = known[name].load()
+        types = get_type_hints(inspect.unwrap(generate), include_extras=True)
+    except Exception as error:  # of the code of the user
+        message = f"{name!r} cannot be imported from {known[name].value}: {type(error).__name__}: {error}"
+        raise SceneError([("mesh.generator", message)]) from error
     names = [key for key, one in inspect.signature(generate).parameters.items() if one.kind is one.KEYWORD_ONLY]
     problems: list[tuple[str, str]] = []
     for key, value in parameters.items():
@@ -336,12 +339,12 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Any:
             problems.append((path, f"unknown key; there are: {', '.join(names)}"))
             continue
         try:
-            TypeAdapter(types[key]).validate_python(value)
+            TypeAdapter(types.get(key, Any)).validate_python(value)
         except ValidationError as error:
             problems += [(path, plain_message(detail)) for detail in error.errors()]
     if problems:
         raise SceneError(problems)
-    return module
+    return generate
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:

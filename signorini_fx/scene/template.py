@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import pkgutil
 import re
 from importlib import resources
 from typing import Any
 
 from pydantic import BaseModel
 
-from signorini_fx import meshes
+from signorini_fx.meshes import known_generators
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings
 
@@ -31,8 +30,7 @@ def scene_schema() -> dict[str, Any]:
     for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
-    generators = sorted(module.name for module in pkgutil.iter_modules(meshes.__path__))
-    schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = generators
+    schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
     for name in _ONE_OR_MANY:
         one_or_many = schema["properties"][name]
         schema["properties"][name] = {"anyOf": [one_or_many["items"], one_or_many]}
