@@ -540,3 +540,38 @@ def test_a_node_smaller_than_the_digits_of_the_displacement():
     solution = alone(scene.model_copy(update={"mesh": tagged}))
     assert solution.contact.boundary.weight.min() < 1e-9
     assert solution.certificate.equilibrium < 1e-9
+
+
+def test_a_rigid_motion_of_flat_cells_has_round_off():
+    """A support carries a stress-free body away: what is left of its nodal forces is in the last digits of them."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "height": 0.2, "nx": 30, "ny": 30}}
+    scene = parse_scene(
+        {
+            "mesh": mesh,
+            "material": {"young": 2.0, "poisson": 0.0, "hypothesis": "plane stress"},
+            "element": {"degree": 2},
+            "displacement": [{"boundary": "top", "x": -0.0046, "y": 0.0048}],
+            "contact": [{"boundary": "bottom", "gap": 0.0066}],
+        }
+    )
+    assert alone(scene).certificate.holds
+
+
+@pytest.mark.parametrize("stress", [1e-20, 1.0, 1e25])
+def test_a_load_that_a_support_takes_has_round_off(stress):
+    """A support takes the whole load: nothing deforms, and what remains at the free nodes is in its last digits."""
+    parameters = {"size": 0.3, "contact_size": 0.1, "contact_zone": 0.2, "order": 2}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": parameters},
+            "material": {"young": 6.6 * stress, "poisson": 0.0, "hypothesis": "plane stress"},
+            "element": {"degree": 2},
+            "displacement": [{"boundary": "top", "x": 0.0, "y": 0.0}],
+            "traction": [{"boundary": "top", "pressure": f"{stress / 20}*(5 if x[0] < 0.11 else 1)"}],
+            "contact": [{"boundary": "arc", "gap": 0.0066}],
+        }
+    )
+    solution = alone(scene)
+    assert solution.certificate.holds
+    # Forces of any deformation are more than round-off.
+    refused(judged(solution, lambda y: y + 1e-12 * np.sin(np.arange(y.size))), "equilibrium")

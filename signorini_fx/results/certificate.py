@@ -56,7 +56,7 @@ JUDGED = (
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 # Forces below this share of stiffness times displacement are round-off of a stress-free motion.
 _ROUND_OFF = 1e-8
-# Units in the last place of the displacement that an evaluation of its nodal forces may lose.
+# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
 _LOST_UNITS = 100.0
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
@@ -279,15 +279,19 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
     force = max(_norm(comm, balance.internal), _norm(comm, balance.external), least)
     residual = balance.internal - balance.external
-    if nodes is None:
-        return _share(_norm(comm, supports.left(residual)), force)
-    reached, contact_forces, area = nodes.forces()
-    np.add.at(residual, reached, contact_forces)
+    if nodes is not None:
+        reached, contact_forces, area = nodes.forces()
+        np.add.at(residual, reached, contact_forces)
     residual = supports.left(residual)
-    # The stress at a node is known to the digits of the displacement over the length of its side.
-    lost = _LOST_UNITS * np.finfo(float).eps * stiffest.modulus * units.far / stiffest.side(area)
-    unbalanced = np.maximum(np.linalg.norm(residual[reached], axis=1) / area - lost, 0.0)
-    return max(_share(_norm(comm, residual), force), _share(_largest(comm, unbalanced), units.stress))
+    digits = _LOST_UNITS * np.finfo(float).eps
+    whole = _share(_norm(comm, residual) - digits * least / _ROUND_OFF, force)
+    if nodes is None:
+        return whole
+    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
+    load = _largest(comm, np.linalg.norm(balance.external, axis=1))
+    lost = digits * (stiffest.modulus * units.far / stiffest.side(area) + load / area)
+    unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
+    return max(whole, _share(_largest(comm, unbalanced), units.stress))
 
 
 def contact_conditions(
@@ -363,4 +367,7 @@ def _norm(comm: MPI.Comm, values: Nodal) -> float:
 
 
 def _share(part: float, whole: float) -> float:
-    return part / whole if whole > 0 else part
+    """Nothing is a share of nothing, and what is not is more than any share of it; negative parts count as nothing."""
+    if part <= 0:
+        return 0.0
+    return float(part / whole) if whole > 0 else np.inf

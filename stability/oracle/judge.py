@@ -136,7 +136,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
     nodes = in_order(body.x, answer.place, body.size)
     if nodes is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
-    origin = Origin.nothing(len(contact.nodes))
+    origin, before = Origin.nothing(len(contact.nodes)), 0.0
     for number, step in enumerate(answer.steps):
         order = _rows(body, contact, step.table)
         if order is None:
@@ -144,7 +144,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
         said = Tractions(table["pressure"], table["shear"], table["state"])
         u = step.displacement[nodes]
-        worse(_table(body, contact, table, u, origin))
+        worse(_table(contact, table, u, origin, before))
         law = _promised(body, contact, number, u, said, origin, answer, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if convex.cvxopt is not None:
@@ -160,6 +160,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
             if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
                 worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
+        before = float(np.abs(u).max())
         origin = origin.after((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear, law[1])
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
     held = np.count_nonzero(~free_dofs(body, 0).reshape(-1, 2)[contact.nodes].all(axis=1))
@@ -216,8 +217,10 @@ def _promised(
     return soft / ratio, soft
 
 
-def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:
-    """Columns of the contact table that say what the displacement and the scene say as well."""
+def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float) -> dict[str, float]:
+    """Columns of the contact table that say what the displacement and the scene say as well; ``before``: the largest
+    displacement at the end of the step before, whose round-off is in the slip.
+    """
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
     moved = max(float(np.abs(u).max()), LEAST)
@@ -232,7 +235,7 @@ def _table(body: Body, contact: Contact, table: Mapping[str, Array], u: Array, o
     }
     if contact.has_friction:
         columns["bound"] = (bound, max(float(bound.max()), LEAST))
-        columns["slip"] = (u_t - origin.u_t, max(moved, float(np.abs(origin.u_t).max(initial=0.0))))
+        columns["slip"] = (u_t - origin.u_t, max(moved, before))
     return {
         f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
         for name, (own, scale) in columns.items()

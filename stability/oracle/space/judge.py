@@ -70,7 +70,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
     nodes = in_order(body.x, answer.place, body.size)
     if nodes is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
-    origin = Origin.nothing(len(contact.weight))
+    origin, before = Origin.nothing(len(contact.weight)), 0.0
     for number, step in enumerate(answer.steps):
         order = _rows(body, contact, step.table)
         if order is None:
@@ -78,7 +78,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
         said = Tractions(table["pressure"], _vectors(table, "shear"), table["state"])
         u = step.displacement[nodes]
-        worse(_table(contact, table, u, origin))
+        worse(_table(contact, table, u, origin, before))
         law = _promised(body, answer, number, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if cvxopt is not None:
@@ -94,6 +94,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
                 notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
             if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
                 worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
+        before = float(np.abs(u).max())
         origin = origin.after(contact.across(contact.of(u)), said.shear, law[1])
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
     return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
@@ -136,8 +137,10 @@ def _vectors(table: Mapping[str, Array], name: str) -> Array:
     return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
 
 
-def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin) -> dict[str, float]:
-    """Columns of the contact table that say what the displacement and the scene say as well."""
+def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float) -> dict[str, float]:
+    """Columns of the contact table that say what the displacement and the scene say as well; ``before``: the largest
+    displacement at the end of the step before, whose round-off is in the slip.
+    """
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t
@@ -156,8 +159,7 @@ def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origi
         # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
         pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), LEAST)
         columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
-        scale = max(moved, float(np.abs(origin.u_t).max(initial=0.0)))
-        columns |= {f"slip_{axis}": (slip[:, k], scale) for k, axis in enumerate("xyz")}
+        columns |= {f"slip_{axis}": (slip[:, k], max(moved, before)) for k, axis in enumerate("xyz")}
     return {
         f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
         for name, (own, scale) in columns.items()
