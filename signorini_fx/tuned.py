@@ -122,11 +122,6 @@ SMOOTHED_SPECTRUM = (0.1, 1.1)
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
-# Condensed problems with more contact nodes are first solved on few of them; with fewer nodes there is little time to
-# save, and the iteration of the paper's examples stays as published.  Source: docs/performance.md has what it saves.
-FEWEST_NODES_TO_COARSEN = 300
-# The coarsest boundary has between this and twice as many nodes.  Tuned on Example 1, 960 x 320, with 61 of them.
-COARSEST_NODES = 40
 # A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice:
 # between 1, the middle of a uniform mesh, and 3, a quarter.
 MIDDLE_RATIO = 1.5

@@ -4,7 +4,7 @@ Its rows are the components of the relative displacement in the frame (n, T) of 
 normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
 a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape (d, d) per point.
 With the nodal rule of a rigid foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a
-condensed, rotated or coarsened system has the product of B with its own change of unknowns.
+condensed or rotated system has the product of B with its own change of unknowns.
 """
 
 from __future__ import annotations
@@ -62,26 +62,18 @@ class ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         return ContactMap(self.operator.matMult(change), self.points, fixed)
 
-    def among(
-        self,
-        unknowns: npt.NDArray[np.signedinteger[Any]],
-        fixed: npt.NDArray[np.bool_],
-        rows: npt.NDArray[np.int64] | None = None,
-        points: ContactPoints | None = None,
-    ) -> ContactMap:
+    def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system that has some of the unknowns only; one rank.
 
         Args:
             unknowns: their numbers, shape (m,).
             fixed: which of them are prescribed, shape (m,).
-            rows: the points that it has; None: all.
-            points: these points; None: all.
         """
-        d = self.points.dimension
-        rows = np.arange(self.points.size) if rows is None else rows
-        kept = (d * rows[:, None] + np.arange(d)).ravel(), unknowns
-        sets = [PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in kept]
-        return ContactMap(self.operator.createSubMatrix(*sets), points or self.points, fixed)
+        every = np.arange(self.points.size * self.points.dimension)
+        sets = [
+            PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in (every, unknowns)
+        ]
+        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; collective.

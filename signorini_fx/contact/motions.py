@@ -7,7 +7,7 @@ motion moves one of them only, and a contact point belongs to one of them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -110,10 +110,6 @@ class FreeMotions:
         """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
         for number in np.unique(self.assembly):
             yield int(number), self.assembly == number
-
-    def some(self, rows: npt.NDArray[np.int64], points: ContactPoints) -> FreeMotions:
-        """The same motions at some of the points."""
-        return replace(self, points=points, relative=self.relative[rows], of_point=self.of_point[rows])
 
     def unheld(
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], turned: Nodal | None = None

@@ -38,7 +38,6 @@ from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
-from signorini_fx.solving import boundary_levels
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.load_steps import judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
@@ -81,9 +80,6 @@ def solve_mesh(
         start = start.begin_from(*carry_over(state, discretisation.boundary))
         if coarser is not None and not scene.several_steps:
             _begin_at_coarse(task, coarser, discretisation)
-    elif boundary_levels.worthwhile(task, discretisation) and not (kept is not None and kept.begun()):
-        with timings.phase("iterate"):
-            start = boundary_levels.start_from_few_nodes(task, discretisation.boundary)
     solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
     return solution, task, outcome
 
