@@ -66,5 +66,5 @@ $(RUFF):
 $(SPHINX):
 	rm -rf $@.d
 	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
-		numpy==2.4.2 pydantic==2.12.5 simpleeval==1.0.3
+		numpy==2.4.2 pydantic==2.12.5
 	mv $@.d $@

@@ -1,9 +1,9 @@
-"""Expressions of the position in scenes: parsed by simpleeval, evaluated with NumPy or turned into UFL.
+"""Expressions of the position in scenes: parsed by Python, evaluated with NumPy or turned into UFL.
 
-An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python never executes any of it: the syntax tree is
-checked first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
+An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the syntax tree is checked
+first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
 (also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
-told apart), then simpleeval walks it.
+told apart), then its value follows from the values of its parts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from simpleeval import SimpleEval
 
 _ONE_ARGUMENT = ("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh")
 _ARITHMETIC: dict[type, Callable[..., Any]] = {
@@ -191,38 +190,38 @@ def _float(value: Any) -> float:
         return math.inf
 
 
-class _Evaluator(SimpleEval):  # type: ignore[misc]
-    """simpleeval on a checked tree, with element-wise logic."""
-
-    nodes: dict[type, Callable[..., Any]]
+class _Evaluator:
+    """The value of a checked tree in one algebra, at one position."""
 
     def __init__(self, backend: _Backend, position: Any) -> None:
-        super().__init__(
-            functions=dict(backend.functions),
-            names={"x": position, "pi": backend.number(math.pi)},
-            operators={
-                **_ARITHMETIC,
-                **_SIGNS,
-                ast.Not: backend.negate,
-                ast.BitAnd: backend.both,
-                ast.BitOr: backend.either,
-            },
-        )
         self._backend = backend
         self._position = position
-        self.nodes[ast.Constant] = lambda node: backend.number(node.value)
-        self.nodes[ast.Subscript] = lambda node: position[node.slice.value]
-        self.nodes[ast.BoolOp] = self._logic
-        self.nodes[ast.Compare] = self._comparison
-        self.nodes[ast.IfExp] = self._choice
 
-    def _logic(self, node: ast.BoolOp) -> Any:
-        combine = self._backend.both if isinstance(node.op, ast.And) else self._backend.either
-        return reduce(combine, map(self._eval, node.values))
-
-    def _comparison(self, node: ast.Compare) -> Any:
-        pairs = pairwise((node.left, *node.comparators))
-        return reduce(self._backend.both, [self._compare(op, *pair) for op, pair in zip(node.ops, pairs, strict=True)])
+    def value(self, node: ast.expr) -> Any:
+        """The value of a part of the tree."""
+        backend = self._backend
+        match node:
+            case ast.Constant(value=float() | int() as number):
+                return backend.number(number)
+            case ast.Subscript(slice=ast.Constant(value=index)):
+                return self._position[index]
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return backend.negate(self.value(operand))
+            case ast.UnaryOp(op=op, operand=operand):
+                return _SIGNS[type(op)](self.value(operand))
+            case ast.BinOp(left=left, op=op, right=right):
+                logic = {ast.BitAnd: backend.both, ast.BitOr: backend.either}
+                return (_ARITHMETIC | logic)[type(op)](self.value(left), self.value(right))
+            case ast.BoolOp(op=op, values=values):
+                return reduce(backend.both if isinstance(op, ast.And) else backend.either, map(self.value, values))
+            case ast.Compare(left=left, ops=ops, comparators=comparators):
+                pairs = pairwise((left, *comparators))
+                return reduce(backend.both, [self._compare(op, *pair) for op, pair in zip(ops, pairs, strict=True)])
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return backend.functions["where"](*map(self.value, (test, body, orelse)))
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                return backend.functions[name](*map(self.value, arguments))
+        return backend.number(math.pi)  # the only name
 
     def _compare(self, op: ast.cmpop, left: ast.expr, right: ast.expr) -> Any:
         """A comparison in which numbers are equal that are so but for round-off.
@@ -232,16 +231,13 @@ class _Evaluator(SimpleEval):  # type: ignore[misc]
         """
         if isinstance(op, ast.Gt | ast.GtE):
             left, right = right, left
-        a, b = self._eval(left), self._eval(right)
+        a, b = self.value(left), self.value(right)
         absolute = self._backend.functions["abs"]
         size = absolute(a) + absolute(b)
         if isinstance(left, ast.Subscript) or isinstance(right, ast.Subscript):
             size = size + self._backend.reach(self._position)  # the round-off of a coordinate is that of the largest
         room = self._backend.number(_EQUAL) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
-
-    def _choice(self, node: ast.IfExp) -> Any:
-        return self._backend.functions["where"](*map(self._eval, (node.test, node.body, node.orelse)))
 
 
 @dataclass(frozen=True)
@@ -276,24 +272,17 @@ class Expression:
         nodes = [node.slice for node in ast.walk(self._tree()) if isinstance(node, ast.Subscript)]
         return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
 
-    def _evaluate(self, backend: _Backend, position: Any) -> Any:
-        evaluator = _Evaluator(backend, position)
-        try:
-            return evaluator.eval(self.text, previously_parsed=self._tree())
-        finally:
-            evaluator.nodes.clear()  # methods of its own: it would keep the mesh until a collector of cycles runs
-
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
         with np.errstate(all="ignore"):
-            value = self._evaluate(_NUMPY, x)
+            value = _Evaluator(_NUMPY, x).value(self._tree())
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
 
     def ufl(self, mesh: Any) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``."""
         import ufl
 
-        value = self._evaluate(_ufl_backend(mesh), ufl.SpatialCoordinate(mesh))
+        value = _Evaluator(_ufl_backend(mesh), ufl.SpatialCoordinate(mesh)).value(self._tree())
         return ufl.conditional(value, 1.0, 0.0) if _check(self._tree()) == "condition" else ufl.as_ufl(value)
 
 
