@@ -1,11 +1,12 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-report lint format paper bench stability oracle mutants docs clean
+.PHONY: help demo test test-long test-wheel test-report lint format paper bench stability oracle mutants docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
+BUILD := build/build-1.6.1
 
 help:       ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## /\1\t/p' Makefile | expand -t 12
@@ -19,6 +20,9 @@ test:       ## run all tests on one rank, side by side, and those marked mpi als
 
 test-long:  ## run the tests marked long
 	./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal -m long tests
+
+test-wheel: ## run the tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
+	SFX_WHEELS=1 ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \
@@ -52,8 +56,16 @@ mutants:    ## put small mistakes into copies of the package, and report which o
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site (build/docs/docs/index.html)
 	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -n -W --keep-going -c docs . build/docs
 
+dist: $(BUILD)  ## make an archive of the sources and a wheel, and check them (dist/)
+	rm -rf dist build/installed
+	PYTHONPATH=$(BUILD) python3 -m build -o dist .
+	PYTHONPATH=$(BUILD) python3 -m twine check --strict dist/*
+	python3 -m pip install -qq --no-deps --target build/installed dist/*.whl
+	cd build/installed && for name in $$(cd ../..; git ls-files signorini_fx meshes ':!*README*'); do \
+	  test -e $$name || test -e signorini_fx/$$name || { echo "$$name is not in the wheel"; exit 1; }; done
+
 clean:      ## remove everything that these targets made, except the image
-	rm -rf results build *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf results build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 # Debian stable has no ruff; the formatting depends on its version, so the version is pinned.
@@ -67,4 +79,9 @@ $(SPHINX):
 	rm -rf $@.d
 	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
 		numpy==2.4.2 pydantic==2.12.5
+	mv $@.d $@
+
+$(BUILD):
+	rm -rf $@.d
+	python3 -m pip install -qq --target $@.d build==$(@:build/build-%=%) twine==7.0.0
 	mv $@.d $@
