@@ -1,16 +1,18 @@
 """What a terminal shows: wrapped lines, colours, completion; and that a pipe gets neither of the first two."""
 
+import argparse
 import os
 import pty
 import shutil
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 
-from signorini_fx.cli.completion import SHELLS, completion_script
-from signorini_fx.cli.options import parser
+from signorini_fx.cli import commands
+from signorini_fx.errors import InstallationError
 from signorini_fx.machine.launcher import environment_of_no_rank
 from signorini_fx.machine.terminal import PAGE, coloured, wrapped
 
@@ -94,32 +96,33 @@ def test_output_of_ranks_in_a_file(tmp_path, ranks):
     assert log.read_text().splitlines() == lines
 
 
-def completed(*words):
-    """What bash offers for the last of these words."""
-    script = completion_script(parser(), "bash")
-    state = f"COMP_WORDS=({' '.join(repr(word) for word in words)}); COMP_CWORD={len(words) - 1}"
-    command = f"{script}\n{state}; _signorini_fx 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True).stdout.splitlines()
+def script_for(shell):
+    """What ``signorini-fx completion SHELL`` prints."""
+    return commands.completion(argparse.Namespace(shell=shell))
 
 
-def test_completion(tmp_path, monkeypatch):
+def completed(line, place):
+    """What bash offers for the last word of a line."""
+    state = f"COMP_LINE={line!r}; COMP_POINT={len(line)}; COMP_TYPE=9"
+    command = f"{script_for('bash')}\n{state}; _python_argcomplete signorini-fx; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    ended = subprocess.run(["bash", "-c", command], cwd=place, capture_output=True, text=True, check=True)
+    return [offer.rstrip() for offer in ended.stdout.splitlines()]
+
+
+@pytest.mark.skipif(find_spec("argcomplete") is None, reason="there is no argcomplete")
+def test_completion(place):
     """Commands, options of a command, values of an option or an argument, and files."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").touch()
-    (tmp_path / "a b.toml").touch()
-    assert completed("signorini-fx", "so") == ["solve"]
-    assert completed("signorini-fx", "solve", "--no") == ["--no-fields", "--no-pictures"]
-    assert completed("signorini-fx", "solve", "scene.toml", "--of", "p") == ["pressure", "peak"]
-    assert completed("signorini-fx", "completion", "") == list(SHELLS)
-    assert completed("signorini-fx", "check", "sce") == ["scene.toml"]
-    assert completed("signorini-fx", "check", "a") == ["a b.toml"]
+    for line, offers in TYPED.items():
+        assert completed(line, place) == offers, line
+    assert completed("signorini-fx completion ", place) == ["bash", "zsh", "fish"]
+    assert completed("signorini-fx solve scene.toml --of p", place) == ["pressure", "peak"]
 
 
-def test_completion_of_other_shells():
-    """Each names every command."""
-    commands = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))
-    for shell in SHELLS:
-        assert all(name in completion_script(parser(), shell) for name in commands)
+def test_completion_without_its_library(monkeypatch):
+    """It says what to install."""
+    monkeypatch.setitem(sys.modules, "argcomplete", None)
+    with pytest.raises(InstallationError, match="apt install python3-argcomplete"):
+        script_for("bash")
 
 
 # What is typed, and what fish offers; zsh writes it if it is one word.
@@ -139,12 +142,14 @@ def place(tmp_path):
     """A folder with a scene, results, and the scripts."""
     (tmp_path / "scene.toml").touch()
     (tmp_path / "results").mkdir()
-    for shell in SHELLS:
-        (tmp_path / f".{shell}").write_text(completion_script(parser(), shell))
+    for shell in ("zsh", "fish"):
+        (tmp_path / f".{shell}").write_text(script_for(shell))
     return tmp_path
 
 
-@pytest.mark.skipif(not shutil.which("fish"), reason="there is no fish")
+@pytest.mark.skipif(
+    not (shutil.which("fish") and find_spec("argcomplete")), reason="there is no fish, or no argcomplete"
+)
 @pytest.mark.parametrize("line", TYPED)
 def test_completion_in_fish(place, line):
     """The shell itself, asked for its offers."""
@@ -154,7 +159,7 @@ def test_completion_in_fish(place, line):
     assert [offer.partition("\t")[0] for offer in process.stdout.splitlines()] == TYPED[line]
 
 
-@pytest.mark.skipif(not shutil.which("zsh"), reason="there is no zsh")
+@pytest.mark.skipif(not (shutil.which("zsh") and find_spec("argcomplete")), reason="there is no zsh, or no argcomplete")
 @pytest.mark.parametrize("line", [line for line, offers in TYPED.items() if len(offers) == 1])
 def test_completion_in_zsh(place, line):
     """The shell itself on a terminal: after the tabulator, Ctrl-T prints what stands in its line."""
@@ -163,7 +168,8 @@ def test_completion_in_zsh(place, line):
         os.chdir(place)
         os.execvpe("zsh", ["zsh", "-f", "-i"], {**os.environ, "HOME": str(place), "TERM": "dumb"})
     with open(terminal, "r+b", buffering=0) as stream:
-        begin = "source .zsh; show() { print -r \"LINE<$BUFFER>\"; BUFFER=; }; zle -N show; bindkey '^T' show"
+        begin = "autoload -U compinit; compinit -u; source .zsh; "
+        begin += "show() { print -r \"LINE<$BUFFER>\"; BUFFER=; }; zle -N show; bindkey '^T' show"
         stream.write(f"{begin}; print REA''DY\n".encode())
         shown = _until(stream, b"READY\r\n")
         stream.write(f"{line}\t\x14".encode())

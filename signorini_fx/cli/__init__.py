@@ -5,6 +5,7 @@ Help and errors in a scene need no import of dolfinx; text is printed by one ran
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -37,12 +38,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
         del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
+    grammar = parser()
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks, by the script of ``completion``, and gets the answer
+        import argcomplete
+
+        argcomplete.autocomplete(grammar, always_complete_options=False)
     terminal.prepare()
     petsc_options: list[str] = []
     if "--" in arguments:
         split = arguments.index("--")
         arguments, petsc_options = arguments[:split], arguments[split + 1 :]
-    options = parser().parse_args(arguments)
+    options = grammar.parse_args(arguments)
     options.petsc_options = petsc_options
     if options.command in _ON_ONE_PROCESS:
         return on_one_process(partial(_ON_ONE_PROCESS[options.command], options))

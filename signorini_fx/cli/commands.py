@@ -13,10 +13,9 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.cli.completion import completion_script
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.cli.options import overrides, parser
-from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.cli.options import overrides
+from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
@@ -256,8 +255,12 @@ def mesh_file(options: argparse.Namespace) -> str:
 
 
 def completion(options: argparse.Namespace) -> str:
-    """The script that completes the command line."""
-    return completion_script(parser(), options.shell)
+    """The script that completes the command line: the shell then asks the command itself, see ``main``."""
+    try:
+        from argcomplete import shellcode
+    except ModuleNotFoundError:
+        raise InstallationError("completion needs argcomplete: apt install python3-argcomplete") from None
+    return str(shellcode(["signorini-fx"], shell=options.shell))
 
 
 def schema(options: argparse.Namespace) -> str:

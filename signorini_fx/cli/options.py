@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
-from signorini_fx.cli.completion import SHELLS
 from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
@@ -122,7 +121,7 @@ def parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
     completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
-    completion.add_argument("shell", choices=SHELLS, help="the shell")
+    completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 
