@@ -31,6 +31,7 @@ LAYERS = (
     "accuracy",
     "body",
     "mesh",
+    "effects",
     "scene",
     "algorithms",
     "problem",

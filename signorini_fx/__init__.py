@@ -11,6 +11,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
+    "effects.body_force": ("BodyForce",),
+    "effects.contact": ("BilateralContact", "CoulombFriction", "NoFriction", "TrescaFriction", "UnilateralContact"),
+    "effects.displacement": ("PrescribedDisplacement",),
+    "effects.material": ("LinearElastic",),
+    "effects.traction": ("SurfaceTraction",),
     "errors": (
         "FormError",
         "InstallationError",
@@ -31,21 +36,7 @@ _PUBLIC = {
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
     "scene.load_steps": ("LoadSteps",),
-    "scene.model": (
-        "BilateralContact",
-        "BodyForce",
-        "CoulombFriction",
-        "Discretised",
-        "LinearElastic",
-        "MeshFile",
-        "MeshGenerator",
-        "NoFriction",
-        "PrescribedDisplacement",
-        "Scene",
-        "SurfaceTraction",
-        "TrescaFriction",
-        "UnilateralContact",
-    ),
+    "scene.model": ("Discretised", "MeshFile", "MeshGenerator", "Scene"),
     "scene.settings": ("Accuracy", "Box", "SolverSettings"),
     "scene.reading": ("read_scene",),
     "solving.solver": ("solve",),

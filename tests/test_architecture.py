@@ -46,7 +46,7 @@ def test_the_reader_of_imports_reads():
     assert uses(PACKAGE / "body" / "forms.py", "ufl") == {"ufl"}
     assert uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=True)
     assert not uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=False)
-    assert uses(PACKAGE / "body" / "forms.py", "signorini_fx.body.material")
+    assert uses(PACKAGE / "body" / "averages.py", "signorini_fx.body.forms")
     assert len(MODULES) > 20
 
 
@@ -108,7 +108,8 @@ def test_every_package_says_what_it_knows():
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
-    assert graph["body.forms"] == {"body.material"}
+    assert graph["body.forms"] == set()
+    assert graph["effects.traction"] == {"scene.effect", "scene.values"}
     assert {"scene.model", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
@@ -140,7 +141,11 @@ def test_the_picture_is_of_today():
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawn()
 
 
-@pytest.mark.parametrize("module", ["scene/model", "scene/expressions", "errors", "records", "report/page"])
+EFFECTS = sorted(f"effects/{file.stem}" for file in (PACKAGE / "effects").glob("*.py"))
+SCENE = ("scene/effect", "scene/model", "scene/expressions")
+
+
+@pytest.mark.parametrize("module", [*EFFECTS, *SCENE, "errors", "records", "report/page"])
 def test_scenes_need_no_solver(module):
     """A scene can be read and checked without dolfinx, PETSc, MPI or UFL."""
     heavy = (
@@ -192,6 +197,15 @@ def test_import_is_light():
     heavy = "('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh', 'matplotlib')"
     ended = python(code + f"print([name for name in {heavy} if name in sys.modules])")
     assert (ended.stdout.strip(), ended.stderr) == ("[]", "")
+
+
+def test_only_named_effects_are_imported():
+    """A scene imports the files of its effects alone, and without UFL."""
+    read = "import sys; from signorini_fx.scene.reading import parse_scene; "
+    scene = "{'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'body_force': {'x': 1}}"
+    told = "print(sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith('signorini_fx.effects.')))"
+    ended = python(f"{read}parse_scene({scene}); {told}; print('ufl' in sys.modules)")
+    assert (ended.stdout.split("\n")[:2], ended.stderr) == (["['body_force', 'material']", "False"], "")
 
 
 def test_public_names():

@@ -11,12 +11,12 @@ from spaces import block as block_in_space
 
 from signorini_fx import compat
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
-from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import load_steps, one_mesh
 

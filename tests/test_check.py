@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import dolfinx
@@ -19,15 +20,17 @@ from scenes import alone, example1
 from signorini_fx import cli, parallel
 from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.check.checks import check_scene
-from signorini_fx.check.findings import friction_indication
+from signorini_fx.effects import body_force, displacement, material, traction
+from signorini_fx.effects import contact as contact_of
+from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings, template
+from signorini_fx.scene.effect import keys
 from signorini_fx.scene.load_steps import LoadSteps
-from signorini_fx.scene.model import LinearElastic
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))
@@ -428,15 +431,14 @@ def test_friction_indication(poisson):
     compliance = np.array([[1 - poisson, coupling], [-coupling, 1 - poisson]])
     stiffness = np.linalg.inv(compliance)
     expected = 1 / np.sqrt((stiffness[0, 0] * compliance[1, 1]).real)
-    assert friction_indication(LinearElastic(young=1.0, poisson=poisson)) == pytest.approx(expected)
+    assert LinearElastic(young=1.0, poisson=poisson).friction_indication == pytest.approx(expected)
 
 
 def test_friction_indication_in_plane_stress():
     """Plane stress is plane strain with nu / (1 + nu)."""
     stress = LinearElastic(young=1.0, poisson=0.4, hypothesis="plane stress")
-    assert friction_indication(stress) == pytest.approx(
-        friction_indication(LinearElastic(young=1.0, poisson=0.4 / 1.4))
-    )
+    strain = LinearElastic(young=1.0, poisson=0.4 / 1.4)
+    assert stress.friction_indication == pytest.approx(strain.friction_indication)
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------
@@ -623,12 +625,12 @@ def keys_by_table():
 MODELS = {
     ".accuracy": [settings.Accuracy],
     "element": [scene.Discretised],
-    "material": [scene.LinearElastic],
-    "displacement": [scene.PrescribedDisplacement],
-    "traction": [scene.SurfaceTraction],
-    "body_force": [scene.BodyForce],
-    "contact": [scene.UnilateralContact],
-    "contact.friction": [scene.TrescaFriction, scene.CoulombFriction],
+    "material": [material.LinearElastic],
+    "displacement": [displacement.PrescribedDisplacement],
+    "traction": [traction.SurfaceTraction],
+    "body_force": [body_force.BodyForce],
+    "contact": [contact_of.UnilateralContact],
+    "contact.friction": [contact_of.TrescaFriction, contact_of.CoulombFriction],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
@@ -775,9 +777,10 @@ def test_the_schema_knows_the_generators():
 
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
-    classes = {**vars(scene), **vars(settings)}.values()
+    files = [scene, settings, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
+    classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
-    internal = {"BaseModel", "Scene", "Table", "_Load", "_Vector", "_Contact"}
+    internal = {"BaseModel", "Scene", "Table", "Effect", "Load", "Force", "Resistance", "Contact", "Friction"}
     assert models - internal == set(template.scene_schema()["$defs"])
 
 

@@ -11,8 +11,7 @@ from test_stresses import INNER, OUTER, PRESSURE, cylinder
 from signorini_fx.accuracy.stress_recovery import compliance, voigt
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.element_stress import ElementStress
-from signorini_fx.body.forms import elastic_forms
-from signorini_fx.body.material import lame_parameters, strain
+from signorini_fx.effects.material import elastic_forms, strain
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.results.sampling import cell_values
@@ -111,7 +110,7 @@ def test_it_is_the_stress_that_the_stiffness_works_with(cell, degree):
     stress = ElementStress(d, y)
     y.x.array[:] = np.random.default_rng(1).standard_normal(y.x.array.size)
     stress.refresh()
-    lame, mu = lame_parameters(d.scene.material[0])
+    lame, mu = d.scene.material[0].lame
     dim = d.tagged.dimension
     theta = (ufl.tr(stress.sigma) / dim - 2 * mu * ufl.tr(strain(y)) / dim) / lame
     dx = ufl.dx(metadata={"quadrature_degree": 8})

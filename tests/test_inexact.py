@@ -8,10 +8,10 @@ from scenes import alone, example1, table_of
 
 from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.linalg import krylov
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Status, Timings
-from signorini_fx.scene.model import PrescribedDisplacement
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
+from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
+from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.records import Status
-from signorini_fx.scene.model import CoulombFriction, SurfaceTraction, TrescaFriction
 from signorini_fx.scene.reading import parse_scene
 
 LAWS = [{"bound": 1.5}, {"coefficient": 0.3}, {}]

@@ -14,10 +14,10 @@ from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.linalg import choice, krylov, multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve

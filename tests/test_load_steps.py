@@ -10,8 +10,8 @@ from scenes import alone
 
 from signorini_fx.algorithms import strategy
 from signorini_fx.body.contact_table import contact_table
+from signorini_fx.effects.contact import TrescaFriction
 from signorini_fx.records import Status
-from signorini_fx.scene.model import TrescaFriction
 from signorini_fx.scene.reading import parse_scene, read_scene
 
 FRICTION, PRESSURE, LENGTH = 0.3, 20.0, 3.0

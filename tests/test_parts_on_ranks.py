@@ -15,12 +15,13 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.descent import _Line, natural_sets
 from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.mesh.balance import UNEVEN, unevenness
 from signorini_fx.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import certify
-from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve

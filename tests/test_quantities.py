@@ -8,9 +8,9 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.accuracy import stress_recovery as estimators
-from signorini_fx.body import material
+from signorini_fx.effects import material
+from signorini_fx.effects.material import LinearElastic
 from signorini_fx.results.body_cells import gather_cells
-from signorini_fx.scene.model import LinearElastic
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -140,7 +140,7 @@ def test_extremes_of_the_stress():
 def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
     """The energy of a stress, by which errors are measured, is that of the strain that it comes from."""
     solution = alone(scene(GRADIENTS[name], hypothesis, "triangle"))
-    constants = material.lame_parameters(LinearElastic(young=YOUNG, poisson=POISSON, hypothesis=hypothesis))
+    constants = LinearElastic(young=YOUNG, poisson=POISSON, hypothesis=hypothesis).lame
     sigma = material.stress(solution.displacement, *constants)
     energy = estimators.compliance(ufl.as_vector((sigma[0, 0], sigma[1, 1], sigma[0, 1])), *constants)
     strained = ufl.inner(sigma, ufl.sym(ufl.grad(solution.displacement)))

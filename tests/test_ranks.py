@@ -8,16 +8,13 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, energy, example1, rectangle, table_of
 
+from signorini_fx.effects.contact import TrescaFriction, UnilateralContact
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.records import Status
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import (
-    MeshFile,
-    PrescribedDisplacement,
-    SurfaceTraction,
-    TrescaFriction,
-    UnilateralContact,
-)
+from signorini_fx.scene.model import MeshFile
 from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi

@@ -24,6 +24,7 @@ from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx import cli, parallel
+from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.pictures import load_steps
@@ -35,7 +36,6 @@ from signorini_fx.report.digits import between, estimated_errors, figure
 from signorini_fx.report.reading import read_csv, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
-from signorini_fx.scene.model import UnilateralContact
 from signorini_fx.solving.solver import solve
 
 TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""

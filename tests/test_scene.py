@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from signorini_fx.effects.contact import CoulombFriction, NoFriction, TrescaFriction
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import CoulombFriction, NoFriction, Scene, TrescaFriction
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parent.parent / "demos" / "scenes").glob("*.toml"))

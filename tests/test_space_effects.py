@@ -15,10 +15,10 @@ from spaces import block, box, friction_of, turned_tangents
 from signorini_fx.body import contact_boundary
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
 from signorini_fx.records import Status, Timings
-from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
 

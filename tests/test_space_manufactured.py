@@ -14,15 +14,11 @@ import ufl
 from scenes import alone
 from spaces import box
 
-from signorini_fx.scene.model import (
-    BodyForce,
-    LinearElastic,
-    PrescribedDisplacement,
-    Scene,
-    SolverSettings,
-    TrescaFriction,
-    UnilateralContact,
-)
+from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.effects.contact import TrescaFriction, UnilateralContact
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.material import LinearElastic
+from signorini_fx.scene.model import Scene, SolverSettings
 
 YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1
 SHEAR_MODULUS = YOUNG / 2

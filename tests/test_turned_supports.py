@@ -24,9 +24,9 @@ from test_space_patch import (
 
 from signorini_fx.body.supports import flat_normal
 from signorini_fx.check.checks import check_scene
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 

@@ -15,13 +15,13 @@ from scenes import alone, example1
 from spaces import CELLS
 
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scales import Scales
-from signorini_fx.scene.model import PrescribedDisplacement
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve

@@ -17,13 +17,14 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import on_facets
-from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import is_zero, load_degree, traction_degree, ufl_value, varies, vector_value
+from signorini_fx.body.loads import FormCoefficients, measures
+from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import BodyForce, CoulombFriction, SurfaceTraction, TrescaFriction
 from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
@@ -85,25 +86,18 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, ``DataError.forces``, shape (cells,)."""
     mesh, dim = d.tagged.mesh, d.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
-    loads = [load for load in d.scene.loads if isinstance(load, BodyForce | SurfaceTraction) and varies(load)]
+    loads = [load for load in d.scene.of(Force) if load.varies]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (dim,))))
-    ds = measure(mesh, [d.tagged.facets(load.boundary) for load in loads if isinstance(load, SurfaceTraction)], {})
-    number, terms = 0, []
-    for load in loads:
+    on, terms = FormCoefficients(d.space), []
+    for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
         factor = fem.Constant(mesh, default_scalar_type(factor_at(d.scene.factors_of(load), step)))
-        value = vector_value(load, d.space)
-        fine, coarse, dx = _CELL_DEGREE[dim], load_degree(d.scene.element.degree), ufl.dx
-        if isinstance(load, SurfaceTraction):
-            number += 1
-            fine, coarse, dx = _FACET_DEGREE[dim], traction_degree(load, d.scene.element.degree), ds(number)
-            if not is_zero(load.pressure):
-                value -= ufl_value(load.pressure, d.space) * ufl.FacetNormal(mesh)
-        density = factor * ufl.inner(value, z)
+        density = factor * ufl.inner(load.density(on), z)
+        fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
-            density * dx(metadata={"quadrature_degree": fine}),
-            -density * dx(metadata={"quadrature_degree": coarse}),
+            density * where(metadata={"quadrature_degree": fine}),
+            -density * where(metadata={"quadrature_degree": load.degree(d.scene.element.degree)}),
         ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
     return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, dim), axis=1))

@@ -18,17 +18,14 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress
-from signorini_fx.body.loads import is_zero, stresses, ufl_value, vector_value
+from signorini_fx.body.loads import FormCoefficients
+from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import PrescribedDisplacement, SurfaceTraction
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
 _FINE_DEGREE = 20
-
-
-_Effect = SurfaceTraction | PrescribedDisplacement
 
 
 class StressRecovery:
@@ -168,73 +165,39 @@ def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[l
     every = dmesh.exterior_facet_indices(mesh.topology)
     known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
     # Facets with the same effects share a term.
-    effects: list[_Effect] = [*scene.traction, *scene.displacement]
+    effects = [effect for _, effect in scene.listed() if effect.where is not None]
     on = np.ones((known.size, len(effects) + 1), dtype=bool)  # one column more, so that no row is empty
     for k, effect in enumerate(effects):
-        on[:, k] = np.isin(known, d.tagged.facets(effect.boundary))
+        on[:, k] = np.isin(known, d.tagged.facets(effect.where))
     kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
     size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     index_map = mesh.topology.index_map(d.tagged.dimension)
     count = index_map.size_local + index_map.num_ghosts
     stiffness = d.lame[0] + 2 * d.lame[1]
     size.x.array[:] = mesh.h(d.tagged.dimension, np.arange(count, dtype=np.int32)) if count else 0.0
-    factors = {
-        k: (fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(load)) for k, load in enumerate(effects)
-    }
+    factors = [(fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(effect)) for effect in effects]
+    on_boundary = FormCoefficients(d.space)
     ds = measure(mesh, [known[(on == kind).all(axis=1)] for kind in kinds], {})
     terms = []
     for number, kind in enumerate(kinds, start=1):
         residual, away = -sigma * n, []
-        for k, effect in enumerate(effects):
-            if not kind[k]:
-                continue
-            factor = factors[k][0]
-            if isinstance(effect, SurfaceTraction):
-                residual += factor * _traction(effect, d.space, n)
-            else:
-                residual = _free(effect, residual, n)
-                away += _away(effect, y, factor, n, d.space)
+        here = [(effects[k], factors[k][0]) for k in np.flatnonzero(kind[:-1])]
+        for effect, factor in here:
+            residual = residual + effect.traction(y, factor, on_boundary)
+        for effect, factor in here:
+            residual = effect.free(residual, on_boundary)
+            away += effect.away(y, factor, on_boundary)
         density = BOUNDARY_RESIDUAL_SHARE * size / stiffness * ufl.inner(residual, residual)
         density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
             continue
         terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, compress(effects, kind))}))
-    return list(factors.values()), sum(terms[1:], terms[0]) if terms else None
+    return factors, sum(terms[1:], terms[0]) if terms else None
 
 
-def _degree(d: Discretisation, effects: Iterable[_Effect]) -> int:
+def _degree(d: Discretisation, effects: Iterable[Effect]) -> int:
     """Quadrature degree on facets with these effects."""
-    varying = any(not isinstance(value, float) for effect in effects for value in _values(effect))
-    return _FINE_DEGREE if varying else 2 * d.scene.element.degree
-
-
-def _values(effect: _Effect) -> list[Any]:
-    """The components that an effect prescribes."""
-    values = stresses(effect) if isinstance(effect, SurfaceTraction) else [*effect.components, effect.normal]
-    return [value for value in values if value is not None]
-
-
-def _free(effect: PrescribedDisplacement, residual: Any, n: Any) -> Any:
-    """The components of a residual that a prescribed displacement leaves free."""
-    if effect.normal is not None:
-        return residual - ufl.inner(residual, n) * n
-    free = [component is None for component in effect.components]
-    return ufl.as_vector([residual[k] if free[k] else 0.0 for k in range(len(residual))])
-
-
-def _away(effect: PrescribedDisplacement, y: Any, factor: Any, n: Any, space: fem.FunctionSpace) -> list[Any]:
-    """The deviation of the displacement from a prescribed expression, component by component."""
-    pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, n))]
-    return [
-        factor * ufl_value(value, space) - component
-        for value, component in pairs
-        if value is not None and not isinstance(value, float)
-    ]
-
-
-def _traction(load: SurfaceTraction, space: fem.FunctionSpace, n: Any) -> Any:
-    value = vector_value(load, space)
-    return value if is_zero(load.pressure) else value - ufl_value(load.pressure, space) * n
+    return _FINE_DEGREE if any(effect.varies for effect in effects) else 2 * d.scene.element.degree
 
 
 def compliance(tau: Any, lame: Any, mu: Any) -> Any:

@@ -11,10 +11,11 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.discretisation import Body
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.magnitudes import LARGEST
-from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Box
 from signorini_fx.tuned import AUTOMATIC_GAMMA
 
@@ -30,13 +31,13 @@ def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
         here = boundary.part == index
         path = f"contact[{index}].friction"
         match effect.friction:
-            case TrescaFriction(bound=value) if friction_acts(effect.friction):
+            case TrescaFriction(bound=value) if effect.friction.acts:
                 given[here] = _nodal(value, boundary, here, f"{path}.bound", minimum=0.0)
-            case CoulombFriction(coefficient=value, cap=limit) if friction_acts(effect.friction):
+            case CoulombFriction(coefficient=value, cap=limit) if effect.friction.acts:
                 coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)
                 if limit is not None:
                     cap[here] = _nodal(limit, boundary, here, f"{path}.cap", minimum=0.0)
-    capped = any(isinstance(e.friction, CoulombFriction) and e.friction.cap is not None for e in scene.contact)
+    capped = any(effect.capped for effect in scene.contact)
     return FrictionLaw(given, coefficient, cap if capped else None)
 
 

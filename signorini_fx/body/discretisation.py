@@ -16,22 +16,24 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
-from signorini_fx.body import forms
 from signorini_fx.body.averages import averaging, averaging_forms
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.loads import (
     AppliedLoad,
+    ResistanceForm,
     applied_load,
     check_finite,
+    compile_resistance,
     load_case,
     load_groups,
     turned_case,
 )
-from signorini_fx.body.material import lame_parameters
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid import RigidMotions, rigid_motions
+from signorini_fx.body.rigid import RigidMotions, rigid_motions, unresisted
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import MeshError, SceneError, together
 from signorini_fx.linalg.choice import SystemSize
 from signorini_fx.linalg.elasticity import LoadCase
@@ -40,11 +42,8 @@ from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import PrescribedDisplacement, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
-
-# Above this Poisson's ratio the fully integrated elements lock visibly.
-LOCKING_POISSON = 0.45
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,7 @@ class Body:
         boundary: the contact nodes; None for a scene without contact.
         motions: motions without strain that the supports leave free.
         inventory: what was compiled and assembled; the elastic forms are named and compiled later.
+        resistance: what resists the displacement on the boundary.
         turned: nodes with supports along no axis, for which ``fixed`` is told in their own frames; None: none.
     """
 
@@ -77,6 +77,7 @@ class Body:
     boundary: ContactBoundary | None
     motions: RigidMotions
     inventory: Inventory
+    resistance: ResistanceForm
     turned: TurnedNodes | None
 
     @property
@@ -191,8 +192,9 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         fixed = fixed_dofs(space, [support for _, support in supports])
         skew = skew_supports(scene, space, facets, tagged)
         turned = turned_nodes(scene, space, supports, skew, fixed)
+        resistance = compile_resistance(scene, space, z, facets.__getitem__, inventory)
         applied = [
-            applied_load(factors, loads, space, z, facets, supports, inventory, turned)
+            applied_load(factors, loads, space, z, facets.__getitem__, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
         ]
         contact_forms = [
@@ -208,12 +210,26 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         ]
         boundary = join(parts) if parts else None
         motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
+        if resistance.form is not None:
+            motions = unresisted(motions, resistance.form)
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
     )
     return Body(
-        scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory, turned
+        scene,
+        tagged,
+        space,
+        lame,
+        reduced,
+        supports,
+        fixed,
+        tuple(applied),
+        boundary,
+        motions,
+        inventory,
+        resistance,
+        turned,
     )
 
 
@@ -226,11 +242,13 @@ def assemble_body(body: Body, timings: Timings) -> Discretisation:
     with timings.phase("compile"):
         y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
         mesh = space.mesh
-        degree = forms.elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
-        terms = forms.elastic_forms(y, z, *body.lame, degree, body.reduced)
+        degree = elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
+        terms = elastic_forms(y, z, *body.lame, degree, body.reduced)
         elastic = tuple(
             body.inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)
         )
+        if body.resistance.form is not None:
+            elastic = (*elastic, body.resistance.form)
     with timings.phase("assemble"):
         every = [support for _, support in body.supports] if body.turned is None else []
         stiffness = fem_petsc.assemble_matrix(elastic[0], every, 0.0)
@@ -279,17 +297,18 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
     """Facets of every boundary that the scene names; all missing and empty ones are reported together."""
     facets: dict[str, npt.NDArray[np.int32]] = {}
     problems: list[tuple[str, str]] = []
-    for key in ("displacement", "traction", "contact"):
-        for index, effect in enumerate(getattr(scene, key)):
-            path = f"{key}[{index}].boundary"
-            try:
-                found = tagged.facets(effect.boundary)
-            except MeshError as error:
-                problems.append((path, str(error)))
-                continue
-            facets[effect.boundary] = found
-            if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
-                problems.append((path, f"boundary {effect.boundary!r} has no exterior facets"))
+    for path, effect in scene.listed():
+        if effect.where is None:
+            continue
+        path += ".boundary"
+        try:
+            found = tagged.facets(effect.where)
+        except MeshError as error:
+            problems.append((path, str(error)))
+            continue
+        facets[effect.where] = found
+        if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
+            problems.append((path, f"boundary {effect.where!r} has no exterior facets"))
     for index, effect in enumerate(scene.contact):
         for other in scene.contact[:index]:
             if effect.boundary in facets and other.boundary in facets:
@@ -313,7 +332,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     """Lame parameters: constants for one material, cell-wise functions for several."""
     mesh = tagged.mesh
     if len(scene.material) == 1:
-        first, second = lame_parameters(scene.material[0])
+        first, second = scene.material[0].lame
         return fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
     space = fem.functionspace(mesh, ("DG", 0))
     pair = fem.Function(space), fem.Function(space)
@@ -325,7 +344,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
         assert material.region is not None
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
         covered[dofs] += 1
-        for function, value in zip(pair, lame_parameters(material), strict=True):
+        for function, value in zip(pair, material.lame, strict=True):
             function.x.array[dofs] = value
     owned = covered[: space.dofmap.index_map.size_local]
     counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
@@ -349,7 +368,7 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
-    nearly = any(m.poisson >= LOCKING_POISSON and m.hypothesis == "plane strain" for m in scene.material)
+    nearly = any(material.locks for material in scene.material)
     if requested == "full" or not has_form or (requested == "auto" and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

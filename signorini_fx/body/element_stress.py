@@ -11,7 +11,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat
 from signorini_fx.body.discretisation import Body
-from signorini_fx.body.material import strain
+from signorini_fx.effects.material import strain
 from signorini_fx.machine.compilation import compiling
 
 

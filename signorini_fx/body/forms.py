@@ -1,4 +1,4 @@
-"""The weak forms, one function per effect, each returning its UFL terms.  Symbols and equation numbers as in the paper.
+"""The weak forms of contact, each returning its UFL terms.  Symbols and equation numbers as in the paper.
 
 The contact terms are integrated with a rule whose points are the contact nodes (``nodal_rule``).  With it a nodal field
 is multiplied point by point, so that the terms of (3.3a) need to be assembled once, for unit multipliers, and
@@ -10,56 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import ufl
-
-from signorini_fx.body.material import strain, stress
-
-
-def elastic_degree(cell: str, degree: int, geometry: int) -> int:
-    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
-
-    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
-    hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
-    in the plane; it is stated here because the certificate integrates without UFL.
-    """
-    if cell in ("triangle", "tetrahedron"):
-        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
-    return 2 * (degree + geometry)
-
-
-def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None) -> tuple[Any, ...]:
-    """a(y, z) of section 2.1, as terms to be compiled one by one.
-
-    Args:
-        y: trial function.
-        z: test function.
-        lame: first Lame parameter.
-        mu: second Lame parameter.
-        degree: quadrature degree.
-        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
-            rest.
-
-    Returns:
-        One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
-        rule and another rule on quadrilaterals.
-    """
-    dx = ufl.dx(metadata={"quadrature_degree": degree})
-    if reduced is None:
-        return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
-    volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))
-    return (
-        2 * mu * ufl.inner(strain(y), strain(z)) * dx,
-        volumetric * ufl.dx(metadata={"quadrature_degree": reduced}),
-    )
-
-
-def body_force_form(force: Any, z: Any, degree: int) -> Any:
-    """(f, z), the volume term of L of section 2.1, integrated exactly up to ``degree``."""
-    return ufl.inner(force, z) * ufl.dx(metadata={"quadrature_degree": degree})
-
-
-def traction_form(traction: Any, z: Any, ds: Any) -> Any:
-    """(h, z) on a boundary, the surface term of L of section 2.1."""
-    return ufl.inner(traction, z) * ds
 
 
 def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:

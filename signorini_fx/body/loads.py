@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -13,16 +15,17 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body import forms
 from signorini_fx.body.assembly import action, assemble, measure
 from signorini_fx.body.rigid import RigidMotions, nearest_motion
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
+from signorini_fx.scene.effect import Effect, Force, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.magnitudes import LARGEST
-from signorini_fx.scene.model import BodyForce, PrescribedDisplacement, Scene, SurfaceTraction
+from signorini_fx.scene.model import Scene
 
 
 @dataclass(frozen=True)
@@ -50,64 +53,57 @@ class AppliedLoad:
         return values
 
 
-# Ten points on a facet: the error for a jump within it is part of the error estimate (``data_error``).
-_VARYING_DEGREE = 20
+@dataclass(frozen=True)
+class FormCoefficients:
+    """Values of a scene as UFL, ``scene.effect.Coefficients``.
+
+    Attributes:
+        space: of the displacement; a callable is interpolated at its nodes.
+    """
+
+    space: fem.FunctionSpace
+
+    @property
+    def normal(self) -> Any:
+        """Outward unit normal."""
+        return ufl.FacetNormal(self.space.mesh)
+
+    def value(self, value: Any) -> Any:
+        """A value as a coefficient."""
+        mesh = self.space.mesh
+        if isinstance(value, float):
+            return fem.Constant(mesh, default_scalar_type(value))
+        if isinstance(value, Expression):
+            return value.ufl(mesh)
+        if hasattr(value, "ufl_domain"):
+            return value
+        function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
+        function.interpolate(lambda x: sample(value, x))
+        return function
+
+    def vector(self, values: tuple[Any, ...]) -> Any:
+        """Values along the axes as a vector, shape (d,)."""
+        return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
 
 
-def ufl_value(value: Any, space: fem.FunctionSpace) -> Any:
-    """A scene value as a UFL coefficient; a callable is interpolated at the nodes."""
-    mesh = space.mesh
-    if isinstance(value, float):
-        return fem.Constant(mesh, default_scalar_type(value))
-    if isinstance(value, Expression):
-        return value.ufl(mesh)
-    if hasattr(value, "ufl_domain"):
-        return value
-    function = fem.Function(fem.functionspace(mesh, ("Lagrange", space.element.basix_element.degree)))
-    function.interpolate(lambda x: sample(value, x))
-    return function
+Facets = Callable[[str], npt.NDArray[np.int32]]
 
 
-def vector_value(load: BodyForce | SurfaceTraction, space: fem.FunctionSpace) -> Any:
-    """The components of a load as a UFL vector, shape (d,)."""
-    return ufl.as_vector([ufl_value(value, space) for value in load.components[: space.mesh.geometry.dim]])
-
-
-def is_zero(*values: Any) -> bool:
-    """Whether all values are the number zero."""
-    return all(isinstance(value, float) and value == 0.0 for value in values)
-
-
-Load = BodyForce | SurfaceTraction | PrescribedDisplacement
+def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets) -> list[Any]:
+    """Integration over what each effect acts on: the body, or the facets of its boundary."""
+    surfaces = [effect.where for effect in effects if effect.where is not None]
+    ds = measure(space.mesh, [facets(boundary) for boundary in surfaces], {})
+    number = count(1)
+    return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
 def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
     """The loads of the scene by their load factors; zero loads are left out."""
     groups: dict[tuple[float, ...], list[Load]] = {}
     for load in scene.loads:
-        if isinstance(load, PrescribedDisplacement) or not is_zero(*stresses(load)):
+        if load.acts:
             groups.setdefault(scene.factors_of(load), []).append(load)
     return groups
-
-
-def load_degree(degree: int) -> int:
-    """Quadrature degree of loads in the body, and of constant tractions, for elements of a degree."""
-    return 2 * degree + 2
-
-
-def traction_degree(load: SurfaceTraction, degree: int) -> int:
-    """Quadrature degree of a traction: one that varies may jump within a facet, and is integrated with many points."""
-    return _VARYING_DEGREE if varies(load) else load_degree(degree)
-
-
-def varies(load: BodyForce | SurfaceTraction) -> bool:
-    """Whether a load is more than constants."""
-    return not all(isinstance(value, float) for value in stresses(load))
-
-
-def stresses(load: BodyForce | SurfaceTraction) -> list[Any]:
-    """All values of a load: its components and its pressure."""
-    return [*load.components, *([load.pressure] if isinstance(load, SurfaceTraction) else [])]
 
 
 def applied_load(
@@ -115,7 +111,7 @@ def applied_load(
     loads: list[Load],
     space: fem.FunctionSpace,
     z: Any,
-    facets: dict[str, npt.NDArray[np.int32]],
+    facets: Facets,
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
     inventory: Inventory,
     turned: TurnedNodes | None = None,
@@ -137,34 +133,48 @@ def applied_load(
 
 
 def compile_loads(
-    loads: list[Load],
-    space: fem.FunctionSpace,
-    z: Any,
-    facets: dict[str, npt.NDArray[np.int32]],
-    inventory: Inventory,
+    loads: Sequence[Load], space: fem.FunctionSpace, z: Any, facets: Facets, inventory: Inventory
 ) -> tuple[str, fem.Form | None]:
-    """The terms of L that the loads list, compiled together, and their name."""
-    mesh = space.mesh
-    element = space.element.basix_element.degree
-    degree = load_degree(element)
-    bodies = [load for load in loads if isinstance(load, BodyForce)]
-    tractions = [load for load in loads if isinstance(load, SurfaceTraction)]
-    if not bodies and not tractions:
+    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, and their name."""
+    forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
+    if not forces:
         return "", None
-    terms = []
-    for body in bodies:
-        force = vector_value(body, space)
-        terms.append(forms.body_force_form(force, z, degree))
-    ds = measure(mesh, [facets[load.boundary] for load in tractions], {})
-    for number, load in enumerate(tractions, start=1):
-        traction = vector_value(load, space)
-        if not is_zero(load.pressure):
-            traction -= ufl_value(load.pressure, space) * ufl.FacetNormal(mesh)
-        rule = {"quadrature_degree": traction_degree(load, element)}
-        terms.append(forms.traction_form(traction, z, ds(number, metadata=rule)))
-    names = ["body force"] * len(bodies) + [f"traction {load.boundary}" for load in tractions]
-    name = " + ".join(names)
+    on, element = FormCoefficients(space), space.element.basix_element.degree
+    terms = [
+        ufl.inner(load.density(on), z) * where(metadata={"quadrature_degree": load.degree(element)})
+        for load, where in zip(forces, measures(space, forces, facets), strict=True)
+    ]
+    name = " + ".join(load.name for load in forces)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+
+
+@dataclass(frozen=True)
+class ResistanceForm:
+    """The part of a(., .) that resists the displacement on the boundary.
+
+    Attributes:
+        name: of the form, empty without.
+        form: compiled; None: nothing does.
+    """
+
+    name: str
+    form: fem.Form | None
+
+
+def compile_resistance(
+    scene: Scene, space: fem.FunctionSpace, z: Any, facets: Facets, inventory: Inventory
+) -> ResistanceForm:
+    """What resists the displacement, compiled together."""
+    effects = [effect for effect in scene.of(Resistance) if effect.acts]
+    if not effects:
+        return ResistanceForm("", None)
+    y, on, element = ufl.TrialFunction(space), FormCoefficients(space), scene.element.degree
+    terms = [
+        ufl.inner(effect.reaction(y, on), z) * where(metadata={"quadrature_degree": effect.degree(element)})
+        for effect, where in zip(effects, measures(space, effects, facets), strict=True)
+    ]
+    name = " + ".join(effect.name for effect in effects)
+    return ResistanceForm(name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0]))))
 
 
 def load_case(

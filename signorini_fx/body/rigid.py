@@ -7,12 +7,13 @@ where both must move together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
 from signorini_fx import parallel
@@ -149,6 +150,34 @@ def rigid_motions(
         moved = motions.of_pieces(column)[owned]
         column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
     return RigidMotions(pieces, x, piece, centre, length, free, assembly)
+
+
+def unresisted(motions: RigidMotions, form: fem.Form) -> RigidMotions:
+    """The motions of these that do no work against what resists the displacement; collective.
+
+    Args:
+        motions: those that the supports leave free.
+        form: the resistance, bilinear, symmetric and not negative.
+    """
+    count = motions.free.shape[1]
+    matrix = fem_petsc.assemble_matrix(form)
+    matrix.assemble()
+    x, force = matrix.createVecs()
+    moved, forces = np.empty((count, x.getLocalSize())), np.empty((count, x.getLocalSize()))
+    for k in range(count):
+        moved[k] = motions.displacement(np.eye(count)[k]).ravel()[: x.getLocalSize()]
+        x.getArray()[:] = moved[k]
+        matrix.mult(x, force)
+        forces[k] = force.getArray(readonly=True)
+    work = parallel.global_sum(matrix.comm.tompi4py(), moved @ forces.T)
+    columns, numbers = [motions.free[:, :0]], [motions.assembly[:0]]
+    for number in np.unique(motions.assembly):
+        of = motions.assembly == number
+        values, vectors = np.linalg.eigh(work[np.ix_(of, of)])
+        kept = vectors[:, values <= _HELD * max(values[-1], 0.0)]
+        columns.append(motions.free[:, of] @ kept)
+        numbers.append(np.full(kept.shape[1], number))
+    return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))
 
 
 def nearest_motion(

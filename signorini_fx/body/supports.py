@@ -13,10 +13,11 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.turned_supports import SkewSupport, TurnedNodes
+from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import PrescribedDisplacement, Scene
+from signorini_fx.scene.model import Scene
 
 
 def dirichlet_conditions(

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.scene.model import PrescribedDisplacement
+from signorini_fx.effects.displacement import PrescribedDisplacement
 
 _Floats = npt.NDArray[np.float64]
 # A direction of which less than this is perpendicular to others adds nothing to them.

@@ -16,26 +16,20 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
-from signorini_fx.body import contact_data, loads
-from signorini_fx.body.discretisation import LOCKING_POISSON, Body, prepare
+from signorini_fx.body import contact_data
+from signorini_fx.body.discretisation import Body, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.material import LOCKING_POISSON
 from signorini_fx.linalg.options import refuse_mistyped
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
-from signorini_fx.scene.model import (
-    BodyForce,
-    CoulombFriction,
-    Friction,
-    PrescribedDisplacement,
-    Scene,
-    SurfaceTraction,
-    TrescaFriction,
-    friction_acts,
-)
+from signorini_fx.scene.effect import Force, Load
+from signorini_fx.scene.model import Scene
 
 # What ``stress_recovery.StressRecovery`` compiles.
 _RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
@@ -134,8 +128,7 @@ def _compares_meshes(scene: Scene) -> bool:
 
 def _estimated(scene: Scene) -> tuple[str, ...]:
     """The forms that the error estimate compiles."""
-    forces = [load for load in scene.loads if isinstance(load, BodyForce | SurfaceTraction)]
-    missed = _compares_meshes(scene) and any(loads.varies(load) for load in forces)
+    missed = _compares_meshes(scene) and any(load.varies for load in scene.of(Force))
     return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
@@ -154,20 +147,15 @@ def _effects(d: Body) -> list[Effect]:
 
     names = {load.factors: load.name for load in d.applied}
 
-    def form_of(load: Any) -> tuple[str, ...]:
-        return (names[scene.factors_of(load)],)
+    def form_of(effect: Any) -> tuple[str, ...]:
+        return (names[scene.factors_of(effect)] if isinstance(effect, Load) else d.resistance.name,)
 
-    body = scene.body_force
-    if body is None or loads.is_zero(*body.components):
-        found.append(Effect("body force", False, "it is 0" if body is not None else "no [body_force]"))
-    else:
-        components = ", ".join(map(_text, body.components[: d.tagged.dimension]))
-        found.append(Effect("body force", True, f"({components})", form_of(body)))
-    for traction in scene.traction:
-        name, why = f"traction {traction.boundary}", _traction(traction)
-        found.append(Effect(name, bool(why), why or "it is 0", form_of(traction) if why else ()))
-    if not scene.traction:
-        found.append(Effect("traction", False, "no [[traction]]"))
+    for key, entries in scene.effects.items():
+        if key not in ("material", "displacement", "contact"):
+            found += [
+                Effect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
+                for effect in entries
+            ] or [Effect(key.replace("_", " "), False, f"no {scene.heading(key)}")]
     found += _contacts(d)
     nodes = contact_nodes(d)
     kind = friction_kind(scene, scene.contact)
@@ -222,7 +210,7 @@ def _displacements(d: Body) -> list[Effect]:
         found.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
     if not found:
         return [Effect("displacement", False, "no [[displacement]]")]
-    return [Effect(f"displacement {e.boundary}", True, _prescribed(e), unknowns=-count) for e, count in found]
+    return [Effect(f"displacement {e.boundary}", True, e.said, unknowns=-count) for e, count in found]
 
 
 def _contacts(d: Body) -> list[Effect]:
@@ -240,38 +228,10 @@ def _contacts(d: Body) -> list[Effect]:
     for index, effect in enumerate(scene.contact):
         law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)
         name = f"friction {effect.boundary}"
-        found.append(Effect(name, friction_acts(law), _friction(law), solves=_minus(total, previous)))
+        found.append(Effect(name, law.acts, law.said, solves=_minus(total, previous)))
         previous = total
     return found
 
 
 def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:
     return after[0] - before[0], after[1] - before[1]
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:g}"
-    text = str(getattr(value, "text", f"<{type(value).__name__}>"))
-    return text if len(text) <= 30 else text[:27] + "..."
-
-
-def _prescribed(effect: PrescribedDisplacement) -> str:
-    parts = (*zip("xyz", effect.components, strict=True), ("normal", effect.normal))
-    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if value is not None)
-
-
-def _traction(effect: SurfaceTraction) -> str:
-    """The loads that act; empty if none does."""
-    parts = (*zip("xyz", effect.components, strict=True), ("pressure", effect.pressure))
-    return ", ".join(f"{name} = {_text(value)}" for name, value in parts if not loads.is_zero(value))
-
-
-def _friction(law: Friction) -> str:
-    match law:
-        case TrescaFriction(bound=bound):
-            return f"tresca, bound = {_text(bound)}" + ("" if friction_acts(law) else ": frictionless")
-        case CoulombFriction(coefficient=coefficient, cap=cap):
-            text = f"coulomb, coefficient = {_text(coefficient)}" + ("" if cap is None else f", cap = {_text(cap)}")
-            return text + ("" if friction_acts(law) else ": frictionless")
-    return "no friction"

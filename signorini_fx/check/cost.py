@@ -11,9 +11,10 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Body
+from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
 from signorini_fx.records import Finding
-from signorini_fx.scene.model import Contact, CoulombFriction, Scene, friction_acts
+from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,
@@ -67,10 +68,9 @@ def contact_nodes(d: Body) -> int:
 
 def friction_kind(scene: Scene, contacts: Sequence[Contact]) -> str:
     """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
-    acting = [contact.friction for contact in contacts if friction_acts(contact.friction)]
-    if any(isinstance(law, CoulombFriction) for law in acting):
+    if any(contact.coulomb for contact in contacts):
         return "newton" if scene.solver.coulomb == "newton" else "fp"
-    return "tresca" if acting else "none"
+    return "tresca" if any(contact.friction.acts for contact in contacts) else "none"
 
 
 def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:

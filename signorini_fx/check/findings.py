@@ -18,14 +18,15 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.discretisation import LOCKING_POISSON, Body
+from signorini_fx.body.discretisation import Body
 from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
+from signorini_fx.scene.effect import Force, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.scene.model import CoulombFriction, LinearElastic, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
 
 _Rows = npt.NDArray[np.float64]
@@ -45,7 +46,7 @@ def scene_findings(
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     scene = body.scene
-    found = [*_pieces(body), *_locking(body), *_idle_tractions(body), *equilibrium(body, law, data)]
+    found = [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body, law, data)]
     # Without an estimate it only matters whether anything acts at all.
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
@@ -76,27 +77,27 @@ def _locking(body: Body) -> list[Finding]:
             f"linear elements lock as nu -> 0.5 (nu = {material.poisson:g}): the body comes out too stiff; {cure}",
         )
         for index, material in enumerate(scene.material)
-        if material.hypothesis == "plane strain" and material.poisson >= LOCKING_POISSON
+        if material.locks
     ]
 
 
-def _idle_tractions(body: Body) -> list[Finding]:
-    """Tractions that are expressions of the position and vanish wherever they may act."""
+def _idle(body: Body) -> list[Finding]:
+    """Loads and resistances that are expressions of the position and vanish wherever they may act."""
     found = []
-    for index, load in enumerate(body.scene.traction):
-        given = [*load.components, load.pressure]
-        values = [value for value in given if not isinstance(value, float) or value != 0.0]
-        if not values or not all(isinstance(value, Expression) for value in values):
+    for path, effect in body.scene.listed():
+        values = [value for value in effect.given.values() if not is_zero(value)]
+        on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
+        if not on_boundary or not values or not all(isinstance(value, Expression) for value in values):
             continue
-        corners = facet_vertices(body.tagged.mesh, body.tagged.facets(load.boundary))
+        corners = facet_vertices(body.tagged.mesh, body.tagged.facets(effect.where))
         points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
         acts = any(bool(np.any(sample(value, points) != 0.0)) for value in values)
         if not parallel.any_rank(body.comm, acts):
             message = (
-                f"it is 0 on the whole boundary {load.boundary!r}, at all nodes and middles of facets: check its "
+                f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of facets: check its "
                 "expression and the unit of lengths"
             )
-            found.append(Finding("warning", f"traction[{index}]", message))
+            found.append(Finding("warning", path, message))
     return found
 
 
@@ -282,25 +283,8 @@ def _displacement_scale(body: Body, step: int) -> float:
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
 
 
-def friction_indication(material: LinearElastic) -> float:
-    """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
-
-    This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
-    displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
-    (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound for
-    uniqueness that is both proved and independent of the mesh is not known: a solution exists for every coefficient in
-    two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound that decreases to
-    zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples with several
-    solutions are known.
-    """
-    nu = material.poisson
-    if material.hypothesis == "plane stress":
-        nu = nu / (1 + nu)
-    return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
-
-
 def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None) -> list[Finding]:
-    limit = min(friction_indication(material) for material in scene.material)
+    limit = min(material.friction_indication for material in scene.material)
     found = []
     for index, _ in enumerate(scene.contact):
         here = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
@@ -350,9 +334,8 @@ def _monolithic(scene: Scene) -> list[Finding]:
     """A note if coulomb = newton cannot be used."""
     if scene.solver.coulomb != "newton" or not scene.has_coulomb:
         return []
-    capped = any(isinstance(c.friction, CoulombFriction) and c.friction.cap is not None for c in scene.contact)
     reasons = {
-        "a cap": capped,
+        "a cap": any(contact.capped for contact in scene.contact),
         "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
     }
     given = [reason for reason, holds in reasons.items() if holds]

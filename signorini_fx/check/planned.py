@@ -16,7 +16,7 @@ from signorini_fx.attempts import (
     for_problem,
     step_limit,
 )
-from signorini_fx.scene.model import CoulombFriction, MeshGenerator, Scene
+from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
 
 
@@ -33,9 +33,7 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
     problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if scene.has_coulomb:
-        capped = any(
-            isinstance(one.friction, CoulombFriction) and one.friction.cap is not None for one in scene.contact
-        )
+        capped = any(one.capped for one in scene.contact)
         bilateral = any(one.kind == "bilateral" for one in scene.contact)
         ways = for_coulomb(
             monolithic=not (capped or bilateral),

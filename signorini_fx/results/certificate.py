@@ -32,7 +32,7 @@ from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide, sides_of
-from signorini_fx.results.nodal_forces import NodalForces, hooke
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
@@ -86,7 +86,7 @@ class Certificate:
         complementarity: largest |lambda (tau_N y - d)|.
         stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
         law: the contact law that was used for the check.
-        strain_energy: a(y, y) / 2, an energy per thickness.
+        strain_energy: a(y, y) / 2 of the strains, an energy per thickness.
         potential_energy: a(y, y) / 2 - L(y), an energy per thickness.
     """
 
@@ -157,7 +157,7 @@ def certify(
     forces = NodalForces(scene, tagged, space)
     every = displacement.x.array.reshape(-1, tagged.dimension)
     scales = Scales(tagged.dimension, scene.young, tagged.size)
-    stiffest = replace(scales, modulus=max(a + b for a, b in map(hooke, scene.material)))
+    stiffest = replace(scales, modulus=max(sum(material.hooke) for material in scene.material))
     balance = Balance(
         forces,
         forces.internal(every),
@@ -165,6 +165,7 @@ def certify(
         Supports.of(forces, step, scale),
         scales,
         stiffest,
+        forces.resisted(every),
     )
     return judged(displacement, balance, sides_of(scene, space), tractions, law=law, before=before)
 
@@ -175,11 +176,12 @@ class Balance:
 
     Attributes:
         surface: integrals over its boundary.
-        internal: a(y, .), forces, shape (owned nodes, d).
+        internal: a(y, .) of the strains, forces, shape (owned nodes, d).
         external: L, forces, shape (owned nodes, d).
         supports: what is prescribed.
         scales: of its lengths and stresses.
         stiffest: the same with the largest modulus.
+        resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
     """
 
     surface: SurfaceQuadrature
@@ -188,6 +190,7 @@ class Balance:
     supports: Supports
     scales: Scales
     stiffest: Scales
+    resisted: Nodal | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -225,8 +228,9 @@ def judged(
     comm, dim = forces.space.mesh.comm, forces.dimension
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], forces.space.tabulate_dof_coordinates()[: forces.owned, :dim]
-    energy, work = parallel.global_sum(comm, np.array([np.sum(balance.internal * y), np.sum(balance.external * y)]))
-    strain_energy = max(0.0, float(energy) / 2)
+    works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external)]
+    energy, stored, work = map(float, parallel.global_sum(comm, np.array(works)))
+    strain_energy = max(0.0, energy / 2)
     far = _largest(comm, np.linalg.norm(y, axis=1))
     length = max(_deformation(comm, x, y), _ROUND_OFF * far)
     found: dict[str, Any] = {
@@ -234,7 +238,7 @@ def judged(
         "displacement": far / scales.size,
         "law": law,
         "strain_energy": strain_energy,
-        "potential_energy": strain_energy - float(work),
+        "potential_energy": strain_energy + stored / 2 - work,
     }
     if tractions is None:
         return Certificate(equilibrium=equilibrium(balance, y, None, _Units(length, far, 0.0)), **found)
@@ -278,7 +282,7 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
     force = max(_norm(comm, balance.internal), _norm(comm, balance.external), least)
-    residual = balance.internal - balance.external
+    residual = balance.internal + balance.resisted - balance.external
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()
         np.add.at(residual, reached, contact_forces)

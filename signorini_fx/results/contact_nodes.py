@@ -12,11 +12,12 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import BilateralContact, CoulombFriction, Scene, TrescaFriction, friction_acts
+from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
 
@@ -226,7 +227,7 @@ def sides_of(scene: Scene, space: fem.FunctionSpace) -> list[ContactSide]:
 
 def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
     """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
-    if not friction_acts(friction):
+    if not friction.acts:
         return np.zeros(pressure.size)
     match friction:
         case TrescaFriction(bound=bound):

@@ -22,9 +22,9 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Body
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import friction_acts
 from signorini_fx.tuned import CORNER_ANGLE
 
 Array = npt.NDArray[np.float64]
@@ -226,16 +226,16 @@ def _facets_near(body: Body, place: Array, step: float) -> list[_Facet]:
 def _traction(body: Body, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
     """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
     total, names = np.zeros_like(points), []
-    for load in body.scene.traction:
+    for load in body.scene.of(Force):
         factor = factor_at(body.scene.factors_of(load), step)
-        if facet in body.tagged.facets(load.boundary) and factor != 0:
+        if load.where is not None and factor != 0 and facet in body.tagged.facets(load.where):
             values = load.components[: body.tagged.dimension]
             # A form of the user's own is not known at a point.
             known = [
                 np.full(len(points), np.nan) if hasattr(v, "ufl_shape") else sample(v, in_space(points)) for v in values
             ]
             total += factor * np.stack(known, axis=1)
-            names.append(load.boundary)
+            names.append(load.where)
     return total, tuple(names)
 
 
@@ -257,4 +257,4 @@ def _condition(body: Body, facet: int, normal: Array) -> tuple[str, tuple[str, .
     if not rows:
         return "free", ()
     whole = np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
-    return "held" if whole or any(friction_acts(effect.friction) for effect in contacts) else "guided", names
+    return "held" if whole or any(effect.friction.acts for effect in contacts) else "guided", names

@@ -9,7 +9,8 @@ only a compiled form can integrate them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import basix
@@ -18,16 +19,17 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body import forms
 from signorini_fx.body.assembly import adjugates, assemble
 from signorini_fx.body.discretisation import reduced_degree
-from signorini_fx.body.loads import compile_loads, load_degree, stresses, traction_degree
+from signorini_fx.body.loads import compile_loads
+from signorini_fx.effects.material import elastic_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature
+from signorini_fx.scene.effect import Effect, Force, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import LinearElastic, PrescribedDisplacement, Scene, SurfaceTraction
+from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -36,11 +38,39 @@ Indices = npt.NDArray[np.int32]
 _CHUNK = 4096
 
 
-def hooke(material: LinearElastic) -> tuple[float, float]:
-    """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses."""
-    a = material.young / (1 + material.poisson)
-    squeezed = 1 - 2 * material.poisson if material.hypothesis == "plane strain" else 1 - material.poisson
-    return a, a * material.poisson / squeezed
+@dataclass(frozen=True)
+class QuadraturePoints:
+    """Points of quadrature in cells or on facets with the same places in their reference cell, ``scene.effect.Points``.
+
+    Attributes:
+        forces: of the body.
+        part: the cells.
+        size: length, area or volume that each point stands for, shape (f, q).
+        y: nodal displacements with ghosts, shape (nodes, d).
+    """
+
+    forces: NodalForces
+    part: Facets
+    size: Array
+    y: Array
+
+    @property
+    def normal(self) -> Array:
+        """Outward unit normal, shape (f, q, d)."""
+        return self.part.moment / self.size[:, :, None]
+
+    @property
+    def displacement(self) -> Array:
+        """y, shape (f, q, d)."""
+        return np.asarray(self.part.table.shape @ self.y[self.forces.space.dofmap.list[self.part.cells]])
+
+    def value(self, value: Any) -> Array:
+        """A number, an expression, or a callable, which the discretisation interpolates at nodes, shape (f, q)."""
+        return self.forces.values(value, self.part)
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along the axes, shape (f, q, d)."""
+        return np.stack([self.value(value) for value in values[: self.forces.dimension]], axis=2)
 
 
 class NodalForces(SurfaceQuadrature):
@@ -63,8 +93,11 @@ class NodalForces(SurfaceQuadrature):
         return self.tagged.facets(boundary)
 
     def internal(self, displacement: Array) -> Array:
-        """a(y, .) from nodal displacements with ghosts, shape (nodes, d); forces, shape (owned nodes, d)."""
-        degree = forms.elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
+        """a(y, .) of the strains of nodal displacements with ghosts, shape (nodes, d); forces, shape (owned nodes, d).
+
+        What resists them on the boundary is not in it, see ``resisted``.
+        """
+        degree = elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
         reduced = reduced_degree(self.scene, self.tagged.mesh)
         a, b = self._moduli()
         if reduced is None:
@@ -74,43 +107,39 @@ class NodalForces(SurfaceQuadrature):
             + self._stress_work(displacement, reduced, np.zeros(1), b)
         )
 
+    def resisted(self, displacement: Array, some: Sequence[Resistance] | None = None) -> Array:
+        """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
+        shape (owned nodes, d).
+        """
+        total = self._zero()
+        for effect in self.scene.of(Resistance) if some is None else some:
+            total += self._integral(effect, effect.reaction_at, displacement)
+        return self.over_ranks(total)
+
     def strain_energy(self, displacement: fem.Function) -> float:
-        """a(y, y) / 2, an energy per thickness."""
+        """The energy of the strains, per thickness."""
         y = displacement.x.array.reshape(-1, self.dimension)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
 
-    def external(self, step: float, scale: float = 1.0) -> Array:
-        """L of a load step times ``scale``, shape (owned nodes, d)."""
-        scene, degree = self.scene, load_degree(self.scene.element.degree)
-        total = self._zero()
-        compiled = np.zeros((self.owned, self.dimension))
-        for load in scene.loads:
-            factor = scale * factor_at(scene.factors_of(load), step)
-            if isinstance(load, PrescribedDisplacement):
-                continue
-            values = load.components[: self.dimension]
-            if any(hasattr(value, "ufl_shape") for value in stresses(load)):
+    def external(self, step: float, scale: float = 1.0, some: Sequence[Force] | None = None) -> Array:
+        """L of a load step times ``scale``, of all its loads or of some, shape (owned nodes, d)."""
+        total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
+        for load in self.scene.of(Force) if some is None else some:
+            factor = scale * factor_at(self.scene.factors_of(load), step)
+            if any(hasattr(value, "ufl_shape") for value in load.given.values()):
                 compiled += factor * self._compiled(load)
-            elif isinstance(load, SurfaceTraction):
-                rule = basix.make_quadrature(self._facet, traction_degree(load, scene.element.degree))
-                for facets in self._facets(load.boundary, *rule):
-                    at = self._positions(facets)
-                    pressure = self._values(load.pressure, facets, at)
-                    area = np.linalg.norm(facets.moment, axis=2, keepdims=True)
-                    traction = np.stack([self._values(value, facets, at) for value in values], axis=2)
-                    force = area * traction - pressure[:, :, None] * facets.moment
-                    np.add.at(total, self._nodes[facets.cells], factor * (facets.table.shape.T @ force))
             else:
-                points, weight = basix.make_quadrature(self._cell, degree)
-                table = self._table(points)
-                for cells in self._chunks():
-                    jacobian = self._jacobian(cells, table)
-                    part = Facets(cells, table, np.empty(0))
-                    at = self._positions(part)
-                    force = np.stack([self._values(value, part, at) for value in values], axis=2)
-                    force *= (weight * np.abs(adjugates(jacobian)[1]))[:, :, None]
-                    np.add.at(total, self._nodes[cells], factor * (table.shape.T @ force))
+                total += factor * self._integral(load, load.density_at, total)
         return self.over_ranks(total) + compiled
+
+    def values(self, value: Any, part: Facets) -> Array:
+        """A value at points, see ``QuadraturePoints``."""
+        if isinstance(value, float | Expression):
+            at = part.table.place @ self._x[self._corners[part.cells]]
+            return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
+        nodes = self._nodes[part.cells]
+        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
+        return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
@@ -118,16 +147,35 @@ class NodalForces(SurfaceQuadrature):
         for first in range(0, self._own_cells, _CHUNK):
             yield np.arange(first, min(first + _CHUNK, self._own_cells), dtype=np.int32)
 
+    def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
+        """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
+        total, degree = self._zero(), effect.degree(self.scene.element.degree)
+        for part, size in self._cells(degree) if effect.where is None else self._sides(effect.where, degree):
+            force: Array = size[:, :, None] * density(QuadraturePoints(self, part, size, y))
+            np.add.at(total, self._nodes[part.cells], part.table.shape.T @ force)
+        return total
+
+    def _cells(self, degree: int) -> Iterator[tuple[Facets, Array]]:
+        """All cells of this rank, and the volumes of their points."""
+        points, weight = basix.make_quadrature(self._cell, degree)
+        table = self._table(points)
+        for cells in self._chunks():
+            yield Facets(cells, table, np.empty(0)), weight * np.abs(adjugates(self._jacobian(cells, table))[1])
+
+    def _sides(self, boundary: str, degree: int) -> Iterator[tuple[Facets, Array]]:
+        """The facets of a boundary on this rank, and the areas of their points."""
+        for facets in self._facets(boundary, *basix.make_quadrature(self._facet, degree)):
+            yield facets, np.linalg.norm(facets.moment, axis=2)
+
     def _moduli(self) -> tuple[Array, Array]:
         """(a, b) of Hooke's law, of all cells alike or cell by cell."""
         materials = self.scene.material
         if len(materials) == 1:
-            a, b = hooke(materials[0])
+            a, b = materials[0].hooke
             return np.array([a]), np.array([b])
         moduli = np.full((2, len(self._corners)), np.nan)
         for material in materials:
-            assert material.region is not None
-            moduli[:, self.tagged.cells(material.region)] = np.array(hooke(material))[:, None]
+            moduli[:, self.tagged.cells(material.region)] = np.array(material.hooke)[:, None]
         return moduli[0], moduli[1]
 
     def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
@@ -154,22 +202,10 @@ class NodalForces(SurfaceQuadrature):
                 total[:, i] += np.bincount(self._nodes[cells].ravel(), forces[:, :, i].ravel(), minlength=len(total))
         return total
 
-    def _positions(self, part: Facets) -> Array:
-        return part.table.place @ self._x[self._corners[part.cells]]
-
-    def _values(self, value: Any, part: Facets, at: Array) -> Array:
-        """A load at points: a number, an expression, or a callable, which the discretisation interpolates at nodes."""
-        if isinstance(value, float | Expression):
-            return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
-        nodes = self._nodes[part.cells]
-        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
-        return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
-
-    def _compiled(self, load: Any) -> Array:
+    def _compiled(self, load: Force) -> Array:
         """A load with UFL expressions, by its own form."""
         import ufl
 
-        facets = {} if not isinstance(load, SurfaceTraction) else {load.boundary: self.tagged.facets(load.boundary)}
-        _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), facets, Inventory())
+        _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), self.tagged.facets, Inventory())
         assert form is not None
         return assemble(form).reshape(-1, self.dimension)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +17,8 @@ from signorini_fx.results.contact_nodes import ContactNodes, sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
-from signorini_fx.scene.model import BodyForce, Scene, SurfaceTraction
+from signorini_fx.scene.effect import Force, Resistance
+from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +34,8 @@ class Resultant:
 
     Attributes:
         boundary: its name; None: the body force.
-        acts: what acts there: ``support``, ``traction``, ``contact``, ``body force``.
+        acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as ``traction`` or
+            ``body force``.
         force: force on the body, shape (d,).
         moment: its moment about ``about``; a number in the plane (counterclockwise), shape (3,) in space.
         about: a point, length, shape (d,).
@@ -126,13 +127,12 @@ class Resultants:
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
         """That of the body force; collective."""
-        volume = self.scene.body_force
-        return self._sum(None, {"body force": self._loads(body_force=volume)} if volume is not None else {}, about)
+        return self._sum(None, self._of_effects(None), about)
 
     def every(self) -> list[Resultant]:
         """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
         found = [self.of(name) for name in self._names]
-        return [*found, *([self.body_force()] if self.scene.body_force is not None else [])]
+        return [*found, *([self.body_force()] if self._of_effects(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
         """Those of ``every`` for the summary; none if the displacement is not a number; collective."""
@@ -145,9 +145,7 @@ class Resultants:
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        scene = self.scene
-        names = [e.boundary for e in scene.displacement] + [e.boundary for e in (*scene.traction, *scene.contact)]
-        return list(dict.fromkeys(names))
+        return list(dict.fromkeys(effect.where for _, effect in self.scene.listed() if effect.where is not None))
 
     @cached_property
     def _nodal(self) -> NodalForces:
@@ -168,7 +166,7 @@ class Resultants:
         """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
         nodal = self._nodal
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
-        left = nodal.internal(every) - nodal.external(self.place)
+        left = nodal.internal(every) + nodal.resisted(every) - nodal.external(self.place)
         if self.contact is not None:
             nodes = ContactNodes.of(nodal, sides_of(self.scene, nodal.space), Tractions.of(self.contact))
             reached, forces, _ = nodes.forces()
@@ -182,8 +180,7 @@ class Resultants:
         if held:
             taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
             found["support"] = _Forces(self._x, taken)
-        if loads := tuple(load for load in scene.traction if load.boundary == boundary):
-            found["traction"] = self._loads(loads)
+        found |= self._of_effects(boundary)
         parts = [k for k, effect in enumerate(scene.contact) if effect.boundary == boundary]
         if parts and self.contact is not None:
             state = self.contact
@@ -192,14 +189,18 @@ class Resultants:
             found["contact"] = _Forces(state.boundary.centre[here], forces[here])
         return found
 
-    def _loads(self, traction: Sequence[SurfaceTraction] = (), body_force: BodyForce | None = None) -> _Forces:
-        """Those of some of the loads, with the factors that they have beside all others."""
-        factors = self.scene.factors_of
-        loads = tuple(load.model_copy(update={"factors": factors(load)}) for load in traction)
-        volume = None if body_force is None else body_force.model_copy(update={"factors": factors(body_force)})
-        alone = self.scene.model_copy(update={"traction": loads, "body_force": volume})
-        nodal = NodalForces(alone, self.tagged, self.displacement.function_space)
-        return _Forces(self._x, nodal.external(self.place))
+    def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:
+        """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
+        nodal, every = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.dimension)
+        found: dict[str, _Forces] = {}
+        for kind in self.scene.effects.values():
+            here = [effect for effect in kind if effect.where == boundary]
+            forces = [effect for effect in here if isinstance(effect, Force)]
+            resisting = [effect for effect in here if isinstance(effect, Resistance)]
+            if forces or resisting:
+                values = nodal.external(self.place, some=forces) - nodal.resisted(every, resisting)
+                found[here[0].label] = _Forces(self._x, values)
+        return found
 
     def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""

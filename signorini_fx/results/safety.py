@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +18,8 @@ from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.model import BodyForce, Scene, SurfaceTraction
+from signorini_fx.scene.effect import Force
 
-_Load = TypeVar("_Load", BodyForce, SurfaceTraction)
 # A node whose gap is below this share of the size of the body is closed.
 _CLOSED = 1e-9
 
@@ -114,23 +112,10 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
 
 def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
-    scene = d.scene
-    found: list[npt.NDArray[np.float64]] = []
-    for live in (True, False):
-        traction = tuple(_alone(scene, load) for load in scene.traction if load.live is live)
-        body = scene.body_force
-        volume = None if body is None or body.live is not live else _alone(scene, body)
-        if traction or volume is not None:
-            some = scene.model_copy(update={"traction": traction, "body_force": volume})
-            found.append(NodalForces(some, d.tagged, d.space).external(place).ravel())
-        else:
-            found.append(np.zeros(d.fixed.size))
-    return found
-
-
-def _alone(scene: Scene, load: _Load) -> _Load:
-    """A load with the factors that it has beside all others."""
-    return load.model_copy(update={"factors": scene.factors_of(load)})
+    nodal, forces = NodalForces(d.scene, d.tagged, d.space), d.scene.of(Force)
+    return [
+        nodal.external(place, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)
+    ]
 
 
 def _touching(d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

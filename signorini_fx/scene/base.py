@@ -27,13 +27,18 @@ class _OwnErrors(_ModelMetaclass):
         try:
             return super().__call__(**data)
         except ValidationError as error:
-            raise SceneError(problems_of(error, data, cast(type[BaseModel], cls)), cls.__name__) from None
+            raise SceneError(problems_of(error, data, cast(type[Table], cls).described()), cls.__name__) from None
 
 
 class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: unknown keys are errors, and entries are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    @classmethod
+    def described(cls) -> type[BaseModel]:
+        """The same keys with their types, for help and messages."""
+        return cls
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:

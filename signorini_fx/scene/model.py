@@ -14,31 +14,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 
-from pydantic import (
-    BaseModel,
-    Discriminator,
-    Field,
-    InstanceOf,
-    Tag,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, Field, InstanceOf, field_validator, model_validator
 
 from signorini_fx.scene.base import Table, refused
+from signorini_fx.scene.effect import Effect, Entries, Load, OneEntry, described, keys, with_every_effect
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.scene.values import (
-    Finite,
-    NonNegativeValue,
-    Positive,
-    SampledValue,
-    Selection,
-    Value,
-    kind_of,
-    shown,
-)
+from signorini_fx.scene.values import Positive, Selection, kind_of
+
+_Effect = TypeVar("_Effect", bound=Effect)
 
 
 class MeshFile(Table):
@@ -87,200 +73,11 @@ class Discretised(Table):
     volumetric: Literal["full", "reduced", "auto"] = "full"
 
 
-class LinearElastic(Table):
-    """Isotropic linear elasticity.
-
-    Attributes:
-        young: Young's modulus E > 0, stress.
-        poisson: Poisson's ratio nu in (-1, 0.5).
-        hypothesis: plane strain or plane stress, if the mesh has two dimensions.
-        region: name of the part of the body that is made of this material; None: all of it.
-    """
-
-    young: Positive
-    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
-    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
-    region: str | None = None
-
-
-class _Load(Table):
-    """Loads that load steps multiply by a factor."""
-
-    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
-
-
-class _Vector(_Load):
-    """Loads with components along x[0], x[1] and, in space, x[2]."""
-
-    x: Value = 0.0
-    y: Value = 0.0
-    z: Value = 0.0
-
-    @property
-    def components(self) -> tuple[Any, Any, Any]:
-        """Along x[0], x[1] and x[2], which is not used in the plane; None where a displacement is free."""
-        return self.x, self.y, self.z
-
-
-class BodyForce(_Vector):
-    """Force per volume, f of (1.1a).
-
-    Attributes:
-        x: component along x[0], stress / length.
-        y: component along x[1], stress / length.
-        z: component along x[2], stress / length; only in space.
-        factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it, as it does tractions.
-    """
-
-    live: bool = False
-
-
-class SurfaceTraction(_Vector):
-    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
-
-    Attributes:
-        boundary: its name.
-        x: component along x[0], stress.
-        y: component along x[1], stress.
-        z: component along x[2], stress; only in space.
-        pressure: pressure on the boundary, which acts along the inward normal, stress.
-        factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a preload is not live.
-    """
-
-    boundary: str
-    pressure: Value = 0.0
-    live: bool = True
-
-
-class PrescribedDisplacement(_Vector):
-    """Displacement prescribed on a boundary; a component that is not named stays free.
-
-    Attributes:
-        boundary: its name.
-        x: component along x[0], length.
-        y: component along x[1], length.
-        z: component along x[2], length; only in space.
-        normal: component along the outward normal, length, on a flat boundary (0: symmetry).
-        factors: one number per load step; None: 1 in every step.
-    """
-
-    boundary: str
-    x: SampledValue | None = None
-    y: SampledValue | None = None
-    z: SampledValue | None = None
-    normal: SampledValue | None = None
-
-    @model_validator(mode="after")
-    def _something(self) -> Self:
-        named = any(component is not None for component in self.components)
-        if named == (self.normal is not None):
-            none = "names no component: give x, y, both, or normal"
-            raise ValueError("give either normal or x and y" if named else none)
-        return self
-
-
-class NoFriction(Table):
-    """Frictionless contact.
-
-    Attributes:
-        law: its name.
-    """
-
-    law: Literal["none"] = "none"
-
-
-class TrescaFriction(Table):
-    """Tresca friction: |mu| <= bound (2.3d').
-
-    Attributes:
-        law: its name.
-        bound: largest shear, stress.
-    """
-
-    law: Literal["tresca"] = "tresca"
-    bound: NonNegativeValue
-
-
-class CoulombFriction(Table):
-    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
-
-    Attributes:
-        law: its name.
-        coefficient: F, without unit.
-        cap: largest shear that the contact can transmit, stress; None: no such limit.
-    """
-
-    law: Literal["coulomb"] = "coulomb"
-    coefficient: NonNegativeValue
-    cap: NonNegativeValue | None = None
-
-
-Friction = NoFriction | TrescaFriction | CoulombFriction
-
-
-class _Contact(Table):
-    """Contact of a boundary with a rigid foundation."""
-
-    boundary: str
-    gap: SampledValue = 0.0
-    direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
-    friction: Annotated[Friction, Field(discriminator="law")] = NoFriction()
-
-    @field_validator("direction")
-    @classmethod
-    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if given is not None and not any(given):
-            raise ValueError("must not be zero")
-        return given
-
-
-class UnilateralContact(_Contact):
-    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
-
-    Attributes:
-        boundary: name of the boundary where contact may occur.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        friction: the friction law.
-        kind: its name.
-    """
-
-    kind: Literal["unilateral"] = "unilateral"
-
-
-class BilateralContact(_Contact):
-    """Contact that cannot open: tau_N y = d; only the friction is unknown.
-
-    Attributes:
-        boundary: name of the boundary where contact may occur.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        friction: the friction law.
-        kind: its name.
-    """
-
-    kind: Literal["bilateral"]
-
-
-Contact = UnilateralContact | BilateralContact
-
-
-def _contact_kind(given: Any) -> str:
-    """Contact is unilateral unless specified otherwise."""
-    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
-    return kind if isinstance(kind, str) else shown(kind)
-
-
 class TaggedMeshBase:
     """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
 
 
-def _one_or_many(given: Any) -> Any:
-    return [given] if isinstance(given, Mapping | BaseModel) else given
-
-
+@with_every_effect
 class Scene(Table):
     """An elastic body, its loads, its supports and its contact with a rigid foundation.
 
@@ -301,22 +98,14 @@ class Scene(Table):
     title: str = ""
     mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
     element: Discretised = Discretised()
-    material: tuple[LinearElastic, ...]
-    displacement: tuple[PrescribedDisplacement, ...] = ()
-    traction: tuple[SurfaceTraction, ...] = ()
-    body_force: BodyForce | None = None
-    contact: tuple[
-        Annotated[
-            Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
-            Discriminator(_contact_kind),
-        ],
-        ...,
-    ] = ()
+    material: Entries
+    displacement: Entries = ()
+    traction: Entries = ()
+    body_force: OneEntry = None
+    contact: Entries = ()
     load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
-
-    _lists = field_validator("material", "displacement", "traction", "contact", mode="before")(_one_or_many)
 
     @field_validator("mesh", mode="before")
     @classmethod
@@ -345,28 +134,18 @@ class Scene(Table):
 
     def _contradictions(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Entries that do not go together, each alone fine: the place of the later one, and why."""
-        names = [effect.boundary for effect in self.contact]
-        for place, name in enumerate(names):
-            if name in names[:place]:
-                yield ("contact", place), f"boundary {name!r} is in contact twice: describe it in one [[contact]]"
-        for place, effect in enumerate(self.displacement):
-            if effect.boundary in names and (effect.normal is not None or None not in effect.components):
-                yield ("displacement", place), f"{effect.boundary!r} is prescribed, and in contact as well: choose one"
         regions = [material.region for material in self.material]
         if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
             yield ("material",), "give one material, or several, each with the name of its own region"
-        for place, material in enumerate(self.material):
-            if material.hypothesis != self.material[0].hypothesis:
-                yield ("material", place), "all materials must have the same hypothesis"
+        for entries in self.effects.values():
+            for place, effect in enumerate(entries):
+                yield from effect.contradictions(self, place)
         if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
             yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:
-            lists = {"displacement": self.displacement, "traction": self.traction}
-            places = [(f"{name}[{k}]", load) for name, loads in lists.items() for k, load in enumerate(loads)]
-            given = [*places, ("body_force", self.body_force)]
-            said = [f"{place} has {len(load.factors)}" for place, load in given if load is not None and load.factors]
+            said = [f"{path} has {len(load.factors)}" for path, load in self.listed() if getattr(load, "factors", None)]
             yield (), f"the lists of factors differ in length: {', '.join(said)}"
             return  # how many load steps there are is not known
         for name in ("names", "times"):
@@ -377,10 +156,37 @@ class Scene(Table):
         if self.grows_from_nothing and self.time_at(0) <= 0:
             yield ("load_steps", "times"), "must be positive: without factors the loads begin to grow at time 0"
 
+    @classmethod
+    def described(cls) -> type[BaseModel]:
+        """See ``Table``: this imports the files of all effects."""
+        return described(cls)
+
     @property
-    def loads(self) -> tuple[BodyForce | SurfaceTraction | PrescribedDisplacement, ...]:
-        """All loads that load steps multiply."""
-        return (*self.displacement, *self.traction, *([self.body_force] if self.body_force is not None else []))
+    def effects(self) -> dict[str, tuple[Any, ...]]:
+        """All entries by their keys, in the order of the keys of a scene; a key without entries is there as well."""
+        found = ((key, getattr(self, key)) for key in type(self).model_fields if key in keys())
+        return {key: own if isinstance(own, tuple) else () if own is None else (own,) for key, own in found}
+
+    def heading(self, key: str) -> str:
+        """How a TOML file writes a table of this key: ``[key]`` if there can be one only, else ``[[key]]``."""
+        return f"[[{key}]]" if get_origin(type(self).model_fields[key].annotation) is tuple else f"[{key}]"
+
+    def listed(self) -> list[tuple[str, Any]]:
+        """All entries with their paths in the scene."""
+        return [
+            (f"{key}[{place}]" if self.heading(key).startswith("[[") else key, effect)
+            for key, entries in self.effects.items()
+            for place, effect in enumerate(entries)
+        ]
+
+    def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
+        """All entries of a kind, such as ``scene.effect.Force``."""
+        return tuple(effect for _, effect in self.listed() if isinstance(effect, kind))
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """All that load steps multiply."""
+        return self.of(Load)
 
     @property
     def steps(self) -> int:
@@ -409,9 +215,9 @@ class Scene(Table):
         """Whether there may be more than one load step."""
         return self.steps > 1 or self.automatic_steps is not None
 
-    def factors_of(self, load: BodyForce | SurfaceTraction | PrescribedDisplacement) -> tuple[float, ...]:
-        """The factors of a load."""
-        return load.factors or (1.0,) * self.steps
+    def factors_of(self, effect: Effect) -> tuple[float, ...]:
+        """The factors of a load; those of an effect that load steps do not change are 1."""
+        return getattr(effect, "factors", None) or (1.0,) * self.steps
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
@@ -435,16 +241,9 @@ class Scene(Table):
     @property
     def has_friction(self) -> bool:
         """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
-        return any(friction_acts(effect.friction) for effect in self.contact)
+        return any(effect.friction.acts for effect in self.contact)
 
     @property
     def has_coulomb(self) -> bool:
         """Whether any friction bound depends on the contact pressure."""
-        return any(isinstance(e.friction, CoulombFriction) and friction_acts(e.friction) for e in self.contact)
-
-
-def friction_acts(friction: Friction) -> bool:
-    """Whether a law can transmit shear: F = 0 or g = 0 is frictionless contact and treated as such."""
-    if isinstance(friction, TrescaFriction):
-        return friction.bound != 0.0
-    return isinstance(friction, CoulombFriction) and friction.coefficient != 0.0 and friction.cap != 0.0
+        return any(effect.coulomb for effect in self.contact)

@@ -30,7 +30,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     try:
         scene = Scene.model_validate(dict(data))
     except ValidationError as error:
-        raise SceneError(problems_of(error, data, Scene), source) from None
+        raise SceneError(problems_of(error, data, Scene.described()), source) from None
     if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
         scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
     return scene

@@ -5,15 +5,13 @@ from __future__ import annotations
 import inspect
 import re
 from importlib import resources
-from typing import Any
+from typing import Any, get_origin
 
 from pydantic import BaseModel
 
 from signorini_fx.meshes import known_generators
-from signorini_fx.scene import model as scene
-from signorini_fx.scene import settings
-
-_ONE_OR_MANY = ("material", "displacement", "traction", "contact")
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.validation import tables
 
 
 def starting_scene() -> str:
@@ -23,16 +21,20 @@ def starting_scene() -> str:
 
 def scene_schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which editors support best) of scene files, with the docstrings as descriptions."""
-    schema: dict[str, Any] = scene.Scene.model_json_schema()
+    model = Scene.described()
+    schema: dict[str, Any] = model.model_json_schema()
     _simplify(schema)
+    known = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
-        _describe(definition, getattr(scene if hasattr(scene, name) else settings, name))
+        _describe(definition, known[name])
     for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
-    for name in _ONE_OR_MANY:
+    for name, field in model.model_fields.items():
         one_or_many = schema["properties"][name]
+        if get_origin(field.annotation) is not tuple:
+            continue
         schema["properties"][name] = {"anyOf": [one_or_many["items"], one_or_many]}
     schema["title"] = "signorini-fx scene"
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}

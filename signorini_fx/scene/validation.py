@@ -125,6 +125,12 @@ def _tables_in(annotation: Any) -> set[type[BaseModel]]:
     return set().union(*map(_tables_in, get_args(annotation)))
 
 
+def tables(annotation: Any) -> set[type[BaseModel]]:
+    """The tables that an annotation allows, and those in them."""
+    own = _tables_in(annotation)
+    return own.union(*(tables(field.annotation) for table in own for field in table.model_fields.values()))
+
+
 def _words(table: type[BaseModel]) -> tuple[Any, ...]:
     """The words that the keys kind and law of a table allow."""
     fields = (table.model_fields[key].annotation for key in ("kind", "law") if key in table.model_fields)

@@ -16,6 +16,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.resting_place import Rest
+from signorini_fx.effects.contact import CoulombFriction, Friction
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
@@ -25,7 +26,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import CoulombFriction, Friction, MeshGenerator, Scene
+from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task

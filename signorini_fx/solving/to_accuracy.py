@@ -31,7 +31,6 @@ from signorini_fx.accuracy.price_list import (
 )
 from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.material import plane_modulus
 from signorini_fx.display import duration
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.hierarchy import scene_on
@@ -133,7 +132,7 @@ def solve_to_accuracy(
         if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
         if meshes.polygonal and not levels:
-            polygon = polygon_error(level.table, max(map(plane_modulus, scene.material)))
+            polygon = polygon_error(level.table, max(material.plane_modulus for material in scene.material))
         state = solution.steps[0].contact
         seconds = parallel.clock(comm) - before + meshes.seconds
         meshes.seconds = 0.0

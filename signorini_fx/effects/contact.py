@@ -1,0 +1,154 @@
+"""Contact with a rigid foundation, and its friction laws; the forms of contact are in ``body.forms``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, field_validator
+
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.effect import Contradictions, Effect, text
+from signorini_fx.scene.values import Finite, NonNegativeValue, SampledValue, shown
+
+
+class Friction(Table):
+    """A friction law."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether it can transmit shear: F = 0 or g = 0 is frictionless contact and treated as such."""
+        return False
+
+    @property
+    def said(self) -> str:
+        """The law in words."""
+        return "no friction"
+
+
+class NoFriction(Friction):
+    """Frictionless contact.
+
+    Attributes:
+        law: its name.
+    """
+
+    law: Literal["none"] = "none"
+
+
+class TrescaFriction(Friction):
+    """Tresca friction: |mu| <= bound (2.3d').
+
+    Attributes:
+        law: its name.
+        bound: largest shear, stress.
+    """
+
+    law: Literal["tresca"] = "tresca"
+    bound: NonNegativeValue
+
+    @property
+    def acts(self) -> bool:
+        """See ``Friction``."""
+        return self.bound != 0.0
+
+    @property
+    def said(self) -> str:
+        """See ``Friction``."""
+        return f"tresca, bound = {text(self.bound)}" + ("" if self.acts else ": frictionless")
+
+
+class CoulombFriction(Friction):
+    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
+
+    Attributes:
+        law: its name.
+        coefficient: F, without unit.
+        cap: largest shear that the contact can transmit, stress; None: no such limit.
+    """
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: NonNegativeValue
+    cap: NonNegativeValue | None = None
+
+    @property
+    def acts(self) -> bool:
+        """See ``Friction``."""
+        return self.coefficient != 0.0 and self.cap != 0.0
+
+    @property
+    def said(self) -> str:
+        """See ``Friction``."""
+        cap = "" if self.cap is None else f", cap = {text(self.cap)}"
+        return f"coulomb, coefficient = {text(self.coefficient)}{cap}" + ("" if self.acts else ": frictionless")
+
+
+class Contact(Effect):
+    """Contact of a boundary with a rigid foundation."""
+
+    boundary: str
+    gap: SampledValue = 0.0
+    direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
+
+    @field_validator("direction")
+    @classmethod
+    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if given is not None and not any(given):
+            raise ValueError("must not be zero")
+        return given
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """See ``Effect``."""
+        if any(other.boundary == self.boundary for other in scene.contact[:place]):
+            yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: describe it in one [[contact]]"
+
+    @property
+    def coulomb(self) -> bool:
+        """Whether its friction bound depends on the contact pressure."""
+        return isinstance(self.friction, CoulombFriction) and self.friction.acts
+
+    @property
+    def capped(self) -> bool:
+        """Whether its Coulomb friction has a limit."""
+        return isinstance(self.friction, CoulombFriction) and self.friction.cap is not None
+
+
+class UnilateralContact(Contact):
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
+        kind: its name.
+    """
+
+    kind: Literal["unilateral"] = "unilateral"
+
+
+class BilateralContact(Contact):
+    """Contact that cannot open: tau_N y = d; only the friction is unknown.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        friction: the friction law.
+        kind: its name.
+    """
+
+    kind: Literal["bilateral"]
+
+
+def _kind(given: Any) -> str:
+    """Contact is unilateral unless specified otherwise."""
+    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
+    return kind if isinstance(kind, str) else shown(kind)
+
+
+Entry = Annotated[
+    Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
+    Discriminator(_kind),
+]

@@ -1,0 +1,139 @@
+"""The constitutive law: isotropic linear elasticity in two and three dimensions."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from signorini_fx.scene.effect import Contradictions, Effect
+from signorini_fx.scene.values import Positive
+
+
+class LinearElastic(Effect):
+    """Isotropic linear elasticity.
+
+    Attributes:
+        young: Young's modulus E > 0, stress.
+        poisson: Poisson's ratio nu in (-1, 0.5).
+        hypothesis: plane strain or plane stress, if the mesh has two dimensions.
+        region: name of the part of the body that is made of this material; None: all of it.
+    """
+
+    young: Positive
+    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
+    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    region: str | None = None
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress.
+
+        Plane strain has those of three dimensions.
+        """
+        mu = self.young / (2 * (1 + self.poisson))
+        if self.hypothesis == "plane stress":
+            return self.young * self.poisson / (1 - self.poisson**2), mu
+        return self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson)), mu
+
+    @property
+    def hooke(self) -> tuple[float, float]:
+        """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
+        a = self.young / (1 + self.poisson)
+        squeezed = 1 - 2 * self.poisson if self.hypothesis == "plane strain" else 1 - self.poisson
+        return a, a * self.poisson / squeezed
+
+    @property
+    def plane_modulus(self) -> float:
+        """Stress per strain along a line without lateral stress: E / (1 - nu^2) in plane strain, E in plane stress."""
+        return self.young / (1 - self.poisson**2) if self.hypothesis == "plane strain" else self.young
+
+    @property
+    def locks(self) -> bool:
+        """Whether fully integrated elements lock visibly."""
+        return self.poisson >= LOCKING_POISSON and self.hypothesis == "plane strain"
+
+    @property
+    def friction_indication(self) -> float:
+        """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
+
+        This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
+        displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
+        (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound
+        for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
+        coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
+        that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
+        with several solutions are known.
+        """
+        nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
+        return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """See ``Effect``."""
+        if self.hypothesis != scene.material[0].hypothesis:
+            yield ("material", place), "all materials must have the same hypothesis"
+
+
+# Above this Poisson's ratio the fully integrated elements lock visibly.
+LOCKING_POISSON = 0.45
+
+Entry = LinearElastic
+
+
+# --- its form --------------------------------------------------------------------------------------------------------
+
+
+def strain(y: Any) -> Any:
+    """Linearised strain, epsilon(y) of section 2.1, shape (d, d)."""
+    import ufl
+
+    return ufl.sym(ufl.grad(y))
+
+
+def stress(y: Any, lame: Any, mu: Any) -> Any:
+    """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
+    import ufl
+
+    epsilon = strain(y)
+    return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
+
+
+def elastic_degree(cell: str, degree: int, geometry: int) -> int:
+    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
+
+    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
+    hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
+    in the plane; it is stated here because the certificate integrates without UFL.
+    """
+    if cell in ("triangle", "tetrahedron"):
+        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
+    return 2 * (degree + geometry)
+
+
+def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None) -> tuple[Any, ...]:
+    """a(y, z) of section 2.1, as terms to be compiled one by one.
+
+    Args:
+        y: trial function.
+        z: test function.
+        lame: first Lame parameter.
+        mu: second Lame parameter.
+        degree: quadrature degree.
+        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
+            rest.
+
+    Returns:
+        One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
+        rule and another rule on quadrilaterals.
+    """
+    import ufl
+
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    if reduced is None:
+        return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
+    volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))
+    return (
+        2 * mu * ufl.inner(strain(y), strain(z)) * dx,
+        volumetric * ufl.dx(metadata={"quadrature_degree": reduced}),
+    )

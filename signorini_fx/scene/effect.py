@@ -1,0 +1,260 @@
+"""What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
+
+An effect is a ``Force`` (a load in the body or on a boundary), a ``Resistance`` (forces that grow with the
+displacement), another ``Load`` (something that load steps multiply), or none of these.  All that assembles, judges and
+tells of a scene asks the methods of these classes, and nowhere for a particular effect.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from types import GenericAlias
+from typing import Annotated, Any, Protocol, TypeVar, get_origin
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
+
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.values import Finite, Value
+
+Array = npt.NDArray[np.float64]
+Contradictions = Iterator[tuple[tuple[str | int, ...], str]]
+
+
+class Coefficients(Protocol):
+    """Values of a scene as UFL, in an integral over the body or a part of its boundary."""
+
+    @property
+    def normal(self) -> Any:
+        """Outward unit normal."""
+
+    def value(self, value: Any) -> Any:
+        """A value as a coefficient."""
+
+    def vector(self, values: tuple[Any, ...]) -> Any:
+        """Values along x[0], x[1] and x[2] as a vector, shape (d,); the last is not used in the plane."""
+
+
+class Points(Protocol):
+    """Points of quadrature, q of them in each of f cells or facets."""
+
+    @property
+    def normal(self) -> Array:
+        """Outward unit normal on a boundary, shape (f, q, d)."""
+        ...
+
+    @property
+    def displacement(self) -> Array:
+        """The displacement y, length, shape (f, q, d)."""
+        ...
+
+    def value(self, value: Any) -> Array:
+        """A value at the points, shape (f, q)."""
+        ...
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along x[0], x[1] and x[2], shape (f, q, d); the last is not used in the plane."""
+        ...
+
+
+def is_zero(*values: Any) -> bool:
+    """Whether all values are the number zero."""
+    return all(isinstance(value, float) and value == 0.0 for value in values)
+
+
+def text(value: Any) -> str:
+    """A value in a table, shortened if it is long."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    said = str(getattr(value, "text", f"<{type(value).__name__}>"))
+    return said if len(said) <= 30 else said[:27] + "..."
+
+
+class Effect(Table):
+    """An entry of a scene."""
+
+    @property
+    def label(self) -> str:
+        """What it is, in words: the name of its file."""
+        return type(self).__module__.rpartition(".")[2].replace("_", " ")
+
+    @property
+    def where(self) -> str | None:
+        """The boundary that it acts on; None: it acts in the body."""
+        return getattr(self, "boundary", None)
+
+    @property
+    def name(self) -> str:
+        """What it is and where."""
+        return self.label if self.where is None else f"{self.label} {self.where}"
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Its values by their keys; those that are None or left out do not act."""
+        return {}
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does anything; numbers that are zero do not."""
+        return not is_zero(*self.given.values())
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is more than constants."""
+        return not all(isinstance(value, float) for value in self.given.values())
+
+    @property
+    def said(self) -> str:
+        """Its values in words, as ``check`` lists them."""
+        return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """Why it does not go together with other entries: the place of the error in the scene, and the reason.
+
+        Args:
+            scene: all entries.
+            place: of this one among those of its kind.
+        """
+        yield from ()
+
+    def degree(self, element: int) -> int:
+        """Quadrature degree of its integrals for elements of a degree; what varies on a boundary may jump within a
+        facet, and is integrated with many points.
+        """
+        return _VARYING_DEGREE if self.varies and self.where is not None else 2 * element + 2
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """The traction that it exerts on its boundary, stress, UFL, shape (d,).
+
+        Args:
+            y: the displacement.
+            factor: the load factor.
+            on: its boundary.
+        """
+        return 0 * y
+
+    def free(self, vector: Any, on: Coefficients) -> Any:
+        """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
+        return vector
+
+    def away(self, y: Any, factor: Any, on: Coefficients) -> list[Any]:
+        """By how much the displacement misses what is prescribed, lengths, UFL; the arguments are as above."""
+        return []
+
+
+# Ten points on a facet: the error for a jump within it is part of the error estimate (``accuracy.data_error``).
+_VARYING_DEGREE = 20
+
+
+class Load(Effect):
+    """What load steps multiply by a factor."""
+
+    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+
+class Force(Load):
+    """Force per volume or area, with components along x[0], x[1] and, in space, x[2]."""
+
+    x: Value = 0.0
+    y: Value = 0.0
+    z: Value = 0.0
+    live: bool = True
+
+    @property
+    def components(self) -> tuple[Any, Any, Any]:
+        """Along x[0], x[1] and x[2], which is not used in the plane."""
+        return self.x, self.y, self.z
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        return dict(zip("xyz", self.components, strict=True))
+
+    def density(self, on: Coefficients) -> Any:
+        """Force per volume or area, UFL, shape (d,)."""
+        return on.vector(self.components)
+
+    def density_at(self, at: Points) -> Array:
+        """The same for the second opinion, shape (f, q, d)."""
+        return at.vector(self.components)
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        return factor * self.density(on)
+
+
+class Resistance(Effect):
+    """Forces per area on a boundary that are linear in the displacement, and symmetric."""
+
+    def reaction(self, y: Any, on: Coefficients) -> Any:
+        """Minus the force per area on the body, stress, UFL, shape (d,)."""
+        raise NotImplementedError
+
+    def reaction_at(self, at: Points) -> Array:
+        """The same for the second opinion, at ``at.displacement``, shape (f, q, d)."""
+        raise NotImplementedError
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        return -self.reaction(y, on)
+
+
+# --- how they are found ----------------------------------------------------------------------------------------------
+
+_PACKAGE = "signorini_fx.effects"
+_Model = TypeVar("_Model", bound=type[BaseModel])
+
+
+@cache
+def keys() -> tuple[str, ...]:
+    """The names of the files of ``effects/``, none of which is imported."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(_PACKAGE).__path__)))
+
+
+def _type(key: str, *, many: bool) -> Any:
+    entry = import_module(f"{_PACKAGE}.{key}").Entry
+    return GenericAlias(tuple, (entry, ...)) if many else entry | None
+
+
+@cache
+def _reader(key: str, *, many: bool) -> TypeAdapter[Any]:
+    return TypeAdapter(_type(key, many=many))
+
+
+def _read_many(given: Any, info: ValidationInfo) -> Any:
+    several = [given] if isinstance(given, Mapping | BaseModel) else given
+    return _reader(str(info.field_name), many=True).validate_python(several)
+
+
+def _read_one(given: Any, info: ValidationInfo) -> Any:
+    return None if given is None else _reader(str(info.field_name), many=False).validate_python(given)
+
+
+# The entries of a key that a scene has: its file is imported when there is one.
+Entries = Annotated[tuple[Any, ...], BeforeValidator(_read_many)]
+OneEntry = Annotated[Any, BeforeValidator(_read_one)]
+
+
+def with_every_effect(model: _Model) -> _Model:
+    """A model with a list of entries for each file of ``effects/`` that it has no key for."""
+    more: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
+    return _extended(model, more)
+
+
+@cache
+def described(model: type[BaseModel]) -> type[BaseModel]:
+    """The same model with the types of all entries, for help and messages: this imports all effects."""
+    fields = ((key, model.model_fields[key]) for key in keys())
+    types = {
+        key: (_type(key, many=get_origin(field.annotation) is tuple), ... if field.is_required() else field.default)
+        for key, field in fields
+    }
+    return _extended(model, types)
+
+
+def _extended(model: Any, fields: dict[str, Any]) -> Any:
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
