@@ -57,10 +57,10 @@ Generate = TypeVar("Generate", bound=Callable[..., Any])
 
 def known_generators() -> dict[str, EntryPoint]:
     """The generators that a scene can name, in the order of their names; of two of one name that of this package."""
-    ours = [module.name for module in pkgutil.iter_modules(__path__)]
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
-    found |= {name: EntryPoint(name, f"{__name__}.{name}:generate", GROUP) for name in ours}
-    return dict(sorted(found.items()))
+    in_package = [module.name for module in pkgutil.iter_modules(__path__)]
+    generators = {entry.name: entry for entry in entry_points(group=GROUP)}
+    generators |= {name: EntryPoint(name, f"{__name__}.{name}:generate", GROUP) for name in in_package}
+    return dict(sorted(generators.items()))
 
 
 def generator(
@@ -171,8 +171,8 @@ class Drawing:
     def point(self, x: float, y: float) -> int:
         """A point at a position in units of the scene."""
         across, up = x / self.unit, y / self.unit
-        place = (across, 0.0, up) if self.upright else (across, up, 0.0)
-        tag: int = self.gmsh.model.geo.addPoint(*place)
+        position = (across, 0.0, up) if self.upright else (across, up, 0.0)
+        tag: int = self.gmsh.model.geo.addPoint(*position)
         return tag
 
 
@@ -442,19 +442,19 @@ def mesh_extruded(
         for section in sections:
             geo.mesh.setRecombine(2, section)
     vector = [value / drawing.unit for value in along]
-    found = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
+    extruded = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
     geo.synchronize()
     # Centres of arcs would become nodes without a cell, which dolfinx cannot distribute.
     points = gmsh.model.getEntities(0)
     gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
     named = {ends[0]: list(sections), ends[1]: []}
-    for before, (dim, _) in pairwise(found):
+    for before, (dim, _) in pairwise(extruded):
         if dim == 3:  # the end of the section comes before its solid
             named[ends[1]].append(before[1])
     swept = {frozenset(_curves(gmsh, tag)): tag for _, tag in gmsh.model.getEntities(2)}
     for name, curves in sides.items():
-        own = {abs(curve) for curve in curves}
-        named[name] = [tag for around, tag in swept.items() if around & own and tag not in sections]
+        swept_curves = {abs(curve) for curve in curves}
+        named[name] = [tag for around, tag in swept.items() if around & swept_curves and tag not in sections]
     gmsh.model.mesh.generate(3)
     if order > 1:
         _curve(gmsh, order)

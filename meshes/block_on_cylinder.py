@@ -73,8 +73,8 @@ def generate(
         drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         x = length / 2
-        places = ((-x, -down), (-across, -down), (0.0, 0.0), (across, -down), (x, -down), (x, height), (-x, height))
-        points = [drawing.point(*place) for place in places]
+        corners = ((-x, -down), (-across, -down), (0.0, 0.0), (across, -down), (x, -down), (x, height), (-x, height))
+        points = [drawing.point(*corner) for corner in corners]
         centre = drawing.point(0.0, -radius)
         seat = [geo.addCircleArc(points[k], centre, points[k + 1]) for k in (1, 2)]
         bottom = [geo.addLine(points[k], points[k + 1]) for k in (0, 3)]

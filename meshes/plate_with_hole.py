@@ -65,10 +65,10 @@ def generate(
         geo = gmsh.model.geo
         x, y = length / 2, height / 2
         low = 0.0 if symmetric else -y
-        corners = [drawing.point(*place) for place in ((-x, low), (x, low), (x, y), (-x, y))]
+        corners = [drawing.point(*position) for position in ((-x, low), (x, low), (x, y), (-x, y))]
         centre = drawing.point(0.0, 0.0)
         around = [(-radius, 0.0), (0.0, radius), (radius, 0.0), (0.0, -radius)][: 3 if symmetric else 4]
-        rim = [drawing.point(*place) for place in around]
+        rim = [drawing.point(*position) for position in around]
         nexts = rim[1:] if symmetric else rim[1:] + rim[:1]
         hole = [geo.addCircleArc(a, centre, b) for a, b in zip(rim, nexts, strict=False)]
         right, top, left = (geo.addLine(corners[k], corners[(k + 1) % 4]) for k in (1, 2, 3))

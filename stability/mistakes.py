@@ -1351,7 +1351,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/motions",
-        "found += [*across.swapaxes(0, 1)]",
+        "resisted += [*across.swapaxes(0, 1)]",
         "pass",
         "space: a slip that cannot turn holds nothing",
         tests=("space_statics::test_limit_push",),

@@ -14,7 +14,7 @@ import pytest
 from signorini_fx.cli import commands
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine.launcher import environment_of_no_rank
-from signorini_fx.machine.terminal import PAGE, coloured, wrapped
+from signorini_fx.machine.terminal import coloured, wrapped
 
 LINES = [
     "signorini-fx: error: scene.toml: material.density: unknown key: weight is written [body_force] with y = -density",
@@ -41,16 +41,6 @@ def test_wrapped_below_its_beginning():
     assert first.startswith("  what to do       the load")
     assert second.startswith(" " * 19)
     assert second[19] != " "
-
-
-def test_wrapped_twice():
-    """What was broken for a page is filled again; the rows of a list stay rows."""
-    figure = f"{LINES[1]}; {LINES[2].lstrip()}"
-    once = wrapped(figure, PAGE)
-    assert "\n" in once
-    assert wrapped(once, 50) == wrapped(figure, 50)
-    rows = [f"  forces           left: {'0' * 40}", f"{' ' * 19}right: {'0' * 40}"]
-    assert wrapped("\n".join(rows), 60) == "\n".join(wrapped(row, 60) for row in rows)
 
 
 def test_coloured():

@@ -78,11 +78,11 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
             os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
         return end(EXIT_INTERRUPTED)
     except Exception as error:
-        told = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
-        if told is not None:
+        message = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
+        if message is not None:
             if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
                 time.sleep(_PATIENCE)
-            return end(_complain(told))
+            return end(_complain(message))
         traceback.print_exc()
         return end(EXIT_CRASH)
     finally:

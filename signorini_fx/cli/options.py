@@ -115,8 +115,8 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
     info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
     info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
-    for one in (convert, info):
-        one.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
+    for command in (convert, info):
+        command.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
@@ -143,21 +143,21 @@ def named_path(text: str) -> Path:
 
 def parsed_accuracy(text: str) -> float:
     """0.05 or 5%."""
-    found = re.fullmatch(rf"{_NUMBER}(%?)\s*", text)
+    match = re.fullmatch(rf"{_NUMBER}(%?)\s*", text)
     try:
-        return float(found[1]) / 100 if found and found[2] else float(text)
+        return float(match[1]) / 100 if match and match[2] else float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
 
 
 def parsed_budget(text: str) -> tuple[str, float]:
     """60s or 4GB as the key of the scene and its value."""
-    found = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
-    if found is None:
+    match = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
+    if match is None:
         expected = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is expected"
         raise argparse.ArgumentTypeError(f"{expected}, got {text!r}")
-    key, unit = _BUDGETS[found[2]]
-    return key, float(found[1]) * unit
+    key, unit = _BUDGETS[match[2]]
+    return key, float(match[1]) * unit
 
 
 def overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:

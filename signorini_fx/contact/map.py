@@ -85,9 +85,9 @@ class ContactMap:
         first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
         if into is None:
             into = PETSc.Mat().createAIJ((rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm)
-        places = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(PETSc.IntType)
-        if places.size:
-            into.setValuesRCV(places, places, np.ascontiguousarray(blocks))
+        numbers = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(PETSc.IntType)
+        if numbers.size:
+            into.setValuesRCV(numbers, numbers, np.ascontiguousarray(blocks))
         into.assemble()
         return into
 

@@ -112,7 +112,7 @@ class FreeMotions:
             yield int(number), self.assembly == number
 
     def unheld(
-        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], turned: Nodal | None = None
+        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
     ) -> npt.NDArray[np.bool_]:
         """Which assemblies have a motion that neither contact at ``normal`` points nor stick at ``stick`` points
         resists, shape (assemblies,); collective.
@@ -120,20 +120,20 @@ class FreeMotions:
         Args:
             normal: the points in contact, shape (n,).
             stick: the points that stick, shape (n,).
-            turned: directions of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
+            directions: of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
                 not.
         """
         unresisted = np.zeros(int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1, dtype=bool)
         if not self.count:
             return unresisted
-        found = [self.normal[normal], *self.tangential[stick].swapaxes(0, 1)]
-        if turned is not None and turned.shape[1] > 1:
-            slip = turned.any(axis=1)
+        resisted = [self.normal[normal], *self.tangential[stick].swapaxes(0, 1)]
+        if directions is not None and directions.shape[1] > 1:
+            slip = directions.any(axis=1)
             tangential = self.tangential[slip]
-            along = np.einsum("it,itk->ik", turned[slip], tangential)
-            across = tangential - turned[slip][:, :, None] * along[:, None]
-            found += [*across.swapaxes(0, 1)]
-        rows = np.concatenate(found)
+            along = np.einsum("it,itk->ik", directions[slip], tangential)
+            across = tangential - directions[slip][:, :, None] * along[:, None]
+            resisted += [*across.swapaxes(0, 1)]
+        rows = np.concatenate(resisted)
         moved = np.square(self.relative).sum(axis=(0, 1))
         gram = parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))
         for number, columns in self.assemblies():
@@ -143,8 +143,10 @@ class FreeMotions:
             unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
         return unresisted
 
-    def held_by(self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], turned: Nodal | None = None) -> bool:
+    def held_by(
+        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
+    ) -> bool:
         """Whether points in contact, sticking, and slipping in another direction resist every motion, see ``unheld``;
         collective.
         """
-        return not self.unheld(normal, stick, turned).any()
+        return not self.unheld(normal, stick, directions).any()

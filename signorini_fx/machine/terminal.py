@@ -40,8 +40,6 @@ def say(text: str, *, error: bool = False) -> None:
         _give_up(stream, reason)
 
 
-# Columns that prose of several lines is broken at before it is known who reads it.
-PAGE = 110
 _NARROWEST = 40  # columns
 _NAME = re.compile(r"  \S.{15} (?=\S)")  # of a line of the summary
 _COLOURS = [
@@ -61,7 +59,7 @@ def wrapped(text: str, width: int) -> str:
         width: columns of the terminal.
     """
     lines = []
-    for line in _joined(text.split("\n"), width):
+    for line in text.split("\n"):
         name = _NAME.match(line)
         start = name.end() if name else len(line) - len(line.lstrip()) + 4
         table = re.search(r"\S {2,}\S", line[start:])
@@ -71,19 +69,6 @@ def wrapped(text: str, width: int) -> str:
         rest = textwrap.wrap(line[start:], width - start, break_long_words=False, break_on_hyphens=False)
         lines += [" " * start * (number > 0) + line[:start] * (number == 0) + part for number, part in enumerate(rest)]
     return "\n".join(lines)
-
-
-def _joined(lines: list[str], width: int) -> list[str]:
-    """Figures of the summary that were broken at the page are one line again; the rows of a list stay rows."""
-    joined: list[str] = []
-    for before, line in zip(["", *lines], lines, strict=False):
-        name, words = _NAME.match(joined[-1]) if joined else None, line.split()
-        continues = name and words and len(line) - len(line.lstrip()) == name.end()
-        if continues and len(joined[-1]) > width and len(before) + 1 + len(words[0]) > PAGE:
-            joined[-1] += f" {' '.join(words)}"
-        else:
-            joined.append(line)
-    return joined
 
 
 def coloured(text: str) -> str:

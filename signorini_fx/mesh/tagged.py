@@ -101,8 +101,8 @@ class TaggedMesh(TaggedMeshBase):
         facets = dmesh.exterior_facet_indices(self.mesh.topology)
         # dolfinx divides by the number of facets, and a rank may have none.
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
-        own = _extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
-        x = parallel.rows_on_root(self.mesh.comm, own)
+        extremes = _extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
+        x = parallel.rows_on_root(self.mesh.comm, extremes)
         return parallel.on_root(self.mesh.comm, lambda: _diameter(x))
 
 
@@ -133,8 +133,8 @@ def _diameter(x: npt.NDArray[np.float64]) -> float:
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
     """Entities with any of the tags, sorted."""
-    own = (values,) if isinstance(values, int) else values
-    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, own)]))
+    tags_wanted = (values,) if isinstance(values, int) else values
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, tags_wanted)]))
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
@@ -296,7 +296,7 @@ def read_mesh(
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
         SceneError: a number or a condition selects nothing.
     """
-    held: list[tuple[MeshArrays, Ints, Ints]] = []
+    arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
     def read() -> tuple[str, formats.Tags, formats.Tags]:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
@@ -307,11 +307,11 @@ def read_mesh(
             )
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
-        held.append((arrays, of_side, of_cell))
+        arrays_on_root.append((arrays, of_side, of_cell))
         return arrays.kind, sides, parts
 
     kind, sides, parts = parallel.on_root(comm, read)
-    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held.pop() if held else None)
+    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], arrays_on_root.pop() if arrays_on_root else None)
     return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
 
 
@@ -331,7 +331,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     except Exception as error:  # of the code of the user
         message = f"{name!r} cannot be imported from {known[name].value}: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
-    names = [key for key, one in inspect.signature(generate).parameters.items() if one.kind is one.KEYWORD_ONLY]
+    names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
     problems: list[tuple[str, str]] = []
     for key, value in parameters.items():
         path = f"mesh.parameters.{key}"
@@ -424,11 +424,11 @@ def tag_boundaries(
                 f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
             )
     dim = mesh.topology.dim - 1
-    found = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
-    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *found]))
+    facets_of = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
+    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *facets_of]))
     # A row for each facet: which markers hold there.  Each combination of several has a tag of its own.
     holds = np.zeros((len(facets), len(rules)), dtype=bool)
-    for marker, marked in enumerate(found):
+    for marker, marked in enumerate(facets_of):
         holds[np.searchsorted(facets, marked), marker] = True
     shared = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds[holds.sum(axis=1) > 1], axis=0)), axis=0)
     each = np.concatenate([np.eye(len(rules), dtype=bool), shared])

@@ -11,6 +11,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -50,18 +51,43 @@ _SMALL_PART = 0.5  # of a boundary: if the surroundings of the contact are less,
 
 
 @dataclass(frozen=True)
-class Boundary:
-    """One contact boundary: its columns, the coordinate to draw against, and where its connected pieces start."""
+class ContactColumns:
+    """A contact boundary by its name, with its columns of ``contact.csv``, each of shape (n,)."""
 
     name: str
     columns: Table
-    coordinate: Floats
-    label: str
-    starts: list[int]
 
     def floats(self, name: str) -> Floats:
         """A numeric column, shape (n,)."""
         return np.asarray(self.columns[name], dtype=np.float64)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether a friction law acts anywhere on it."""
+        return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
+
+    @property
+    def touching(self) -> npt.NDArray[np.bool_]:
+        """The nodes in contact, shape (n,)."""
+        return np.asarray(self.columns["state"] != "open")
+
+    @property
+    def states(self) -> list[str]:
+        """Keys of ``STATES``, n of them: the state in the contact.
+
+        Tresca friction acts on open nodes too, where stick and slip would only confuse.
+        """
+        closed = np.where(self.columns["friction"] != "none", self.columns["state"], "contact")
+        return [str(key) for key in np.where(self.touching, closed, "open")]
+
+
+@dataclass(frozen=True)
+class Boundary(ContactColumns):
+    """One of the plane: the coordinate to draw against, its label, and where its connected pieces start."""
+
+    coordinate: Floats
+    label: str
+    starts: list[int]
 
     def draw(self, axes: Axes, values: Floats, **style: Any) -> None:
         """A line that is interrupted between the pieces."""
@@ -70,15 +96,10 @@ class Boundary:
         )
 
     @property
-    def has_friction(self) -> bool:
-        """Whether a friction law acts anywhere on it."""
-        return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
-
-    @property
     def window(self) -> tuple[float, float] | None:
         """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
         low, high = float(self.coordinate.min()), float(self.coordinate.max())
-        inside = self.coordinate[np.asarray(self.columns["state"]) != "open"]
+        inside = self.coordinate[self.touching]
         if not inside.size:
             return None
         first, last = float(inside.min()), float(inside.max())
@@ -97,15 +118,6 @@ class Boundary:
         starts = [0, *(int(k) + 1 for k in np.flatnonzero((np.diff(rows) > 1) | (np.diff(piece) > 0)))]
         columns = {key: np.asarray(column)[rows] for key, column in self.columns.items()}
         return Boundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
-
-    def states(self) -> list[str]:
-        """Keys of ``STATES``, n of them: the state in the contact.
-
-        Tresca friction acts on open nodes too, where stick and slip would only confuse.
-        """
-        state = self.columns["state"]
-        closed = np.where(self.columns["friction"] != "none", state, "contact")
-        return [str(key) for key in np.where(state == "open", "open", closed)]
 
 
 @dataclass(frozen=True)
@@ -246,9 +258,8 @@ def boundary_profiles(
                 strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
                 for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
                     _draw_panel(axes, boundary, panel, name if axes is upper else "")
-                states = boundary.states()
-                seen.update(states)
-                state_strip(strip, boundary, states, "")
+                seen.update(boundary.states)
+                state_strip(strip, boundary)
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
         finish(figure, path_stem, title, suffixes)
@@ -277,20 +288,20 @@ def state_patches(states: set[str]) -> list[Patch]:
 def boundaries_of(table: Table) -> list[Boundary]:
     """The boundaries in the order in which they appear."""
     names = [str(name) for name in table["boundary"]]
-    found = []
+    boundaries = []
     for name in dict.fromkeys(names):
         here = np.array([other == name for other in names])
         columns = _closed({key: np.asarray(column)[here] for key, column in table.items()})
         x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
         starts = _starts(s)
         if np.ptp(y) <= 1e-9 * np.ptp(x):
-            found.append(Boundary(plain(name), columns, x, "$x$", starts))
+            boundaries.append(Boundary(plain(name), columns, x, "$x$", starts))
         else:
             before = np.zeros_like(s)
             for start in starts[1:]:
                 before[start:] += s[start - 1]
-            found.append(Boundary(plain(name), columns, s + before, "arc length $s$", starts))
-    return found
+            boundaries.append(Boundary(plain(name), columns, s + before, "arc length $s$", starts))
+    return boundaries
 
 
 def _starts(s: Floats) -> list[int]:
@@ -307,9 +318,10 @@ def _closed(columns: Table) -> Table:
     ends = [*starts[1:], len(s)]
     rows = [[*range(a, b), *([a] if to_next[b - 1] > 0 else [])] for a, b in zip(starts, ends, strict=True)]
     along = [
-        np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(own)] for a, b, own in zip(starts, ends, rows, strict=True)
+        np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(piece)]
+        for a, b, piece in zip(starts, ends, rows, strict=True)
     ]
-    every = np.concatenate([np.array(own, dtype=np.int64) for own in rows])
+    every = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
     return {key: np.asarray(column)[every] for key, column in columns.items()} | {"s": np.concatenate(along)}
 
 
@@ -340,8 +352,9 @@ def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: Sequence[Flo
     legend.get_title().set_fontweight("bold")
 
 
-def state_strip(axes: Axes, boundary: Boundary, states: list[str], name: str) -> None:
+def state_strip(axes: Axes, boundary: Boundary) -> None:
     """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
+    states = boundary.states
     for first, end in itertools.pairwise([*boundary.starts, len(states)]):
         x = boundary.coordinate[first:end]
         borders = np.concatenate((x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]))
@@ -353,4 +366,3 @@ def state_strip(axes: Axes, boundary: Boundary, states: list[str], name: str) ->
     axes.set(ylim=(0, 1), yticks=[], xlabel=boundary.label)
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)
-    axes.set_ylabel(name, rotation=0, ha="right", va="center")

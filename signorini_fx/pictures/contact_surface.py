@@ -19,7 +19,7 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures import view
-from signorini_fx.pictures.boundary_profiles import STATES, state_patches
+from signorini_fx.pictures.boundary_profiles import STATES, ContactColumns, state_patches
 from signorini_fx.pictures.style import (
     BOTH,
     INK,
@@ -56,26 +56,18 @@ _MANY = 1000  # polygons from which on they are drawn as an image
 
 
 @dataclass(frozen=True)
-class Side:
+class Side(ContactColumns):
     """The visible part of one contact boundary from one side.
 
     Attributes:
-        name: of the boundary.
-        columns: of its nodes in ``contact.csv``, each of shape (n,).
         polygons: of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4).
         view: along the outward normal, so from within the body.
         hidden: whether there are facets that face the other way, none of them in contact, which are not shown.
     """
 
-    name: str
-    columns: Table
     polygons: Rows
     view: view.View
     hidden: bool = False
-
-    def floats(self, name: str) -> Floats:
-        """A numeric column, shape (n,)."""
-        return np.asarray(self.columns[name], dtype=np.float64)
 
     def vectors(self, name: str) -> Floats:
         """A vector at every node, in the picture, shape (n, 2)."""
@@ -92,24 +84,6 @@ class Side:
         seen = np.zeros(len(self.columns["x"]), dtype=bool)
         seen[self.polygons.ravel()] = True
         return seen
-
-    @property
-    def touching(self) -> npt.NDArray[np.bool_]:
-        """Nodes in contact, shape (n,)."""
-        closed: npt.NDArray[np.bool_] = np.asarray(self.columns["state"] != "open")
-        return closed
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether a friction law acts anywhere on it."""
-        return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
-
-    @property
-    def states(self) -> list[str]:
-        """The state of each node, by its name in pictures."""
-        acts = self.columns["friction"] != "none"
-        closed = np.where(acts, self.columns["state"], "contact")
-        return [str(state) for state in np.where(self.touching, closed, "open")]
 
 
 def sides_of(table: Table, facets: Rows) -> list[Side]:
@@ -129,13 +103,13 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
         raise ValueError(f"facets of {facets.shape[1]} nodes")
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
     names = np.asarray(table["boundary"])
-    found = []
+    sides = []
     for name in dict.fromkeys(map(str, names)):
         rows = np.flatnonzero(names == name)
         columns = {key: np.asarray(column)[rows] for key, column in table.items()}
         number = np.full(len(names), -1)
         number[rows] = np.arange(len(rows))
-        own = number[polygons[names[polygons[:, 0]] == name]]
+        of_boundary = number[polygons[names[polygons[:, 0]] == name]]
         normal = np.column_stack([np.asarray(columns[f"n_{axis}"], dtype=np.float64) for axis in "xyz"])
         weight = np.asarray(columns["weight"], dtype=np.float64)
         touching = weight * (columns["state"] != "open")
@@ -143,12 +117,14 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
         # Practically closed: the coordinate axis that it faces most.
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
         sight = next(sight for sight in sights if np.linalg.norm(sight) > _TURNED)
-        forth = normal[own].mean(axis=1) @ -view.along(sight).toward >= -1e-6
-        both = bool(np.any(touching[own[~forth]] > 0))
-        found.append(Side(plain(name), columns, own[forth], view.along(sight), bool(np.any(~forth)) and not both))
+        forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
+        both = bool(np.any(touching[of_boundary[~forth]] > 0))
+        sides.append(
+            Side(plain(name), columns, of_boundary[forth], view.along(sight), bool(np.any(~forth)) and not both)
+        )
         if both:
-            found.append(Side(plain(name), columns, own[~forth], view.along(-sight)))
-    return found
+            sides.append(Side(plain(name), columns, of_boundary[~forth], view.along(-sight)))
+    return sides
 
 
 def contact_surface(
@@ -208,19 +184,21 @@ def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) ->
     seen: set[str] = set()
     for i, (side, (low, high, part)) in enumerate(zip(sides, windows, strict=True)):
         axes = [figure.add_subplot(cell) for cell in _cells(grid, i, panels, columns)]
-        for one in axes:
-            _frame(one, side, low, high)
+        for panel_axes in axes:
+            _frame(panel_axes, side, low, high)
         sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
         sight += ", the other side is open" if side.hidden and not part else ""
-        for panel, one in zip(shown, axes, strict=True):
+        for panel, panel_axes in zip(shown, axes, strict=True):
             if panel == "pressure":
-                _pressure_panel(figure, one, side, low, high, f"{side.name}, {sight}")
+                _pressure_panel(figure, panel_axes, side, low, high, f"{side.name}, {sight}")
             elif side.has_friction:
-                seen.update(_state_panel(one, side, low, high, f"{side.name}: state"))
+                seen.update(_state_panel(panel_axes, side, low, high, f"{side.name}: state"))
             else:
-                one.clear()
-                one.set_axis_off()
-                one.text(0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=one.transAxes)
+                panel_axes.clear()
+                panel_axes.set_axis_off()
+                panel_axes.text(
+                    0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=panel_axes.transAxes
+                )
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)

@@ -54,6 +54,19 @@ def _diagonal(points: Floats) -> float:
     return float(np.hypot.reduce(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
+def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
+    """Whether a foundation keeps its shape where its gap is magnified.
+
+    Args:
+        added: how much farther away it is drawn, length.
+        size: of the body, length.
+        real: directions of its pieces, along or perpendicular to them, shape (m, d).
+        drawn: those of the pieces that are drawn, shape (m, d).
+    """
+    lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
+    return added <= _AWAY * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
+
+
 @dataclass(frozen=True)
 class Foundation:
     """The contact boundary and what it may touch.
@@ -93,11 +106,8 @@ class Foundation:
             factor: of the gap.
             size: of the body, length.
         """
-        if not (factor - 1) * float(np.hypot(*self.offset.T).max()) <= _AWAY * size:
-            return False
         real, drawn = (np.diff(self.nodes + scale * self.offset, axis=0) for scale in (1.0, factor))
-        along = np.einsum("ij,ij->i", real, drawn)
-        return bool((along >= _BENT * np.hypot(*real.T) * np.hypot(*drawn.T)).all())
+        return keeps_shape((factor - 1) * float(np.hypot(*self.offset.T).max()), size, real, drawn)
 
 
 def deformed_mesh(

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures import view
+from signorini_fx.pictures.deformed_body import keeps_shape
 from signorini_fx.pictures.style import Floats
 
 Rows = npt.NDArray[np.int64]
 
-_BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
-_AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
 _EQUAL = 1e-9  # gaps that differ by less are equal
 _MARGIN = 0.12  # of a plane around the contact boundary, over its longer side
 
@@ -70,11 +68,8 @@ class FoundationSurface:
             factor: of the gap.
             size: of the body, length.
         """
-        if not (factor - 1) * float(np.abs(self.gap).max(initial=0.0)) <= _AWAY * size:
-            return False
         real, drawn = (normals_of(self.drawn(scale), self.facets) for scale in (1.0, factor))
-        along = np.einsum("ij,ij->i", real, drawn)
-        return bool((along >= _BENT * np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)).all())
+        return keeps_shape((factor - 1) * float(np.abs(self.gap).max(initial=0.0)), size, real, drawn)
 
 
 def plane_of(points: Floats) -> Floats | None:

@@ -61,11 +61,11 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
-    measure, motion_name, which, said = "force per thickness", "mean_tangential_displacement", "", friction
+    measure, motion_name, which, force_name = "force per thickness", "mean_tangential_displacement", "", friction
     if in_space:  # the motion is a vector: its component along the force that is drawn against it
         measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
         which = f", {_ORDINALS[friction[-1]]} component"
-        said = f"friction force{which}"
+        force_name = f"friction force{which}"
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4, 4.6), layout="constrained")
         upper, lower = figure.subplots(2, 1)
@@ -80,7 +80,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
             xlabel=f"mean tangential displacement{which}{unit_of(out)}",
-            ylabel=f"{said.replace('_', ' ')}{unit_of(power)}",
+            ylabel=f"{force_name.replace('_', ' ')}{unit_of(power)}",
         )
         lower.locator_params(axis="x", nbins=6)
         figure.draw_without_rendering()  # the layout, for the width of the names
@@ -159,7 +159,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
         for i in range(count):
             panel = figure.add_subplot(grid[2 * i])
             panels.append((panel, figure.add_subplot(grid[2 * i + 1], sharex=panel)))
-        used = {key for boundary in boundaries_of(table) for key in boundary.states()}
+        used = {key for boundary in boundaries_of(table) for key in boundary.states}
         patches = state_patches(used)
         figure.legend(handles=patches, loc="outside lower center", ncols=max(1, len(patches)), handlelength=1.6)
         heading = figure.suptitle(" ", fontsize=9)
@@ -172,7 +172,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     strip.clear()
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
                     panel.set_ylim(low - margin, high + margin)
-                    state_strip(strip, boundary, boundary.states(), "")
+                    state_strip(strip, boundary)
                 heading.set_text(f"{title + ', ' if title else ''}load step {step:.0f} of {steps[-1]:.0f}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow

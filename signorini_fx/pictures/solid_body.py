@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -93,60 +94,22 @@ class Skin:
 
 
 def deformed_solid(
-    path_stem: str | Path,
-    skin: Skin,
-    *,
-    field: Field = FIELDS["von_mises"],
-    stress: Floats | None = None,
-    foundations: Sequence[FoundationSurface] = (),
-    factor: float | None = None,
-    top: float | None = None,
-    reach: Floats | None = None,
-    seen: view.View | None = None,
-    title: str = "",
-    suffixes: Sequence[str] = BOTH,
+    path_stem: str | Path, skin: Skin, *, title: str = "", suffixes: Sequence[str] = BOTH, **options: Any
 ) -> None:
-    """Draw the outer surface of a deformed body in space on its foundation, in perspective.
-
-    The colour is a field.  Values at points of the facets are drawn with colours that vary within each facet; the label
-    of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
-    the value that is not exceeded on 99 % of the visible area.  Dark lines on the body are its sharp edges, gray ones
-    those of the undeformed body; the edges of the facets are drawn if they are large enough to see them.  Arrows show
-    the axes, and how long the undeformed body is along each.  A foundation is gray, and seen from the side of the body
-    only.
-
-    As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
-    plane under a sphere, there are two panels: body and foundation as they are; and the body with its displacement
-    magnified, without foundation.
+    """Write the picture that ``solid_figure`` draws.
 
     Args:
         path_stem: where to write, without suffix.
         skin: the body.
-        field: what its values are.
-        stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
-        foundations: of each contact boundary.
-        factor: of displacement and gap, in one panel; None: one that makes the displacement visible, in two panels
-            where one would not be true.
-        top: the value where the colours end; None: see above.
-        reach: points that the picture shows too, shape (k, 3).
-        seen: the view; None: ``telling_view(skin)``.
         title: title of the picture.
         suffixes: of the files to write.
+        options: of ``solid_figure``.
 
     Raises:
         PictureError: PyVista is missing.
     """
     with mpl.rc_context(STYLE):
-        figure, remark = solid_figure(
-            skin,
-            field=field,
-            stress=stress,
-            foundations=foundations,
-            factor=factor,
-            top=top,
-            reach=reach,
-            seen=seen,
-        )
+        figure, remark = solid_figure(skin, **options)
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
@@ -161,7 +124,36 @@ def solid_figure(
     reach: Floats | None = None,
     seen: view.View | None = None,
 ) -> tuple[Figure, str]:
-    """The figure that ``deformed_solid`` writes, and what it magnifies."""
+    """Draw the outer surface of a deformed body in space on its foundation, in perspective.
+
+    The colour is a field.  Values at points of the facets are drawn with colours that vary within each facet; the label
+    of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
+    the value that is not exceeded on 99 % of the visible area.  Dark lines on the body are its sharp edges, gray ones
+    those of the undeformed body; the edges of the facets are drawn if they are large enough to see them.  Arrows show
+    the axes, and how long the undeformed body is along each.  A foundation is gray, and seen from the side of the body
+    only.
+
+    As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
+    plane under a sphere, there are two panels: body and foundation as they are; and the body with its displacement
+    magnified, without foundation.
+
+    Args:
+        skin: the body.
+        field: what its values are.
+        stress: tensors at the facets, shape (m, 3, 3): their principal stresses are drawn as strokes.
+        foundations: of each contact boundary.
+        factor: of displacement and gap, in one panel; None: one that makes the displacement visible, in two panels
+            where one would not be true.
+        top: the value where the colours end; None: see above.
+        reach: points that the picture shows too, shape (k, 3).
+        seen: the view; None: ``telling_view(skin)``.
+
+    Returns:
+        The figure, and what it magnifies.
+
+    Raises:
+        PictureError: PyVista is missing.
+    """
     chosen = magnification(skin.points, skin.displacement) if factor is None else factor
     true = factor is not None or all(one.looks_like_itself(chosen, skin.size) for one in foundations)
     what = f"displacement $\\times\\,{math_number(chosen)}$"
@@ -238,8 +230,8 @@ def section(
         axes = figure.subplots()
         _show(axes, solid, camera, inch)
         tones.bar(figure, axes)
-        place = math_number(float(f"{clean(float(origin[axis]), skin.size):.4g}"))
-        what = f"cut at ${'xyz'[axis]} = {place}$, displacement $\\times\\,{math_number(factor)}$"
+        at_plane = math_number(float(f"{clean(float(origin[axis]), skin.size):.4g}"))
+        what = f"cut at ${'xyz'[axis]} = {at_plane}$, displacement $\\times\\,{math_number(factor)}$"
         finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
 
 
@@ -269,8 +261,8 @@ def tones_of(skin: Skin, seen: view.View, field: Field, top: float | None = None
     """The scale of the field, by what faces the viewer."""
     area = normals_of(skin.points, skin.triangles) @ seen.toward
     facing = area > 0
-    told = field.told(at_points=skin.at_points)
-    return Tones(told, skin.values[facing].ravel(), area[facing].repeat(3) / 3, top)
+    labelled = field.told(at_points=skin.at_points)
+    return Tones(labelled, skin.values[facing].ravel(), area[facing].repeat(3) / 3, top)
 
 
 def telling_view(skin: Skin) -> view.View:

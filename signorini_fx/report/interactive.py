@@ -32,25 +32,25 @@ _MAIN = "#1a1a1a"
 def library() -> Path | None:
     """The folder of dygraphs; None if this machine does not have it."""
     files = ("dygraph.min.js", "dygraph.min.css")
-    return next((place for place in _PLACES if all((place / name).is_file() for name in files)), None)
+    return next((folder for folder in _PLACES if all((folder / name).is_file() for name in files)), None)
 
 
 def head() -> list[Markup]:
     """Library, its licence and our own script, for the head of a page with plots; nothing without the library."""
-    place = library()
-    if place is None:
+    folder = library()
+    if folder is None:
         return []
-    ours = resources.files("signorini_fx.report")
-    licence = ours.joinpath("dygraphs_licence.txt").read_text(encoding="utf-8")
-    code, style = ((place / f"dygraph.min.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
+    files = resources.files("signorini_fx.report")
+    licence = files.joinpath("dygraphs_licence.txt").read_text(encoding="utf-8")
+    code, style = ((folder / f"dygraph.min.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
     # A reference to a file beside it would be looked up on the network.
     code, style = (text.rpartition("/*# sourceMappingURL")[0] or text for text in (code, style))
     code = code.rpartition("\n//# sourceMappingURL")[0] or code
-    own = ours.joinpath("report.js").read_text(encoding="utf-8")
+    plotting = files.joinpath("report.js").read_text(encoding="utf-8")
     return [
         tag("style", Markup(style)),
         script(f"/* dygraphs\n{licence}*/\n{code}"),
-        script(f'document.addEventListener("DOMContentLoaded", function () {{\n{own}}});'),
+        script(f'document.addEventListener("DOMContentLoaded", function () {{\n{plotting}}});'),
     ]
 
 
@@ -72,15 +72,15 @@ def turning(folder: ResultFiles) -> list[Markup]:
     data = folder.picture(TURNING)
     if data is None:
         return []
-    found = json.loads(data)
-    if not {"body", "grounds", "limits", "colours", "label", "factor"} <= set(found):
+    body = json.loads(data)
+    if not {"body", "grounds", "limits", "colours", "label", "factor"} <= set(body):
         raise ValueError(f"{TURNING} is not of this kind")
-    text = json.dumps(found, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    text = json.dumps(body, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     code = resources.files("signorini_fx.report").joinpath("body_view.js").read_text(encoding="utf-8")
     hint = "Drag to turn, turn the wheel to come closer, drag with the right button or with shift to move."
-    place = tag("div", script(text, type="application/json"), class_="turn", hidden="hidden")
+    element = tag("div", script(text, type="application/json"), class_="turn", hidden="hidden")
     start = f'document.addEventListener("DOMContentLoaded", function () {{\n{code}}});'
-    return [place, tag("p", hint, class_="note hint"), script(start)]
+    return [element, tag("p", hint, class_="note hint"), script(start)]
 
 
 def _data(boundary: Boundary) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def _data(boundary: Boundary) -> dict[str, Any]:
         "window": boundary.window,
         "panels": [_panel(panel, x, order, breaks) for panel in panels],
         "states": _states(boundary, x, order, breaks),
-        "key": [[*_in_html(name)] for name in STATES if name in boundary.states()],
+        "key": [[*_in_html(name)] for name in STATES if name in boundary.states],
     }
 
 
@@ -141,13 +141,13 @@ def _dashes(style: Any) -> list[float] | None:
 
 def _states(boundary: Boundary, x: Any, order: Any, breaks: list[int]) -> list[list[Any]]:
     """From where to where the boundary has which colour: each node up to halfway to its neighbours."""
-    states = np.array(boundary.states())[order]
-    found: list[list[Any]] = []
+    states = np.array(boundary.states)[order]
+    stretches: list[list[Any]] = []
     for first, end in itertools.pairwise([0, *breaks, len(x)]):
         at = x[first:end]
         borders = np.concatenate((at[:1], 0.5 * (at[1:] + at[:-1]), at[-1:]))
         changes = np.flatnonzero(states[first + 1 : end] != states[first : end - 1]) + 1
         for start, stop in itertools.pairwise([0, *changes, end - first]):
             colour = STATES[str(states[first + start])][0]
-            found.append([*_numbers(borders[[start, stop]]), colour])
-    return found
+            stretches.append([*_numbers(borders[[start, stop]]), colour])
+    return stretches

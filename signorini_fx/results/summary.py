@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import textwrap
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -19,7 +18,6 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
 from signorini_fx.display import clean, results_of, safety_in_words
-from signorini_fx.machine.terminal import PAGE
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
@@ -370,9 +368,7 @@ def _warnings(summary: dict[str, Any]) -> list[str]:
     for finding in summary["findings"]:
         if finding["level"] == "warning" and finding["message"] != summary["advice"]:
             told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
-    blank = " " * 19
-    wrapper = textwrap.TextWrapper(PAGE, subsequent_indent=blank, break_long_words=False, break_on_hyphens=False)
-    return [line for text in told for line in wrapper.wrap(text)]
+    return told
 
 
 def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:

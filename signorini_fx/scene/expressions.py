@@ -169,9 +169,9 @@ def _check_call(name: str, arguments: list[ast.expr]) -> Kind:
 
 def _expect(kind: Kind, *nodes: ast.expr) -> Kind:
     for node in nodes:
-        found = _check(node)
-        if found != kind:
-            raise ValueError(f"a {kind} is expected where '{ast.unparse(node)}' stands, which is a {found}")
+        kind_of_node = _check(node)
+        if kind_of_node != kind:
+            raise ValueError(f"a {kind} is expected where '{ast.unparse(node)}' stands, which is a {kind_of_node}")
     return kind
 
 
