@@ -12,6 +12,9 @@ class Settings:
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
     coulomb: Literal["auto", "fp", "newton"] = "auto"
+    gamma_n: float | Literal["auto"] = "auto"
+    gamma_t: float | Literal["auto"] = "auto"
+    sigma: float | Literal["auto"] = "auto"
     gamma_first: float | Literal["auto"] = "auto"
     gamma_factor: float = 1.0
     inner_iterations: int | Literal["auto"] = "auto"

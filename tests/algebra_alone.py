@@ -69,8 +69,8 @@ def main(kind, algorithm, law, value, out):
     system = {"full": FullSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(elasticity)
     none = np.zeros(weight.size)
     friction = FrictionLaw(**({"given": none, "coefficient": none} | {law: none + float(value)}))
-    settings = Settings(algorithm=algorithm, tolerance=1e-11)
-    task = Task.of(system, motions, gap, friction, gamma=GAMMA, settings=settings)
+    settings = Settings(algorithm=algorithm, tolerance=1e-11, gamma_n=GAMMA, gamma_t=GAMMA)
+    task = Task.of(system, motions, gap, friction, settings=settings)
     outcome = solve_task(task, task.start)
     state = task.contact(outcome, task.start)
     y = outcome.displacement().getArray(readonly=True) + modes @ task.rest.motion

@@ -70,6 +70,7 @@ def test_another_load_on_the_same_factor(kind):
     from signorini_fx.linalg.condensed import CondensedSystem
     from signorini_fx.linalg.from_scipy import from_scipy
     from signorini_fx.linalg.full import FullSystem
+    from signorini_fx.method import Settings
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     make = {"full": FullSystem, "condensed": CondensedSystem}[kind]
@@ -78,7 +79,8 @@ def test_another_load_on_the_same_factor(kind):
     motions = bodies[0][1]
     system.set_case(0, bodies[1][0].cases[0])
     system.set_load(np.ones(1))
-    tasks = [Task.of(one, motions, gap, gamma=algebra_alone.GAMMA) for one in (system, other)]
+    settings = Settings(gamma_n=algebra_alone.GAMMA, gamma_t=algebra_alone.GAMMA)
+    tasks = [Task.of(one, motions, gap, settings=settings) for one in (system, other)]
     outcomes = [solve_task(task, replace(task.start, factors=np.ones(1))) for task in tasks]
     ours, theirs = (outcome.displacement().getArray(readonly=True) for outcome in outcomes)
     assert np.abs(theirs).max() > 0

@@ -382,10 +382,11 @@ def stiffer(right):
 
     def spoilt(*arguments):
         found = right(*arguments)
-        row = found.stiffness.getSize()[0] // 2
-        value = found.stiffness.getValue(row, row)
-        found.stiffness.setValue(row, row, 1.001 * value)
-        found.stiffness.assemble()
+        stiffness = found.elastic.stiffness
+        row = stiffness.getSize()[0] // 2
+        value = stiffness.getValue(row, row)
+        stiffness.setValue(row, row, 1.001 * value)
+        stiffness.assemble()
         return found
 
     return spoilt

@@ -11,7 +11,6 @@ from mpi4py import MPI
 from scenes import on_mesh, rectangle
 
 from signorini_fx.body import forms
-from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import ActiveSets, RegularisedData, trial_shear
 from signorini_fx.linalg.full import FullSystem
@@ -103,7 +102,8 @@ def problem_at_random_state(discretisation, seed):
     values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
     values["mu_hat"] = values["mu_hat"][:, None]
     data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
-    problem = RegularisedProblem(FullSystem.of(elasticity_of(discretisation)), discretisation.motions.at(boundary))
+    system = FullSystem.of(discretisation.elastic.elasticity(discretisation.cases))
+    problem = RegularisedProblem(system, discretisation.at_contact)
     problem.set_data(data)
     problem.sets = ActiveSets.of(rng.random(boundary.size) < 0.5, rng.integers(-1, 2, (boundary.size, 1)).astype(float))
     y = fem.Function(discretisation.space)

@@ -6,7 +6,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.linalg import krylov
@@ -75,7 +74,7 @@ def test_multigrid_knows_the_rigid_motions(cell):
         held = PrescribedDisplacement(boundary="left", x=0.0, y=0.0)
         scene = scene.model_copy(update={"displacement": (held,), "contact": ()})
         discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-        system = krylov.KrylovSystem.of(elasticity_of(discretisation))
+        system = krylov.KrylovSystem.of(discretisation.elastic.elasticity(discretisation.cases))
         if not motions:
             system.matrix.setNearNullSpace(PETSc.NullSpace())
         ksp = PETSc.KSP().create(system.comm)

@@ -11,7 +11,6 @@ from test_ranks import same_on_all_ranks
 from test_space_ranks import brick
 
 from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects.displacement import PrescribedDisplacement
@@ -244,7 +243,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
     def kind(scene):
         cost = check_scene(scene, MPI.COMM_SELF).cost
         d = assembled(scene)
-        chosen = choice.choose_system(elasticity_of(d), d.system_size, scene.solver.linear_algebra)
+        chosen = choice.choose_system(d.elastic.elasticity(d.cases), d.system_size, scene.solver.linear_algebra)
         assert cost.linear_algebra == chosen[1]
         return cost.linear_algebra.partition(":")[0]
 

@@ -6,7 +6,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.body.contact_map import elasticity_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import full, schur
@@ -62,7 +61,7 @@ def test_prescribed_displacements_of_a_load_step():
     left, right = scene.displacement
     moved = left.model_copy(update={"x": 0.001, "factors": (1.0, -3.0)})
     d = discretise(scene.model_copy(update={"displacement": (moved, right)}), load_mesh(scene, COMM), Timings())
-    system = full.FullSystem.of(elasticity_of(d))
+    system = full.FullSystem.of(d.elastic.elasticity(d.cases))
     for step, factor in ((0, 1.0), (1, -3.0)):
         for scale in (1.0, 0.5):
             system.set_load(scale * d.factors(step))

@@ -12,7 +12,6 @@ from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.linalg import multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
@@ -27,7 +26,7 @@ WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
 def level(scene, comm, coarser=None):
     """The level of a scene's mesh over a coarser one."""
-    return MeshLevel.of(discretise(scene, load_mesh(scene, comm), Timings()), coarser)
+    return discretise(scene, load_mesh(scene, comm), Timings()).elastic.level(coarser)
 
 
 def generated(name, parameters, **solver):
@@ -104,12 +103,12 @@ def test_levels_in_between():
     coarse, same, fine, finest = (level(block(n), SELF) for n in (6, 9, 12, 27))
     d = discretise(block(12), load_mesh(block(12), SELF), Timings())
     same.coarser = coarse
-    assert MeshLevel.of(d, same).coarser is coarse
-    assert MeshLevel.of(d, coarse).coarser is coarse
-    assert MeshLevel.of(d, finest).coarser is None
-    assert MeshLevel.of(d, fine).coarser is None
+    assert d.elastic.level(same).coarser is coarse
+    assert d.elastic.level(coarse).coarser is coarse
+    assert d.elastic.level(finest).coarser is None
+    assert d.elastic.level(fine).coarser is None
     d = discretise(block(27), load_mesh(block(27), SELF), Timings())
-    assert MeshLevel.of(d, coarse).coarser is None
+    assert d.elastic.level(coarse).coarser is None
 
 
 def test_another_body_is_no_coarser_mesh():
@@ -181,7 +180,7 @@ def between_walls(n, **solver):
 def test_skew_supports(steps):  # noqa: F811
     """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
     ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
-    assert ours.discretisation.rotation is not None
+    assert ours.discretisation.elastic.rotation is not None
     agree(ours, theirs)
     assert max(count for *_, count in steps) <= 12
 
@@ -210,7 +209,7 @@ def test_the_coarser_displacement_is_the_start(cells):
     coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
     scene = block(12, cells, bound=1.5, linear_algebra="krylov")
     d = discretise(scene, load_mesh(scene, SELF), Timings())
-    below = MeshLevel.of(coarse.discretisation, None, coarse.displacement)
+    below = coarse.discretisation.elastic.level(None, coarse.displacement)
     task = contact_task(d, d.boundary, History(), below)
     assert task.rest is not None
     _begin_at_coarse(task, below, d)

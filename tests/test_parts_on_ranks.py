@@ -63,7 +63,7 @@ def field(discretisation, a, b):
     """A smooth displacement as a vector, zero where it is prescribed."""
     d = discretisation
     x = d.space.tabulate_dof_coordinates()[: d.space.dofmap.index_map.size_local]
-    vector = d.stiffness.createVecRight()
+    vector = d.elastic.stiffness.createVecRight()
     values = 1e-2 * np.column_stack((np.sin(a * x[:, 0] + x[:, 1]), np.cos(b * x[:, 0] - 2 * x[:, 1])))
     vector.getArray()[:] = np.where(d.fixed, 0.0, values.ravel())
     return vector

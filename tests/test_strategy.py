@@ -260,7 +260,7 @@ def test_a_path_does_not_end_where_a_stick_node_is_moved():
         return alone(parse_scene(data))
 
     path, limit = solved(algorithm="path-following", regularisation_error=0.1), solved(algorithm="alm")
-    stiffness = path.discretisation.stiffness
+    stiffness = path.discretisation.elastic.stiffness
     away, size = limit.displacement.x.petsc_vec.copy(), limit.displacement.x.petsc_vec.copy()
     away.axpy(-1.0, path.displacement.x.petsc_vec)
     error = np.sqrt(away.dot(stiffness * away) / size.dot(stiffness * size))

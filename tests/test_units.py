@@ -211,7 +211,7 @@ def disturbed(element, law, shake, length, force):
     scene = block(element, law, length, force)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     rng, stress = np.random.default_rng(3), force / length**2
-    y = d.function(d.stiffness.createVecRight())
+    y = d.elastic.function(d.elastic.stiffness.createVecRight())
     y.x.array[:] = length * shake(rng, y.x.array.shape)
     n = d.boundary.size
     tractions = (
@@ -270,7 +270,7 @@ def test_the_size_of_the_forces(element, linear_algebra):
         forces = [(vector - lifted).getArray()[~system.fixed] for vector in (work, system.load)]
         forces = [np.linalg.norm(part) for part in forces]
         assert problem.force_scale == pytest.approx(max(forces), rel=1e-6)
-        diagonal = d.stiffness.getDiagonal().getArray()
+        diagonal = d.elastic.stiffness.getDiagonal().getArray()
         assert set(diagonal[d.fixed]) == {diagonal[~d.fixed].max()}
         found.append(
             (

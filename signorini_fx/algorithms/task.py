@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +31,6 @@ from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.problem.problem import Problem
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import History, Status
-from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 
 @dataclass(frozen=True)
@@ -161,36 +161,39 @@ class Task:
         gap: Nodal,
         law: FrictionLaw | None = None,
         *,
-        gamma: float | None = None,
         bilateral: npt.NDArray[np.bool_] | None = None,
         settings: Settings | None = None,
+        natural_gamma: float | None = None,
+        has_coulomb: bool | None = None,
+        **others: Any,
     ) -> Task:
-        """A problem that is given by matrices alone; collective.
-
-        The natural unit of gamma is that of the stiffest contact point, its stiffness over its weight, times the share
-        of a side of its piece in that of the contact boundary.
+        """A problem that starts with contact and stick everywhere, from its resting place; collective.
 
         Args:
             system: the elastic system with its loads.
             motions: the free rigid motions at its contact points.
             gap: d, length, shape (n,).
             law: of friction; None: there is none.
-            gamma: gamma_1 and gamma_2, stress per length; None: ``AUTOMATIC_GAMMA`` times the natural unit.
             bilateral: points whose contact cannot open, shape (n,); None: there are none.
             settings: algorithms, their parameters and limits; None: the defaults.
+            natural_gamma: the natural unit of gamma, stress per length; None: that of the stiffest contact point, its
+                stiffness over its weight, times the share of a side of its piece in that of the contact boundary.
+            has_coulomb: see ``Task``; None: where a coefficient is not zero.
+            others: history, linear_algebra and goal, see ``Task``.
         """
-        points, comm = motions.points, motions.points.comm
-        side = (points.weight / parallel.global_sum(comm, points.weight.sum())) ** (1.0 / (points.dimension - 1))
-        stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-        natural = parallel.global_max(comm, parallel.local_max(stiffness * side))
-        gamma = AUTOMATIC_GAMMA * natural if gamma is None else gamma
-        bound = None if law is None else law.given
-        data = RegularisedData.unshifted(gap, points.dimension - 1, gamma, gamma, bound=bound, bilateral=bilateral)
+        points, comm, settings = motions.points, motions.points.comm, settings or Settings()
+        if natural_gamma is None:
+            side = (points.weight / parallel.global_sum(comm, points.weight.sum())) ** (1.0 / (points.dimension - 1))
+            stiffness = system.contact.stiffness(system.matrix.getDiagonal())
+            natural_gamma = parallel.global_max(comm, parallel.local_max(stiffness * side))
+        if has_coulomb is None:
+            has_coulomb = parallel.any_rank(comm, law is not None and bool((law.coefficient > 0).any()))
+        data = RegularisedData.unshifted(gap, points.dimension - 1, settings, natural_gamma, law, bilateral)
         rest = resting_place(gap, bilateral, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
         start = Start(data if rest is None else rest.data_from(data), law, sets, iteration=0)
-        coulomb = parallel.any_rank(comm, law is not None and bool((law.coefficient > 0).any()))
-        return cls(settings or Settings(), system, motions, start, coulomb, natural, History(), rest=rest)
+        history = others.pop("history", None) or History()
+        return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=rest, **others)
 
     @cached_property
     def iterate(self) -> Iterate:
@@ -287,8 +290,7 @@ class Iterate:
     @cached_property
     def exact_newton(self) -> SemismoothNewton:
         """The inner method on the unregularised problem, with an iterate of its own."""
-        problem = ExactProblem.of(self._system, self._motions)
-        return self._newton(problem, problem.system.start.copy())
+        return self._newton(ExactProblem(self._system, self._motions), self._system.start.copy())
 
     @cached_property
     def exact_unsymmetric_newton(self) -> SemismoothNewton:
@@ -301,7 +303,5 @@ class Iterate:
         self._fall_backs.exhausted = start.without_fall_backs
         if start.factors is not None:
             self._system.set_load(start.factors)
-            if "exact_newton" in self.__dict__ and self.exact_newton.problem.system is not self._system:
-                self.exact_newton.problem.system.set_load(start.factors)
         fixed = self._system.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]

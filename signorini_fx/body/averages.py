@@ -29,9 +29,7 @@ from petsc4py import PETSc
 from signorini_fx import compat
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, measure
-from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
-from signorini_fx.scene.model import Scene
 
 _Floats = npt.NDArray[np.float64]
 
@@ -79,9 +77,9 @@ class AveragingForms:
     moments: fem.Form
 
 
-def averaging(scene: Scene, tagged: TaggedMesh) -> bool:
-    """Whether the contact points of a scene average: on quadratic tetrahedra."""
-    return scene.element.degree == 2 and tagged.mesh.topology.cell_name() == "tetrahedron"
+def averaging(space: fem.FunctionSpace) -> bool:
+    """Whether the contact points of displacements in a space average: on quadratic tetrahedra."""
+    return space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
 
 
 def averaging_forms(

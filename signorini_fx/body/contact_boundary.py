@@ -20,16 +20,19 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.points import ContactPoints, SharedNodes
+from signorini_fx.errors import SceneError
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
+# A direction that differs from an axis by less is along it.
+_ALONG_AXIS = 1e-12
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,36 @@ class ContactBoundary:
         frames = self.frames_in_axes
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
+
+    def aligned(self) -> tuple[npt.NDArray[np.int32], Nodal] | None:
+        """The nodes whose unknowns must be turned so that each component of a relative displacement is one of them, and
+        their frames, shapes (m,) and (m, d, d); None: there are none on any rank; collective.
+
+        A component that is prescribed stays in its place.
+
+        Raises:
+            SceneError: contact points average, a contact node has two normals, or a prescribed component is along
+                neither its normal nor a tangent.
+        """
+        sizes, frames = np.abs(self.frames_in_axes), self.frames.copy()
+        across = 1.0 - sizes.max(axis=2) >= _ALONG_AXIS
+        for reason, here in (
+            (
+                "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
+                self.averages is not None,
+            ),
+            ("a contact node has two normals", np.unique(self.nodes).size < self.size),
+            ("a contact node is prescribed askew to its normal", bool((across & ~self.free).any())),
+        ):
+            if parallel.any_rank(self.comm, here):
+                text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
+                raise SceneError([("solver.algorithm", text)])
+        off = across.any(axis=1)
+        for point, component in np.argwhere(~self.free & off[:, None]):
+            pair = [component, sizes[point, component].argmax()]
+            for directions in (sizes[point], frames[point]):
+                directions[:, pair] = directions[:, pair[::-1]]
+        return (self.nodes[off], frames[off]) if parallel.any_rank(self.comm, bool(off.any())) else None
 
     @property
     def _shared(self) -> SharedNodes:

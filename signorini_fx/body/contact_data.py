@@ -9,17 +9,15 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
 from signorini_fx.errors import SceneError
+from signorini_fx.method import Settings
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Box
-from signorini_fx.tuned import AUTOMATIC_GAMMA
-
-_ALONG_AXIS = 1e-12
 
 
 def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
@@ -41,23 +39,16 @@ def friction_law(scene: Scene, boundary: ContactBoundary) -> FrictionLaw | None:
     return FrictionLaw(given, coefficient, cap if capped else None)
 
 
-def regularised_data(scene: Scene, body: Body, boundary: ContactBoundary, law: FrictionLaw | None) -> RegularisedData:
+def regularised_data(
+    scene: Scene, body: Discretisation, boundary: ContactBoundary, law: FrictionLaw | None
+) -> RegularisedData:
     """The regularised problem of the scene, without shifts and with the given part of the friction bound."""
     gap = np.zeros(boundary.size)
     for index, effect in enumerate(scene.contact):
         here = boundary.part == index
         gap[here] = _gap(effect.gap, boundary, here, f"contact[{index}].gap")
-    automatic = AUTOMATIC_GAMMA * body.scales.gamma
-    settings = scene.solver
-    return RegularisedData.unshifted(
-        gap,
-        boundary.tangents.shape[2],
-        automatic if settings.gamma_n == "auto" else settings.gamma_n,
-        automatic if settings.gamma_t == "auto" else settings.gamma_t,
-        np.inf if settings.sigma == "auto" else settings.sigma,
-        bound=None if law is None else law.given,
-        bilateral=bilateral_nodes(scene, boundary),
-    )
+    settings, bilateral = Settings.of(scene.solver), bilateral_nodes(scene, boundary)
+    return RegularisedData.unshifted(gap, boundary.tangents.shape[2], settings, body.scales.gamma, law, bilateral)
 
 
 def bilateral_nodes(scene: Scene, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
@@ -93,31 +84,6 @@ def _checked(value: Any, x: Nodal, boundary: ContactBoundary, path: str, *, mini
         error = SceneError([(path, f"is {values[bad[0]]:g} at ({place}); it must be {wanted}")])
     parallel.raise_together(boundary.comm, error)
     return values
-
-
-def check_exact(boundary: ContactBoundary) -> None:
-    """Check that the displacement of every contact node can be told in its normal and tangents; collective.
-
-    Raises:
-        SceneError: contact points average, a contact node has two normals, or a prescribed component along neither its
-            normal nor a tangent.
-    """
-    nodes, counts = np.unique(boundary.nodes, return_counts=True)
-    sizes = np.abs(boundary.frames_in_axes)
-    off = (1.0 - sizes.max(axis=1)).max(axis=1, initial=0.0) >= _ALONG_AXIS
-    # A prescribed component may stay an unknown of its own: then it is along the normal or a tangent.
-    apart = (~boundary.free & (1.0 - sizes.max(axis=2) >= _ALONG_AXIS)).any(axis=1)
-    for reason, here in (
-        (
-            "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
-            boundary.averages is not None,
-        ),
-        ("a contact node has two normals", nodes[counts > 1].size > 0),
-        ("a contact node is prescribed askew to its normal", bool((off & apart).any())),
-    ):
-        if parallel.any_rank(boundary.comm, here):
-            text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
-            raise SceneError([("solver.algorithm", text)])
 
 
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:

@@ -9,10 +9,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.linalg.elasticity import Elasticity
 
 # Below it a component of a unit vector is round-off.
 _ROUND_OFF = 1e-14
@@ -61,15 +58,3 @@ def contact_map(
     found = found.after(rotation, fixed)
     found.operator.chop(_ROUND_OFF)
     return found
-
-
-def elasticity_of(discretisation: Discretisation, coarser: MeshLevel | None = None) -> Elasticity:
-    """What the elastic system of a discretised scene is made of; collective.
-
-    Args:
-        discretisation: the assembled body.
-        coarser: the body on a coarser mesh, for multigrid; None: there is none.
-    """
-    d = discretisation
-    contact = contact_map(d.boundary, d.fixed, d.stiffness, d.rotation, d.tagged.dimension)
-    return Elasticity(d.stiffness, d.fixed, d.cases, contact, d.motions.free.shape[1], MeshLevel.of(d, coarser))

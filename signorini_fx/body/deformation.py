@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import adjugates
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Deformation:
         return max(self.gradient, self.displacement)
 
 
-def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
+def deformation_of(body: Discretisation, displacement: fem.Function) -> Deformation:
     """How much a displacement deforms a body; collective.
 
     grad u is evaluated at the midpoint of each cell.
@@ -61,7 +61,9 @@ def deformation_of(body: Body, displacement: fem.Function) -> Deformation:
     return Deformation(gradient, share)
 
 
-def _squares(body: Body, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _squares(
+    body: Discretisation, displacement: fem.Function
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
     mesh, space = body.tagged.mesh, body.space
     cell = mesh.topology.cell_name()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -11,27 +11,25 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.averages import averaging, averaging_forms
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.body.elastic import ElasticBody, system_size
 from signorini_fx.body.loads import (
     AppliedLoad,
     ResistanceForm,
     applied_load,
     check_finite,
     compile_resistance,
-    load_case,
     load_groups,
-    turned_case,
 )
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid import RigidMotions, rigid_motions, unresisted
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import MeshError, SceneError, together
@@ -47,8 +45,8 @@ from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
 
 @dataclass(frozen=True)
-class Body:
-    """A scene on its mesh before any stiffness is assembled: all data of the body.
+class Discretisation:
+    """A scene on its mesh: all data of the body, and its elastic system, which is assembled when it is first needed.
 
     Attributes:
         scene: the scene.
@@ -61,7 +59,7 @@ class Body:
         applied: the loads, by their load factors.
         boundary: the contact nodes; None for a scene without contact.
         motions: motions without strain that the supports leave free.
-        inventory: what was compiled and assembled; the elastic forms are named and compiled later.
+        inventory: what was compiled and assembled.
         resistance: what resists the displacement on the boundary.
         turned: nodes with supports along no axis, for which ``fixed`` is told in their own frames; None: none.
     """
@@ -101,75 +99,60 @@ class Body:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
         return np.array([factor_at(load.factors, place) for load in self.applied])
 
+    @cached_property
+    def at_contact(self) -> FreeMotions | None:
+        """The free motions at the contact nodes; None for a scene without contact."""
+        return None if self.boundary is None else self.motions.at(self.boundary)
+
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets; collective."""
-        dim, boundary = self.tagged.dimension, self.boundary
-        retained, held = 0, False
-        if boundary is not None:
-            retained = dim * int(parallel.global_sum(self.comm, np.array(np.unique(boundary.reached).size)))
-            everywhere = boundary.points.everywhere
-            held = self.motions.at(boundary).held_by(everywhere, everywhere)
         compressible = max(material.poisson for material in self.scene.material) <= LARGEST_MULTIGRID_POISSON
-        return SystemSize(self.comm, self.dofs, dim, retained, held, compressible)
+        return system_size(self.space, self.boundary, self.at_contact, compressible=compressible)
 
+    @cached_property
+    def forms(self) -> tuple[fem.Form, ...]:
+        """The terms of a(., .), compiled when they are first needed; collective."""
+        y, z, mesh = ufl.TrialFunction(self.space), ufl.TestFunction(self.space), self.space.mesh
+        degree = elastic_degree(mesh.topology.cell_name(), self.scene.element.degree, compat.geometry_degree(mesh))
+        terms = elastic_forms(y, z, *self.lame, degree, self.reduced)
+        compiled = self.inventory.compile
+        found = [compiled(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
+        return (*found, *([] if self.resistance.form is None else [self.resistance.form]))
 
-@dataclass(frozen=True)
-class Discretisation(Body):
-    """The assembled elastic body and its contact boundary.
+    @cached_property
+    def elastic(self) -> ElasticBody:
+        """The elastic system, assembled when it is first needed; collective."""
+        self.inventory.matrices.append("stiffness")
+        bcs = [support for _, support in self.supports]
+        aligned = self.scene.solver.algorithm == "exact"
+        return ElasticBody.assembled(
+            self.space, self.forms, bcs, self.fixed, self.motions, self.boundary, self.turned, aligned=aligned
+        )
 
-    Attributes:
-        forms: the compiled terms of a(., .).
-        stiffness: a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its
-            largest entry on their diagonal.
-        cases: the right-hand sides of the applied loads, in their order.
-        rotation: Q from the unknowns of ``stiffness`` and ``cases`` to displacements; None: they are the same.
-    """
-
-    forms: tuple[fem.Form, ...]
-    stiffness: PETSc.Mat
-    cases: tuple[LoadCase, ...]
-    rotation: PETSc.Mat | None
-
-    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """The dofs along the axes of space."""
-        if self.rotation is None:
-            return x
-        result = x.duplicate()
-        self.rotation.mult(x, result)
-        return result
-
-    def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
-        """The finite element function with the unknowns ``x``."""
-        x = self.displacement(x)
-        function = fem.Function(self.space, name=name)
-        function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
-        function.x.scatter_forward()
-        return function
-
-    def unknowns(self, function: fem.Function) -> PETSc.Vec:
-        """The unknowns x of a finite element function, the inverse of ``function``."""
-        x = self.stiffness.createVecRight()
-        x.getArray()[:] = function.x.array[: x.getLocalSize()]
-        if self.rotation is None:
-            return x
-        result = x.duplicate()
-        self.rotation.multTranspose(x, result)
-        return result
+    @cached_property
+    def cases(self) -> tuple[LoadCase, ...]:
+        """The right-hand sides of the applied loads, in their order; collective."""
+        return tuple(self.elastic.case(load.forces, load.prescribed) for load in self.applied)
 
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
-    """Compile and assemble the effects that the scene lists.
+    """Compile and assemble the effects that the scene lists; collective.
 
     Raises:
         SceneError: see ``prepare``.
         MeshError: see ``prepare``.
     """
     free_unused(tagged.mesh)
-    return assemble_body(prepare(scene, tagged, timings), timings)
+    found = prepare(scene, tagged, timings)
+    with timings.phase("compile"):
+        assert found.forms
+    with timings.phase("assemble"):
+        assert found.cases is not None
+    return found
 
 
-def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
+def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     """Compile and assemble loads and contact boundaries, and find all errors; collective.
 
     Raises:
@@ -199,7 +182,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         ]
         contact_forms = [
             averaging_forms(space, facets[e.boundary], inventory, f"contact {e.boundary}")
-            if averaging(scene, tagged)
+            if averaging(space)
             else inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
             for e in scene.contact
         ]
@@ -216,81 +199,16 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Body:
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
     )
-    return Body(
-        scene,
-        tagged,
-        space,
-        lame,
-        reduced,
-        supports,
-        fixed,
-        tuple(applied),
-        boundary,
-        motions,
-        inventory,
+    if boundary is not None and scene.solver.algorithm == "exact":
+        boundary.aligned()
+    return Discretisation(
+        *(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory),
         resistance,
         turned,
     )
 
 
 _ELASTIC = ("elasticity", "reduced volumetric elasticity")
-
-
-def assemble_body(body: Body, timings: Timings) -> Discretisation:
-    """Compile and assemble the stiffness of a body, and the right-hand sides that need it; collective."""
-    scene, space = body.scene, body.space
-    with timings.phase("compile"):
-        y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-        mesh = space.mesh
-        degree = elastic_degree(mesh.topology.cell_name(), scene.element.degree, compat.geometry_degree(mesh))
-        terms = elastic_forms(y, z, *body.lame, degree, body.reduced)
-        elastic = tuple(
-            body.inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)
-        )
-        if body.resistance.form is not None:
-            elastic = (*elastic, body.resistance.form)
-    with timings.phase("assemble"):
-        every = [support for _, support in body.supports] if body.turned is None else []
-        stiffness = fem_petsc.assemble_matrix(elastic[0], every, 0.0)
-        for form in elastic[1:]:
-            stiffness.assemble()
-            fem_petsc.assemble_matrix(stiffness, form, every, 0.0)  # type: ignore[arg-type]
-        stiffness.assemble()
-        body.inventory.matrices.append("stiffness")
-        rotation = None
-        if body.turned is None:
-            diagonal = _fill_prescribed(stiffness, body)
-            cases = tuple(
-                load_case(load, elastic, stiffness, body.supports, body.fixed, diagonal, body.motions)
-                for load in body.applied
-            )
-        else:
-            whole, rotation = stiffness, body.turned.matrix(stiffness)
-            stiffness = whole.ptap(rotation)
-            stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-            first = stiffness.getOwnershipRange()[0]
-            stiffness.zeroRowsColumns((first + np.flatnonzero(body.fixed)).astype(PETSc.IntType), diag=0.0)
-            diagonal = _fill_prescribed(stiffness, body)
-            cases = tuple(
-                turned_case(load, whole, rotation, body.fixed, diagonal, body.motions, body.turned)
-                for load in body.applied
-            )
-        stiffness.setOption(PETSc.Mat.Option.SPD, True)
-    known = {field.name: getattr(body, field.name) for field in fields(body)}
-    return Discretisation(**known, forms=elastic, stiffness=stiffness, cases=cases, rotation=rotation)
-
-
-def _fill_prescribed(stiffness: PETSc.Mat, body: Body) -> float:
-    """Put a stiffness on the diagonal of the prescribed rows, which are empty so far, and return it; collective.
-
-    It is the largest one of the body, so that it is neither small nor large beside the others in any unit.
-    """
-    diagonal = stiffness.getDiagonal()
-    values = diagonal.getArray()
-    largest = parallel.global_max(body.comm, parallel.local_max(values)) or body.scales.stiffness(body.scales.size)
-    values[body.fixed] = largest
-    stiffness.setDiagonal(diagonal)
-    return largest
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

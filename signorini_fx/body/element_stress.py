@@ -10,7 +10,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.material import strain
 from signorini_fx.machine.compilation import compiling
 
@@ -28,7 +28,7 @@ class ElementStress:
         sigma: the stress, shape (d, d), a UFL expression; of the displacement at the time of the last ``refresh``.
     """
 
-    def __init__(self, body: Body, displacement: fem.Function) -> None:
+    def __init__(self, body: Discretisation, displacement: fem.Function) -> None:
         self._body, self._displacement = body, displacement
         self._theta: fem.Function | None = None
         theta = volumetric = ufl.tr(strain(displacement))

@@ -12,15 +12,12 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import action, assemble, measure
-from signorini_fx.body.rigid import RigidMotions, nearest_motion
+from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
-from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import Effect, Force, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
@@ -175,72 +172,6 @@ def compile_resistance(
     ]
     name = " + ".join(effect.name for effect in effects)
     return ResistanceForm(name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0]))))
-
-
-def load_case(
-    applied: AppliedLoad,
-    elastic: tuple[fem.Form, ...],
-    stiffness: PETSc.Mat,
-    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
-    fixed: npt.NDArray[np.bool_],
-    diagonal: float,
-    motions: RigidMotions,
-) -> LoadCase:
-    """The right-hand side of an applied load: prescribed displacements lifted; collective.
-
-    Args:
-        applied: the loads.
-        elastic: the compiled terms of a(., .).
-        stiffness: the matrix of the right-hand side.
-        supports: all prescribed displacements.
-        fixed: which owned dofs are prescribed.
-        diagonal: the entries of the stiffness on the diagonal of the prescribed rows.
-        motions: of the body.
-    """
-    load, start = stiffness.createVecRight(), stiffness.createVecRight()
-    load.getArray()[:], start.getArray()[:] = applied.forces, applied.start
-    if parallel.global_max(load.comm.tompi4py(), parallel.local_max(np.abs(applied.prescribed.x.array))) != 0.0:
-        start.getArray()[~fixed] = _nearest(applied, fixed, motions, None)[~fixed]
-        touched = np.concatenate([support.dof_indices()[0] for _, support in supports])
-        blocks = np.unique(touched // motions.x.shape[1]).astype(np.int32)
-        load.getArray()[:] -= action(elastic, applied.prescribed, blocks)
-    load.getArray()[fixed] = diagonal * applied.start[fixed]
-    return LoadCase(load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
-
-
-def turned_case(
-    applied: AppliedLoad,
-    whole: PETSc.Mat,
-    rotation: PETSc.Mat,
-    fixed: npt.NDArray[np.bool_],
-    diagonal: float,
-    motions: RigidMotions,
-    turned: TurnedNodes,
-) -> LoadCase:
-    """The same where nodes are turned; ``whole`` is a(., .) without supports, ``rotation`` is Q; collective."""
-    start, load, force = whole.createVecRight(), whole.createVecRight(), whole.createVecRight()
-    force.getArray()[:] = applied.start
-    rotation.multTranspose(force, start)
-    whole.mult(force, load)
-    load.scale(-1.0)
-    load.getArray()[:] += applied.forces
-    rotation.multTranspose(load, force)
-    free = np.where(fixed, 0.0, force.getArray(readonly=True))
-    load.getArray()[:] = free
-    load.getArray()[fixed] = diagonal * start.getArray(readonly=True)[fixed]
-    force.getArray()[:] = _nearest(applied, fixed, motions, turned)
-    moved = force.duplicate()
-    rotation.multTranspose(force, moved)
-    start.getArray()[~fixed] = moved.getArray(readonly=True)[~fixed]
-    return LoadCase(load, start, motions.load_of(applied.forces, load.comm.tompi4py()))
-
-
-def _nearest(
-    applied: AppliedLoad, fixed: npt.NDArray[np.bool_], motions: RigidMotions, turned: TurnedNodes | None
-) -> npt.NDArray[np.float64]:
-    """The rigid motion that is nearest to what an applied load prescribes, shape (owned dofs,); collective."""
-    comm, shape = applied.prescribed.function_space.mesh.comm, (-1, motions.x.shape[1])
-    return nearest_motion(motions, fixed.reshape(shape), applied.start.reshape(shape), turned, comm).ravel()
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

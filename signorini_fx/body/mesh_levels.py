@@ -16,10 +16,8 @@ import scipy.sparse
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.mesh.points import at_points
-from signorini_fx.tuned import FINER_LEVELS
 
 Array = npt.NDArray[np.float64]
 # Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh; smaller shares of
@@ -46,19 +44,6 @@ class MeshLevel:
     motions: RigidMotions
     coarser: MeshLevel | None
     solved: fem.Function | None = None
-
-    @classmethod
-    def of(
-        cls, discretisation: Discretisation, coarser: MeshLevel | None = None, solved: fem.Function | None = None
-    ) -> MeshLevel:
-        """A mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
-        d, (least, most) = discretisation, FINER_LEVELS
-        dimension = d.tagged.dimension
-        while coarser is not None and d.dofs < least**dimension * coarser.dofs:
-            coarser = coarser.coarser
-        if coarser is not None and d.dofs > most**dimension * coarser.dofs:
-            coarser = None
-        return cls(d.space, d.fixed, d.rotation, d.motions, coarser, solved)
 
     @property
     def dofs(self) -> int:

@@ -95,22 +95,6 @@ class TurnedNodes:
             given.append(values[self.nodes, None])
         y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, np.concatenate(given, axis=1))
 
-    def matrix(self, like: PETSc.Mat) -> PETSc.Mat:
-        """Q of the owned nodes, with the layout of ``like``."""
-        dim = self.frames.shape[1]
-        rotation = PETSc.Mat().createAIJ(like.getSizes(), nnz=(dim, 0), comm=like.comm)
-        first, last = rotation.getOwnershipRange()
-        rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        for row in range(first, last):
-            rotation.setValue(row, row, 1.0)
-        rotation.assemble()
-        owned = self.nodes < (last - first) // dim
-        if owned.any():
-            rows = (first + dim * self.nodes[owned, None] + np.arange(dim)).astype(PETSc.IntType)
-            rotation.setValuesRCV(rows, rows, np.ascontiguousarray(self.frames[owned]))
-        rotation.assemble()
-        return rotation
-
     def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> _Floats:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
         dim = self.frames.shape[1]
@@ -119,6 +103,25 @@ class TurnedNodes:
         here = self.nodes[place] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
         found[here] = self.frames[place[here]]
         return found
+
+
+def block_rotation(like: PETSc.Mat, frames: Sequence[tuple[npt.NDArray[np.int32], _Floats]]) -> PETSc.Mat:
+    """Q with the layout of ``like``: of each block (owned nodes, frames), where several have a node that of the last
+    one; elsewhere the identity.
+    """
+    dim = frames[0][1].shape[1]
+    rotation = PETSc.Mat().createAIJ(like.getSizes(), nnz=(dim, 0), comm=like.comm)
+    first, last = rotation.getOwnershipRange()
+    rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    for row in range(first, last):
+        rotation.setValue(row, row, 1.0)
+    for nodes, values in frames:
+        rotation.assemble()
+        if nodes.size:
+            rows = (first + dim * nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
+            rotation.setValuesRCV(rows, rows, np.ascontiguousarray(values))
+    rotation.assemble()
+    return rotation
 
 
 def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:

@@ -17,7 +17,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
 from signorini_fx.body import contact_data
-from signorini_fx.body.discretisation import Body, prepare
+from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
@@ -103,7 +103,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
 
 
-def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, RegularisedData | None]:
+def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Discretisation, FrictionLaw | None, RegularisedData | None]:
     """The body, the friction law and the contact data of a scene, after all checks of the solver."""
     d = prepare(scene, load_mesh(scene, comm), Timings())
     if scene.accuracy is not None:
@@ -111,8 +111,6 @@ def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Body, FrictionLaw | None, 
     if d.boundary is None:
         return d, None, None
     law = contact_data.friction_law(scene, d.boundary)
-    if scene.solver.algorithm == "exact":
-        contact_data.check_exact(d.boundary)
     contact_data.first_sets(scene, d.boundary)
     return d, law, contact_data.regularised_data(scene, d, d.boundary, law)
 
@@ -132,7 +130,7 @@ def _estimated(scene: Scene) -> tuple[str, ...]:
     return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
-def _forms(d: Body) -> tuple[str, ...]:
+def _forms(d: Discretisation) -> tuple[str, ...]:
     """The forms that the solver will compile, in order."""
     recovery = _estimated(d.scene) if d.boundary is not None and _estimates_error(d.scene) else ()
     return (*d.inventory.forms, *recovery)
@@ -141,7 +139,7 @@ def _forms(d: Body) -> tuple[str, ...]:
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
-def _effects(d: Body) -> list[Effect]:
+def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
     found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
 
@@ -173,7 +171,7 @@ def _effects(d: Body) -> list[Effect]:
     return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 
-def _elasticity(d: Body) -> Effect:
+def _elasticity(d: Discretisation) -> Effect:
     hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
     return Effect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
 
@@ -184,7 +182,7 @@ def _materials(scene: Scene) -> list[Effect]:
     return [Effect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
 
 
-def _reduced(d: Body) -> Effect:
+def _reduced(d: Discretisation) -> Effect:
     setting = d.scene.element.volumetric
     on = d.reduced is not None
     why = f"volumetric = {setting!r}"
@@ -193,7 +191,7 @@ def _reduced(d: Body) -> Effect:
     return Effect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
 
 
-def _displacements(d: Body) -> list[Effect]:
+def _displacements(d: Discretisation) -> list[Effect]:
     found: list[tuple[PrescribedDisplacement, int]] = []
     taken = np.zeros_like(d.fixed)
     for effect, support in d.supports:
@@ -213,7 +211,7 @@ def _displacements(d: Body) -> list[Effect]:
     return [Effect(f"displacement {e.boundary}", True, e.said, unknowns=-count) for e, count in found]
 
 
-def _contacts(d: Body) -> list[Effect]:
+def _contacts(d: Discretisation) -> list[Effect]:
     scene = d.scene
     if d.boundary is None:
         return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]

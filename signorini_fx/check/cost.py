@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
 from signorini_fx.records import Finding
@@ -59,7 +59,7 @@ class Cost:
     memory_bytes: float
 
 
-def contact_nodes(d: Body) -> int:
+def contact_nodes(d: Discretisation) -> int:
     """The number of nodes of all contact boundaries; collective."""
     if d.boundary is None:
         return 0
@@ -86,7 +86,7 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
     return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
 
 
-def estimated_cost(d: Body) -> Cost:
+def estimated_cost(d: Discretisation) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """

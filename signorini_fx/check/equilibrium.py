@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.motions import total_work
@@ -21,7 +21,7 @@ from signorini_fx.records import Finding, Status
 _Rows = npt.NDArray[np.float64]
 
 
-def equilibrium(body: Body, law: FrictionLaw | None, data: RegularisedData | None) -> list[Finding]:
+def equilibrium(body: Discretisation, law: FrictionLaw | None, data: RegularisedData | None) -> list[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
     Each assembly of pieces is checked separately.
@@ -47,7 +47,7 @@ def equilibrium(body: Body, law: FrictionLaw | None, data: RegularisedData | Non
 
 
 def _equilibrium_of(
-    body: Body,
+    body: Discretisation,
     number: int,
     columns: npt.NDArray[np.bool_],
     contact: Reactions | None,
@@ -134,7 +134,7 @@ def _runs(steps: list[int]) -> str:
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
 
 
-def load_on(body: Body, step: int) -> _Rows:
+def load_on(body: Discretisation, step: int) -> _Rows:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
     loads = [(load.factors[step], body.motions.load_of(load.forces, body.comm)) for load in body.applied]
     return total_work(loads, body.motions.free.shape[1])

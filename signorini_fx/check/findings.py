@@ -18,7 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -35,7 +35,7 @@ _FAR = 10.0
 
 
 def scene_findings(
-    body: Body, law: FrictionLaw | None, data: RegularisedData | None, *, estimates: bool = True
+    body: Discretisation, law: FrictionLaw | None, data: RegularisedData | None, *, estimates: bool = True
 ) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank.
 
@@ -62,7 +62,7 @@ def scene_findings(
     return found
 
 
-def _locking(body: Body) -> list[Finding]:
+def _locking(body: Discretisation) -> list[Finding]:
     scene = body.scene
     if body.reduced is not None or scene.element.degree > 1:
         return []
@@ -81,7 +81,7 @@ def _locking(body: Body) -> list[Finding]:
     ]
 
 
-def _idle(body: Body) -> list[Finding]:
+def _idle(body: Discretisation) -> list[Finding]:
     """Loads and resistances that are expressions of the position and vanish wherever they may act."""
     found = []
     for path, effect in body.scene.listed():
@@ -129,7 +129,7 @@ def result_findings(deformations: Sequence[Deformation], *, touching: bool | Non
     return found
 
 
-def _pieces(body: Body) -> list[Finding]:
+def _pieces(body: Discretisation) -> list[Finding]:
     """A body in several pieces: each of them must be held."""
     pieces = body.motions.pieces
     if pieces.count == 1:
@@ -150,7 +150,7 @@ def _pieces(body: Body) -> list[Finding]:
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Body, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
+def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
@@ -184,7 +184,7 @@ def _gaps(body: Body, data: RegularisedData, moved: float, *, estimates: bool) -
     return found
 
 
-def _heights(body: Body) -> list[Finding]:
+def _heights(body: Discretisation) -> list[Finding]:
     """Gaps that look like the height above the foundation although they are measured along varying normals."""
     boundary = body.boundary
     assert boundary is not None
@@ -248,7 +248,7 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     return lines
 
 
-def _large_displacements(body: Body, moved: float) -> list[Finding]:
+def _large_displacements(body: Discretisation, moved: float) -> list[Finding]:
     """Loads that are too large for linear elasticity; usually two units are inconsistent."""
     size = body.tagged.size
     if moved < size:
@@ -260,13 +260,13 @@ def _large_displacements(body: Body, moved: float) -> list[Finding]:
     return [Finding("warning", "material, traction, body_force, displacement", message)]
 
 
-def _acts(body: Body) -> bool:
+def _acts(body: Discretisation) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     acting = [load for load in body.applied if any(load.factors)]
     return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))
 
 
-def _displacement_scale(body: Body, step: int) -> float:
+def _displacement_scale(body: Discretisation, step: int) -> float:
     """Largest prescribed displacement, and the deflection of a beam of the body's outline under the loads, lengths."""
     owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))

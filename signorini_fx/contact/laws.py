@@ -22,6 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.method import Settings
+from signorini_fx.tuned import AUTOMATIC_GAMMA
+
 Nodal = npt.NDArray[np.float64]
 
 # A shear within this share of its bound is at the bound, so that the slip decides and not round-off.
@@ -141,16 +144,32 @@ class RegularisedData:
         cls,
         gap: Nodal,
         tangents: int,
-        gamma_n: float,
-        gamma_t: float,
-        sigma: float = np.inf,
-        *,
-        bound: Nodal | None = None,
+        settings: Settings,
+        natural_gamma: float,
+        law: FrictionLaw | None = None,
         bilateral: npt.NDArray[np.bool_] | None = None,
     ) -> RegularisedData:
-        """The problem without shifts, for points with d - 1 tangents."""
-        none = np.zeros((gap.size, tangents))
-        return cls(gap, gamma_n, gamma_t, sigma, np.zeros(gap.size), none, bound, bilateral=bilateral)
+        """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
+
+        Args:
+            gap: d, length, shape (n,).
+            tangents: d - 1.
+            settings: gamma and sigma.
+            natural_gamma: the unit of gamma where it is automatic, stress per length.
+            law: of friction; None: there is none.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+        """
+        automatic = AUTOMATIC_GAMMA * natural_gamma
+        return cls(
+            gap,
+            automatic if settings.gamma_n == "auto" else settings.gamma_n,
+            automatic if settings.gamma_t == "auto" else settings.gamma_t,
+            np.inf if settings.sigma == "auto" else settings.sigma,
+            np.zeros(gap.size),
+            np.zeros((gap.size, tangents)),
+            None if law is None else law.given,
+            bilateral=bilateral,
+        )
 
     @property
     def has_friction(self) -> bool:

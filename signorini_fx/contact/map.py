@@ -4,7 +4,7 @@ Its rows are the components of the relative displacement in the frame (n, T) of 
 normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
 a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape (d, d) per point.
 With the nodal rule of a rigid foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a
-condensed or rotated system has the product of B with its own change of unknowns.
+condensed system, or one with turned unknowns, has the product of B with its own change of unknowns.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.points import ContactPoints
+
+# An entry of a row of B that differs from one by less is the only one.
+_SELECTED = 1e-11
 
 
 @dataclass(frozen=True)
@@ -124,13 +127,20 @@ class ContactMap:
     def selected(self) -> tuple[npt.NDArray[np.int64], Nodal]:
         """The unknown that each component of the relative displacement is, and its sign, both of shape (n, d).
 
-        For a map that selects: of each row the entry that is not zero, or round-off, among the unknowns of this rank.
+        Of each row the entry that is not zero, or round-off, among the unknowns of this rank; collective.
+
+        Raises:
+            ValueError: some component is no unknown, or two of them are the same one.
         """
         starts, columns, values = self.operator.getValuesCSR()
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         largest = np.lexsort((-np.abs(values), row))[starts[:-1]]
         shape = self.points.movable.shape[:2]
-        unknown = columns[largest].astype(np.int64) - self.operator.getOwnershipRangeColumn()[0]
+        first, last = self.operator.getOwnershipRangeColumn()
+        unknown = columns[largest].astype(np.int64) - first
+        mixed = (1.0 - np.abs(values[largest]) >= _SELECTED) | (unknown < 0) | (unknown >= last - first)
+        if parallel.any_rank(self.points.comm, bool(mixed.any() or np.unique(unknown).size < unknown.size)):
+            raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
         return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)
 
     @cached_property

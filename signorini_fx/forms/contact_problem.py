@@ -15,20 +15,22 @@ from petsc4py import PETSc
 from signorini_fx import compat, parallel
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
+from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_data import check_exact
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.elastic import ElasticBody, system_size
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
-from signorini_fx.contact.resting_place import Rest, resting_place
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
-from signorini_fx.forms.elasticity import Array, digest, prescribed
+from signorini_fx.forms.elasticity import Array, digest, elastic_body, prescribed, scales_of
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.foundation import Coulomb, Foundation
 from signorini_fx.forms.foundations import Foundations, Shape
-from signorini_fx.forms.system import FormSystem
+from signorini_fx.linalg.choice import choose_system
+from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
@@ -36,7 +38,7 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.tuned import AUTOMATIC_GAMMA
+from signorini_fx.scales import Scales
 
 
 class ContactProblem:
@@ -114,6 +116,8 @@ class ContactProblem:
         self.certificate: Certificate | None = None
         self._known: tuple[bytes, bytes] | None = None
         self._boundary: ContactBoundary
+        self._elastic: ElasticBody
+        self._scales: Scales
         self._task: Task
         self._prescribed: tuple[npt.NDArray[np.bool_], Array]
         self._fallen: Array  # the displacement of the resting place that slips are counted from
@@ -221,10 +225,8 @@ class ContactProblem:
 
     def _take(self, outcome: Outcome) -> None:
         """Make a result the one that the user sees, and certify it; collective."""
-        x, rest = outcome.displacement(), self._task.rest
-        self.u.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
-        self.u.x.scatter_forward()
-        if rest is not None:
+        self.u.x.array[:] = self._elastic.function(outcome.displacement()).x.array
+        if self._task.rest is not None:
             self.u.x.array[:] += self._fallen
         self._outcome = outcome
         state = self._state = ContactState.of(self._task.contact(outcome, self._begun), self._boundary)
@@ -235,7 +237,7 @@ class ContactProblem:
             self.u,
             *self._prescribed,
             self._data,
-            self._elastic.scales,
+            self._scales,
             state,
             Law(*self._task.promised(outcome)),
             self._before,
@@ -256,7 +258,7 @@ class ContactProblem:
             self._set_up(shapes)
             self._outcome = None  # its iterate is that of another system
         elif parallel.any_rank(comm, known[1] != last[1]):
-            self._task.system.set_case(0, self._elastic.case(self._L, values))
+            self._task.system.set_case(0, self._case(values))
         data = self._point_data(shapes)
         self._known = known
         return data
@@ -277,47 +279,54 @@ class ContactProblem:
                 self._start, rest = replace(self._start, data=data), None
             self._start, rest = carried(self._start, rest, self._boundary, boundary)
         self._boundary = boundary
-        if self.settings.algorithm == "exact":
-            try:
-                check_exact(self._boundary)
-            except SceneError as error:
-                raise FormError([("algorithm", message) for _, message in error.problems]) from None
-        elastic = self._elastic = FormSystem(
-            space, self._a, self.bcs, fixed[:owned], self._boundary, self._foundations.facets
+        elastic = self._elastic = elastic_body(
+            space, self._a, self.bcs, fixed[:owned], boundary, aligned=self.settings.algorithm == "exact"
         )
-        system, reason = elastic.choose(self.settings.linear_algebra, self._L, values)
-        start, motions = Start(*self._point_data(shapes)), elastic.motions.at(self._boundary)
-        if self._start is None:
-            rest = resting_place(start.data.gap, start.data.bilateral, motions, system.resultant)
-            self._fallen = np.zeros(0) if rest is None else elastic.motions.displacement(rest.motion).ravel()
-        self._task = Task(
+        self._scales = scales_of(elastic, boundary, self._foundations.facets)
+        motions = elastic.motions.at(boundary)
+        size = system_size(space, boundary, motions, compressible=True)
+        elasticity = elastic.elasticity([self._case(values)])
+        system, reason = choose_system(elasticity, size, self.settings.linear_algebra)
+        data, law = self._point_data(shapes)
+        task = Task.of(
+            system,
+            motions,
+            data.gap,
+            law,
+            bilateral=data.bilateral,
             settings=Settings.of(self.settings),
-            system=system,
-            linear_algebra=reason,
-            motions=motions,
-            start=start,
-            rest=rest,
+            natural_gamma=self._scales.gamma,
             has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
-            natural_gamma=elastic.scales.gamma,
             history=self.history,
+            linear_algebra=reason,
             goal=self._goal,
         )
+        if self._start is None:
+            rest = task.rest
+            self._fallen = np.zeros(0) if rest is None else elastic.motions.displacement(rest.motion).ravel()
+        self._task = replace(task, rest=rest)
+
+    def _case(self, values: Array) -> LoadCase:
+        """The right-hand side of L and of prescribed displacements, ghosts included, shape (dofs,); collective.
+
+        Raises:
+            FormError: one of them is not finite.
+        """
+        function, forces = fem.Function(self._space), assemble(self._L)
+        function.x.array[:] = values
+        for name, given in (("bcs", values), ("L", forces)):
+            if parallel.any_rank(self._space.mesh.comm, not np.isfinite(given).all()):
+                raise FormError([(name, "is not finite somewhere")])
+        return self._elastic.case(forces, function)
 
     def _point_data(self, shapes: Sequence[Shape]) -> tuple[RegularisedData, FrictionLaw | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
-        boundary, settings = self._boundary, self.settings
-        self._data = self._foundations.data(shapes)
-        law, automatic = self._foundations.law(boundary, self._data), AUTOMATIC_GAMMA * self._elastic.scales.gamma
-        data = RegularisedData.unshifted(
-            self._foundations.gap(boundary, self._data),
-            boundary.tangents.shape[2],
-            automatic if settings.gamma_n == "auto" else settings.gamma_n,
-            automatic if settings.gamma_t == "auto" else settings.gamma_t,
-            np.inf if settings.sigma == "auto" else settings.sigma,
-            bound=None if law is None else law.given,
-            bilateral=self._foundations.bilateral(boundary),
-        )
-        return data, law
+        boundary, foundations = self._boundary, self._foundations
+        self._data = foundations.data(shapes)
+        gap, law = foundations.gap(boundary, self._data), foundations.law(boundary, self._data)
+        settings, tangents = Settings.of(self.settings), boundary.tangents.shape[2]
+        bilateral = foundations.bilateral(boundary, self._data)
+        return RegularisedData.unshifted(gap, tangents, settings, self._scales.gamma, law, bilateral), law
 
     def _goal(self, x: PETSc.Vec) -> float:
         """The error allowed to path-following at an iterate, in the energy norm; collective."""

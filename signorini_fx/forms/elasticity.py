@@ -11,14 +11,16 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.errors import FormError
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.pieces import find_pieces
+from signorini_fx.body.rigid import RigidMotions, rigid_motions
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.scales import Scales
 
 Array = npt.NDArray[np.float64]
 # The part of a form that is not symmetric is round-off below this share of it.
@@ -50,33 +52,35 @@ def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tupl
     return fixed, values
 
 
-def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], fixed: npt.NDArray[np.bool_]) -> PETSc.Mat:
-    """The stiffness, with the largest of its entries on the diagonal of the prescribed rows; collective.
+def elastic_body(
+    space: fem.FunctionSpace,
+    a: fem.Form,
+    bcs: Sequence[fem.DirichletBC],
+    fixed: npt.NDArray[np.bool_],
+    boundary: ContactBoundary,
+    *,
+    aligned: bool,
+) -> ElasticBody:
+    """The elastic system of a user's form, see ``ElasticBody.assembled``; collective.
 
-    Args:
-        form: compiled.
-        bcs: the Dirichlet conditions.
-        fixed: the dofs that they prescribe, owned, shape (owned dofs,).
+    Raises:
+        FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
+    """
+    motions = rigid_motions(space, fixed.reshape(-1, space.mesh.geometry.dim), find_pieces(space.mesh))
+    try:
+        body = ElasticBody.assembled(space, (a,), bcs, fixed, motions, boundary, aligned=aligned)
+    except SceneError as error:
+        raise FormError([("algorithm", message) for _, message in error.problems]) from None
+    check_energy(body.stiffness)
+    return replace(body, motions=without_energy(body))
+
+
+def check_energy(matrix: PETSc.Mat) -> None:
+    """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z; collective.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite.
     """
-    stiffness = fem_petsc.assemble_matrix(form, list(bcs), 0.0)
-    stiffness.assemble()
-    comm = stiffness.comm.tompi4py()
-    _check_symmetric(stiffness)
-    diagonal = stiffness.getDiagonal()
-    values = diagonal.getArray()
-    if parallel.any_rank(comm, bool((values[~fixed] <= 0).any())):
-        raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
-    values[fixed] = parallel.global_max(comm, parallel.local_max(np.abs(values))) or 1.0
-    stiffness.setDiagonal(diagonal)
-    stiffness.setOption(PETSc.Mat.Option.SPD, True)
-    return stiffness
-
-
-def _check_symmetric(matrix: PETSc.Mat) -> None:
-    """A(x, y) = a(y, x) for two random vectors; collective."""
     x, y = matrix.createVecs()
     generator = np.random.default_rng(matrix.comm.rank)
     for vector in (x, y):
@@ -89,26 +93,24 @@ def _check_symmetric(matrix: PETSc.Mat) -> None:
         raise FormError([("a", "its matrix is not finite: check its coefficients")])
     if abs(forces.dot(y) - others.dot(x)) > _ASYMMETRY * size:
         raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
+    if parallel.any_rank(matrix.comm.tompi4py(), bool((matrix.getDiagonal().getArray(readonly=True) <= 0).any())):
+        raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
 
 
-def without_energy(motions: RigidMotions, stiffness: PETSc.Mat) -> RigidMotions:
+def without_energy(body: ElasticBody) -> RigidMotions:
     """The motions of those that the supports leave free for which a(r, r) = 0: springs, and what else resists rigid
     motions, count as supports; collective.
-
-    Args:
-        motions: those that the supports leave free.
-        stiffness: a(., .), rows and columns of what is prescribed eliminated.
     """
+    motions, stiffness = body.motions, body.stiffness
     count = motions.free.shape[1]
     if count == 0:
         return motions
-    x, force = stiffness.createVecs()
-    moved, forces = np.empty((count, x.getLocalSize())), np.empty((count, x.getLocalSize()))
+    moved, forces = np.empty((count, body.fixed.size)), np.empty((count, body.fixed.size))
     for k in range(count):
-        moved[k] = motions.displacement(np.eye(count)[k]).ravel()[: x.getLocalSize()]
-        x.getArray()[:] = moved[k]
+        x = body.vector(motions.displacement(np.eye(count)[k]))
+        force = x.duplicate()
         stiffness.mult(x, force)
-        forces[k] = force.getArray(readonly=True)
+        moved[k], forces[k] = x.getArray(readonly=True), force.getArray(readonly=True)
     size = np.abs(stiffness.getDiagonal().getArray(readonly=True)) * moved
     comm = stiffness.comm.tompi4py()
     energy, scale = parallel.global_sum(comm, np.stack((moved @ forces.T, moved @ size.T)))
@@ -123,20 +125,18 @@ def without_energy(motions: RigidMotions, stiffness: PETSc.Mat) -> RigidMotions:
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.array(numbers, dtype=np.int64))
 
 
-def modulus_of(
-    space: fem.FunctionSpace, boundary: ContactBoundary, stiffness: Array, facets: Sequence[npt.NDArray[np.int32]]
-) -> float:
-    """A modulus of the body near its contact points, stress: the scale of gamma; collective.
+def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> Scales:
+    """Size of a body, and a modulus near its contact points, the scale of gamma; collective.
 
     A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
     per area it meets about E (1 / h + h / l^2).
 
     Args:
-        space: the displacements.
+        body: its elastic system.
         boundary: the contact points.
-        stiffness: of each point per area, stress per length, ``ContactMap.stiffness``, shape (n,).
         facets: of each foundation, in the order of ``boundary.segments``.
     """
+    space, stiffness = body.space, body.contact.stiffness(body.stiffness.getDiagonal())
     mesh = space.mesh
     dim, listed = mesh.topology.dim, np.concatenate(list(facets))
     across = 2 * (
@@ -157,4 +157,5 @@ def modulus_of(
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    return float(weights / compliance)
+    bounds = body.motions.pieces.bounds.reshape(-1, dim)
+    return Scales(dim, float(weights / compliance), float(np.linalg.norm(np.ptp(bounds, axis=0))))

@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.averages import averaging_forms, from_owners
+from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.errors import FormError
@@ -77,8 +77,7 @@ class Foundations:
         self._space, self._contact, self.facets = space, contact, facets
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
-        mesh = space.mesh
-        self.averaging = space.element.basix_element.degree == 2 and mesh.topology.cell_name() == "tetrahedron"
+        self.averaging = averaging(space)
         self._forms: list[tuple[Any, fem.Function | None]] = []
 
     def shapes(self) -> list[Shape]:
@@ -187,7 +186,7 @@ class Foundations:
         capped = any(isinstance(one, Coulomb) and one.cap is not None for one in frictions)
         return FrictionLaw(at_points("given"), at_points("coefficient"), at_points("cap") if capped else None)
 
-    def bilateral(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_] | None:
+    def bilateral(self, boundary: ContactBoundary, data: Sequence[Data]) -> npt.NDArray[np.bool_] | None:
         """The points whose contact cannot open; None: there are none."""
-        parts = [k for k, one in enumerate(self._contact) if one.bilateral]
+        parts = [k for k, one in enumerate(data) if one.bilateral]
         return np.isin(boundary.part, parts) if parts else None

@@ -50,7 +50,7 @@ class ElasticSystem(Protocol):
     def inexact(self) -> bool:
         """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks.
 
         The user's options are applied later and take precedence.
@@ -58,7 +58,6 @@ class ElasticSystem(Protocol):
         Args:
             ksp: the linear solver; it has its operators already, so far A alone.
             symmetric: whether they will be.
-            turned: Q, where they are in unknowns x~ with x = Q x~; None: in those of this system.
         """
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:

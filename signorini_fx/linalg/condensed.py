@@ -65,7 +65,7 @@ class CondensedSystem:
         """Never: dense."""
         return False
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)

@@ -56,7 +56,7 @@ class FullSystem(AssembledSystem):
 
     inexact: bool = False
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""
         pc = ksp.getPC()
         self._symmetric = symmetric

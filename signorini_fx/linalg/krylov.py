@@ -68,7 +68,7 @@ class KrylovSystem(AssembledSystem):
         mark.assemble()
         return np.flatnonzero((mark.getArray(readonly=True) > 0) & ~self.fixed)
 
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool, turned: PETSc.Mat | None = None) -> None:
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
         matrix = ksp.getOperators()[0]
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
@@ -82,7 +82,7 @@ class KrylovSystem(AssembledSystem):
             return
         size = self.matrix.getBlockSize()
         preconditioner = ContactPreconditioner(
-            self.hierarchy, matrix, turned, self._touched, self.fixed, size, symmetric=symmetric
+            self.hierarchy, matrix, self._touched, self.fixed, size, symmetric=symmetric
         )
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)

@@ -140,8 +140,7 @@ class ContactPreconditioner:
 
     Args:
         hierarchy: of A.
-        matrix: A in the unknowns of the tangent.
-        turned: Q, where these are x~ with x = Q x~ in those of the hierarchy; None: the same.
+        matrix: A.
         unknowns: the contact unknowns of this rank, in the local part of x, ascending.
         fixed: the prescribed unknowns of this rank.
         size: unknowns per node.
@@ -152,7 +151,6 @@ class ContactPreconditioner:
         self,
         hierarchy: Hierarchy,
         matrix: PETSc.Mat,
-        turned: PETSc.Mat | None,
         unknowns: npt.NDArray[np.int64],
         fixed: npt.NDArray[np.bool_],
         size: int,
@@ -171,8 +169,7 @@ class ContactPreconditioner:
         self._diagonal = matrix.getDiagonal()
         self._fixed = fixed
         self._prescribed = self._diagonal.getArray(readonly=True)[fixed]
-        finest = hierarchy.interpolations[0]
-        self._interpolation = finest if turned is None else turned.transposeMatMult(finest)
+        self._interpolation = hierarchy.interpolations[0]
         self._product = rows.matMult(self._interpolation)
         self._nodes = _NodalBlocks(self._elastic, unknowns, size)
         # P_c, with room for what a projection of its nodes may mix.

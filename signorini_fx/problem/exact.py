@@ -2,7 +2,7 @@
 
 On A_c the normal displacement is set to the gap, on I_f the tangential one to zero, and lambda and mu are the nodal
 reactions: no penalty, hence no round-off of one.  The sets follow from (2.3b), (2.3c) and (2.8), which no longer depend
-on gamma.  It needs normals along the axes; for other normals ``linalg.rotated`` rotates the unknowns.
+on gamma.  It needs unknowns of which each component of a relative displacement is one.
 
 In space a slipping node has the shear of ``laws``, F g e + k (I - e e^T) tau_T y with k = F g / (e . tau_T y), and a
 node that begins to slip a k so large that it hardly moves perpendicular to e.
@@ -31,7 +31,6 @@ from signorini_fx.contact.laws import (
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.callbacks import called_back
-from signorini_fx.linalg.rotated import rotate
 from signorini_fx.problem.problem import Problem
 
 # The largest k, relative to the stiffness at a contact node.
@@ -45,15 +44,6 @@ class ExactProblem(Problem):
     sets exactly although the constrained columns of the Jacobian are empty.  With monolithic Coulomb friction mu is
     +-F lambda at slip nodes, with lambda the nodal reaction: their tangential row gets a share of the normal one.
     """
-
-    @classmethod
-    def of(cls, system: ElasticSystem, motions: FreeMotions) -> ExactProblem:
-        """The problem in unknowns of which each component of a relative displacement is one.
-
-        Raises:
-            ValueError: see ``rotate``.
-        """
-        return cls(rotate(system), motions)
 
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
         super().__init__(system, motions)

@@ -21,7 +21,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.discretisation import Body
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.load_steps import factor_at
@@ -72,7 +72,7 @@ class _Facet:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
-def why_no_limit(body: Body, place: tuple[float, ...], step: float = 0.0) -> str | None:
+def why_no_limit(body: Discretisation, place: tuple[float, ...], step: float = 0.0) -> str | None:
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
@@ -136,7 +136,7 @@ def _where_loads_jump(
     return f"it is where the load along the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(names)} jumps"
 
 
-def _where_materials_meet(body: Body, place: Array, boundary: list[_Facet]) -> str | None:
+def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Facet]) -> str | None:
     """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
 
     It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
@@ -201,7 +201,7 @@ def _angle(edges: Array) -> float:
     return float(2 * np.arctan2(abs(np.linalg.det(along)), below))
 
 
-def _facets_near(body: Body, place: Array, step: float) -> list[_Facet]:
+def _facets_near(body: Discretisation, place: Array, step: float) -> list[_Facet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -223,7 +223,7 @@ def _facets_near(body: Body, place: Array, step: float) -> list[_Facet]:
     return found
 
 
-def _traction(body: Body, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
+def _traction(body: Discretisation, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
     """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
     total, names = np.zeros_like(points), []
     for load in body.scene.of(Force):
@@ -245,7 +245,7 @@ def _normal(vertices: Array, inside: Array) -> Array:
     return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
 
 
-def _condition(body: Body, facet: int, normal: Array) -> tuple[str, tuple[str, ...]]:
+def _condition(body: Discretisation, facet: int, normal: Array) -> tuple[str, tuple[str, ...]]:
     """What is prescribed on a facet, and by which boundaries."""
     scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
     supports = [effect for effect in scene.displacement if facet in tagged.facets(effect.boundary)]

@@ -177,7 +177,7 @@ def judged(status: Status, certificate: Certificate, deformation: Deformation, s
 
 def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
     """A displacement that is counted from the resting place, converted to one from the initial position."""
-    function = discretisation.function(displacement)
+    function = discretisation.elastic.function(displacement)
     if rest is not None:
         function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
     return function

@@ -16,8 +16,7 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import AGAIN, WITHOUT
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_data import check_exact, first_sets, friction_law, regularised_data
-from signorini_fx.body.contact_map import elasticity_of
+from signorini_fx.body.contact_data import first_sets, friction_law, regularised_data
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
@@ -25,7 +24,6 @@ from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.state import functionals
 from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
@@ -87,14 +85,13 @@ def solve_mesh(
 def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
     """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
     system, free = task.system, ~discretisation.fixed
-    if not isinstance(system, KrylovSystem) or discretisation.rotation is not None:
+    if not isinstance(system, KrylovSystem) or discretisation.turned is not None:
         return
     level = system.elasticity.level
     start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
     if start is not None:
         if task.rest is not None:
-            moved = discretisation.motions.displacement(task.rest.motion).ravel()
-            start.getArray()[:] -= moved[: start.getLocalSize()]
+            start.axpy(-1.0, discretisation.elastic.vector(discretisation.motions.displacement(task.rest.motion)))
         task.iterate.x.getArray()[free] = start.getArray(readonly=True)[free]
 
 
@@ -212,7 +209,8 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     steps: list[StepResult] = []
     with timings.phase("iterate"):
         requested = discretisation.scene.solver.linear_algebra
-        system, linear_algebra = choose_system(elasticity_of(discretisation), discretisation.system_size, requested)
+        elasticity = discretisation.elastic.elasticity(discretisation.cases)
+        system, linear_algebra = choose_system(elasticity, discretisation.system_size, requested)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
         ksp.setOperators(system.matrix)
@@ -240,7 +238,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 if not finite(system.matrix) or not finite(system.load):
                     status = Status.NOT_FINITE
         with timings.phase("certify"):
-            displacement = discretisation.function(x)
+            displacement = discretisation.elastic.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=place)
             deformation = deformation_of(discretisation, displacement)
             status = judged(status, certificate, deformation, scene)
@@ -275,29 +273,28 @@ def contact_task(
     discretisation: Discretisation, boundary: ContactBoundary, history: History, coarser: MeshLevel | None = None
 ) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
-    scene = discretisation.scene
-    law = friction_law(scene, boundary)
-    if scene.solver.algorithm == "exact":
-        check_exact(boundary)
+    d, scene, motions = discretisation, discretisation.scene, discretisation.at_contact
+    assert motions is not None
+    law, factors = friction_law(scene, boundary), d.factors(0)
     sets, first_iteration = first_sets(scene, boundary)
-    elasticity, factors = elasticity_of(discretisation, coarser), discretisation.factors(0)
-    system, reason = choose_system(elasticity, discretisation.system_size, scene.solver.linear_algebra)
+    elasticity = d.elastic.elasticity(d.cases, coarser)
+    system, reason = choose_system(elasticity, d.system_size, scene.solver.linear_algebra)
     system.set_load(factors)
-    data = regularised_data(scene, discretisation, boundary, law)
-    motions = discretisation.motions.at(boundary)
-    rest = resting_place(data.gap, data.bilateral, motions, system.resultant)
-    return Task(
+    data = regularised_data(scene, d, boundary, law)
+    task = Task.of(
+        system,
+        motions,
+        data.gap,
+        law,
+        bilateral=data.bilateral,
         settings=Settings.of(scene.solver),
-        system=system,
-        linear_algebra=reason,
-        motions=motions,
-        start=Start(data if rest is None else rest.data_from(data), law, sets, first_iteration, factors=factors),
-        rest=rest,
+        natural_gamma=d.scales.gamma,
         has_coulomb=scene.has_coulomb,
-        natural_gamma=discretisation.scales.gamma,
         history=history,
-        goal=_goal(discretisation, system),
+        linear_algebra=reason,
+        goal=_goal(d, system),
     )
+    return replace(task, start=replace(task.start, sets=sets, iteration=first_iteration, factors=factors))
 
 
 def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
@@ -328,14 +325,14 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
         allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
 
         def error(x: PETSc.Vec) -> float:
-            return allowed * recovery.error(discretisation.displacement(system.displacement(x)).getArray())
+            return allowed * recovery.error(discretisation.elastic.function(system.displacement(x)).x.array)
 
         return error
 
     forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
 
     def share(x: PETSc.Vec) -> float:
-        displacement = discretisation.function(system.displacement(x))
+        displacement = discretisation.elastic.function(system.displacement(x))
         return float(requested * np.sqrt(2 * forces.strain_energy(displacement)))
 
     return share

@@ -154,7 +154,7 @@ class Kept:
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        x, tangents = d.unknowns(displacement), d.boundary.tangents
+        x, tangents = task.system.unknowns(d.elastic.unknowns(displacement)), d.boundary.tangents
         direction = _along(nodal["direction"], tangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
@@ -165,11 +165,11 @@ class Kept:
         newton = task.iterate.newton
         # The regularised problem is where the next load step begins, also where this one has no regularisation.
         newton.pose(given if figures["exact"] else solved, sets)
-        newton.restore((task.system.unknowns(x), sets, newton.problem.data))
+        newton.restore((x, sets, newton.problem.data))
         if figures["exact"]:
             newton = task.iterate.exact_newton
             newton.pose(solved, sets)
-            newton.restore((newton.problem.system.unknowns(x), sets, solved))
+            newton.restore((x, sets, solved))
         outcome = Outcome(
             Status.CONVERGED,
             newton,

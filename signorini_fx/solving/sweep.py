@@ -80,7 +80,7 @@ def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
     if large and isinstance(scene.mesh, MeshGenerator):
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
-            coarser = MeshLevel.of(body, coarser)
+            coarser = body.elastic.level(coarser)
     return coarser
 
 
