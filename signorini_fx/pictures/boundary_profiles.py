@@ -273,7 +273,7 @@ def _draw_panel(axes: Axes, boundary: Boundary, panel: Panel, name: str) -> None
     finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
     low, high = panel.limits
     axes.set_ylim(low * 10.0**power, high * 10.0**power)
-    axes.set_ylabel(f"{panel.unit}{unit_of(power)}")
+    axes.set_ylabel(f"{panel.unit}{unit_of(power, panel.unit)}")
 
 
 def state_patches(states: set[str]) -> list[Patch]:
@@ -363,6 +363,6 @@ def state_strip(axes: Axes, boundary: Boundary) -> None:
             stop = start + len(list(run))
             axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
             start = stop
-    axes.set(ylim=(0, 1), yticks=[], xlabel=boundary.label)
+    axes.set(ylim=(0, 1), yticks=[], xlabel=f"{boundary.label}{unit_of(0, 'length')}")
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)

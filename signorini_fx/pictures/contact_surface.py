@@ -239,7 +239,7 @@ def _frame(axes: Axes, side: Side, low: Floats, high: Floats) -> None:
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
         _, label, falls = view.coordinate(direction)
         axis = axes.xaxis if kind == "x" else axes.yaxis
-        axis.set_label_text(label)
+        axis.set_label_text(f"{label}{unit_of(0, 'length')}")
         if falls:  # the picture is drawn along the view, its numbers are those of the coordinate
             axis.set_major_formatter(lambda value, _: f"{-value + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
         axis.set_major_locator(mpl.ticker.MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
@@ -278,7 +278,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label(rf"contact pressure $\lambda${unit_of(power)}")
+        bar.set_label(rf"contact pressure $\lambda${unit_of(power, 'stress')}")
     axes.add_collection(_rim(side), autolim=False)
     text = heading if len(triangles) else f"{heading}: nothing in contact"
     if side.has_friction:

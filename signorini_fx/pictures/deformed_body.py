@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.marks import draw_lengths, mark_largest
-from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable
+from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable, unit_of
 from signorini_fx.pictures.tiling import Tiling, refined
 from signorini_fx.pictures.tones import Tones, draw_principal
 
@@ -216,7 +216,7 @@ def deformed_mesh(
                 draw_principal(axes, panel.corners.mean(axis=1), stress, size)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             if panel.factor == 1:
-                axes.set(xlabel="$x$", ylabel="$y$")
+                axes.set(xlabel=f"$x${unit_of(0, 'length')}", ylabel=f"$y${unit_of(0, 'length')}")
                 axes.spines[:].set_visible(False)
                 axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
                 axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))

@@ -22,6 +22,7 @@ class Field:
         remark: what the caption adds to the label.
         colours: a colour map of matplotlib, or its name; None: that of all fields.
         of_stress: whether it follows from the stress, of which there are a raw and a recovered one.
+        quantity: whose unit it has, see ``signorini_fx.units``.
     """
 
     label: str
@@ -29,6 +30,7 @@ class Field:
     remark: str = ""
     colours: Any = None
     of_stress: bool = True
+    quantity: str = "stress"
 
     def told(self, *, at_points: bool) -> Field:
         """The field with a label that says what is seen: at points the recovered stress, else one value per cell."""
@@ -50,7 +52,7 @@ FIELDS = {
         ),
         colours="Greys",  # dark for large values: the strokes are seen on light ground
     ),
-    "displacement": Field("size of the displacement", of_stress=False),
+    "displacement": Field("size of the displacement", of_stress=False, quantity="length"),
     "density": Field("elastic shear energy density"),
 }
 # Those drawn on demand; the von Mises stress always is.

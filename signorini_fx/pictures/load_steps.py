@@ -74,13 +74,13 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
                 kind, _, axis = name.rpartition("_")
                 label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
                 upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
-        upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power)}")
+        upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power, 'force')}")
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
-            xlabel=f"mean tangential displacement{which}{unit_of(out)}",
-            ylabel=f"{force_name.replace('_', ' ')}{unit_of(power)}",
+            xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
+            ylabel=f"{force_name.replace('_', ' ')}{unit_of(power, 'force')}",
         )
         lower.locator_params(axis="x", nbins=6)
         figure.draw_without_rendering()  # the layout, for the width of the names
@@ -187,4 +187,4 @@ def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None
         boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
     boundary.draw(axes, pressure, **MULTIPLIER, label=r"contact pressure $\lambda$")
     finish_panel(axes, boundary, name, [pressure, shear], math.inf)
-    axes.set_ylabel(f"stress{unit_of(power)}")
+    axes.set_ylabel(f"stress{unit_of(power, 'stress')}")

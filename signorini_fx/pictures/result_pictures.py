@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.body import Body, Moment, Volume
 from signorini_fx.pictures.fields import FIELDS, values_of
+from signorini_fx.units import labelled
 
 if TYPE_CHECKING:
     from signorini_fx.pictures.foundation import FoundationSurface
@@ -34,6 +36,7 @@ class ResultPictures:
         history: one mapping per linear solve, the columns of history.csv.
         prices: one mapping per mesh, the columns of price_list.csv.
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
+        units: for labels, see ``signorini_fx.units``.
     """
 
     title: str
@@ -44,6 +47,7 @@ class ResultPictures:
     history: Sequence[Mapping[str, Any]]
     prices: Sequence[Mapping[str, Any]]
     volume: Volume | None = None
+    units: Mapping[str, str] = MappingProxyType({})
 
     def draw(
         self,
@@ -63,6 +67,12 @@ class ResultPictures:
         Raises:
             PictureError: a body in space cannot be drawn; all others pictures are there.
         """
+        with labelled(self.units):
+            self._draw(folder, contact, facets, steps)
+
+    def _draw(
+        self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
+    ) -> None:
         # matplotlib takes a while to import
         from signorini_fx.pictures.convergence import errors_and_costs, iteration_history
         from signorini_fx.pictures.load_steps import load_steps

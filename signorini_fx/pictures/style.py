@@ -21,6 +21,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from signorini_fx.units import unit
+
 Floats = npt.NDArray[np.float64]
 _PNG_DPI = 200
 _PDF_DPI = 300  # of what is rasterised in the PDF
@@ -89,12 +91,19 @@ def readable(ideal: float) -> float:
     return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
 
 
-def unit_of(power: int) -> str:
+def unit_of(power: int, quantity: str = "") -> str:
     """The suffix of a label whose figures were multiplied by 10^power: each of them counts 10^-power.
 
     A factor behind the name, as in "force x 10^4", could be taken for either direction.
+
+    Args:
+        power: of ten.
+        quantity: whose unit it has, see ``signorini_fx.units``.
     """
-    return rf" (unit $10^{{{-power}}}$)" if power else ""
+    name = plain(unit(quantity))
+    if not power:
+        return f" ({name})" if name else ""
+    return rf" (unit $10^{{{-power}}}${f' {name}' if name else ''})"
 
 
 def math_number(value: float) -> str:

@@ -97,7 +97,7 @@ class Tones:
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label(f"{self.field.label}{unit_of(self.power)}")
+        bar.set_label(f"{self.field.label}{unit_of(self.power, self.field.quantity)}")
         return bar
 
 

@@ -51,7 +51,7 @@ def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurfac
         "grounds": grounds,
         "colours": _packed((256 * tones.colours(np.arange(256))[:, :3]).clip(0, 255), np.uint8),
         "limits": [float(tones.low), float(tones.high)],
-        "label": tones.field.label,
+        "label": f"{tones.field.label}{unit_of(0, tones.field.quantity)}",
         "factor": factor,
         "bends": not all(one.looks_like_itself(factor, skin.size) for one in foundations),
         "low": skin.points.min(axis=0).tolist(),

@@ -9,6 +9,7 @@ from signorini_fx.pictures.body import Body, Moment, Volume
 from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
+from signorini_fx.units import names_of
 
 MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
 
@@ -27,6 +28,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPict
         as_rows(solution.history.iterations),
         as_rows(solution.price_list),
         _volume(solution) if dimension == 3 and gather is not None else None,
+        names_of(solution.scene.model_dump(include={"units"}), dimension),
     )
 
 

@@ -113,6 +113,20 @@ class SolverSettings(Table):
         return Box.model_validate(given) if isinstance(given, Mapping) else value(given)
 
 
+class Units(Table):
+    """Names of the units that the numbers of a scene are in: for labels only, nothing is converted.
+
+    Attributes:
+        length: such as ``mm``; empty: not named.
+        stress: such as ``MPa``.
+        force: such as ``N``; empty: that which belongs to the other two, if it has a name.
+    """
+
+    length: str = ""
+    stress: str = ""
+    force: str = ""
+
+
 class Accuracy(Table):
     """A requested accuracy: meshes are refined, and gamma is increased, until the estimated error meets it.
 

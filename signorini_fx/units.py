@@ -1,0 +1,61 @@
+"""Names of units for labels.  Nothing is converted: the numbers of a scene are in any consistent units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+# The unit of a force that is a stress times the square of a length, where it has a name.
+_FORCES = {
+    ("m", "Pa"): "N",
+    ("m", "kPa"): "kN",
+    ("m", "MPa"): "MN",
+    ("m", "GPa"): "GN",
+    ("mm", "kPa"): "mN",
+    ("mm", "MPa"): "N",
+    ("mm", "GPa"): "kN",
+    ("um", "MPa"): "uN",
+    ("in", "psi"): "lbf",
+    ("in", "ksi"): "kip",
+}
+
+_NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default={})
+
+
+def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
+    """The unit of each quantity: ``length``, ``stress``, ``force``, ``moment`` and ``energy``, the last three per unit
+    thickness in the plane; those that are not known are left out.
+
+    Args:
+        scene: as plain data, with its ``units``.
+        dimension: of the body, 2 or 3.
+    """
+    given = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
+    length, stress = given.get("length"), given.get("stress")
+    force = given.get("force") or _FORCES.get((length or "", stress or ""))
+    if force:
+        given["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
+        given["moment"] = given["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force
+    return {name: unit for name, unit in given.items() if unit}
+
+
+@contextmanager
+def labelled(names: Mapping[str, str]) -> Iterator[None]:
+    """Labels that are made within have these units."""
+    token = _NAMES.set(names)
+    try:
+        yield
+    finally:
+        _NAMES.reset(token)
+
+
+def unit(quantity: str) -> str:
+    """The name of the unit of a quantity; empty if it is not known."""
+    return _NAMES.get().get(quantity, "")
+
+
+def with_unit(figure: str, quantity: str) -> str:
+    """A figure with its unit, such as ``0.3 MPa``."""
+    return f"{figure} {unit(quantity)}".rstrip() if figure else figure
