@@ -47,7 +47,7 @@ TOP_LEVEL = {
     "cli": ("__main__",),
     "ground": (
         *("attempts", "compat", "csv_text", "display", "manifest", "method", "parallel", "petsc_start", "records"),
-        *("scales", "tuned"),
+        *("scales", "tuned", "units"),
     ),
     "errors": ("errors",),
 }

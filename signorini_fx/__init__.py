@@ -37,7 +37,7 @@ _PUBLIC = {
     "results.summary": ("print_progress",),
     "scene.load_steps": ("LoadSteps",),
     "scene.model": ("Discretised", "MeshFile", "MeshGenerator", "Scene"),
-    "scene.settings": ("Accuracy", "Box", "SolverSettings"),
+    "scene.settings": ("Accuracy", "Box", "SolverSettings", "Units"),
     "scene.reading": ("read_scene",),
     "solving.solver": ("solve",),
     "solving.sweep": ("SweepPoint", "sweep"),

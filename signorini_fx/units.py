@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from types import MappingProxyType
 from typing import Any
 
 # The unit of a force that is a stress times the square of a length, where it has a name.
@@ -21,7 +22,7 @@ _FORCES = {
     ("in", "ksi"): "kip",
 }
 
-_NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default={})
+_NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProxyType({}))
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
@@ -54,6 +55,11 @@ def labelled(names: Mapping[str, str]) -> Iterator[None]:
 def unit(quantity: str) -> str:
     """The name of the unit of a quantity; empty if it is not known."""
     return _NAMES.get().get(quantity, "")
+
+
+def bracketed(quantity: str) -> str:
+    """What a label ends with, such as `` (mm)``; empty if the unit is not known."""
+    return f" ({unit(quantity)})" if unit(quantity) else ""
 
 
 def with_unit(figure: str, quantity: str) -> str:

@@ -341,6 +341,7 @@ MODELS = {
     ("`[solver]`", "key"): [settings.SolverSettings],
     ("`[solver]`", "key of a box"): [settings.Box],
     ("`[accuracy]`", "key"): [settings.Accuracy],
+    ("`[units]`", "key"): [settings.Units],
 }
 
 

@@ -35,6 +35,7 @@ from signorini_fx.pictures.style import (
     plain,
     unit_of,
 )
+from signorini_fx.units import bracketed
 
 SIDES = ("contact", "friction")
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
@@ -363,6 +364,6 @@ def state_strip(axes: Axes, boundary: Boundary) -> None:
             stop = start + len(list(run))
             axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
             start = stop
-    axes.set(ylim=(0, 1), yticks=[], xlabel=f"{boundary.label}{unit_of(0, 'length')}")
+    axes.set(ylim=(0, 1), yticks=[], xlabel=f"{boundary.label}{bracketed('length')}")
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)

@@ -36,6 +36,7 @@ from signorini_fx.pictures.style import (
     unit_of,
 )
 from signorini_fx.pictures.tones import upper_tone
+from signorini_fx.units import bracketed
 
 Rows = npt.NDArray[np.int64]
 PANELS = ("pressure", "state")
@@ -239,7 +240,7 @@ def _frame(axes: Axes, side: Side, low: Floats, high: Floats) -> None:
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
         _, label, falls = view.coordinate(direction)
         axis = axes.xaxis if kind == "x" else axes.yaxis
-        axis.set_label_text(f"{label}{unit_of(0, 'length')}")
+        axis.set_label_text(f"{label}{bracketed('length')}")
         if falls:  # the picture is drawn along the view, its numbers are those of the coordinate
             axis.set_major_formatter(lambda value, _: f"{-value + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
         axis.set_major_locator(mpl.ticker.MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))

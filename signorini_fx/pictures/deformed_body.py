@@ -19,9 +19,10 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.marks import draw_lengths, mark_largest
-from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable, unit_of
+from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable
 from signorini_fx.pictures.tiling import Tiling, refined
-from signorini_fx.pictures.tones import Tones, draw_principal
+from signorini_fx.pictures.tones import Tones, draw_principal, upper_tone
+from signorini_fx.units import bracketed
 
 _VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
 _BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
@@ -197,6 +198,10 @@ def deformed_mesh(
         nodal[cells] = values
         share = _areas(panels[0].moved[triangles]).repeat(3) / 3
         areas = np.asarray(np.bincount(triangles.ravel(), share, len(points)), dtype=np.float64)
+    if zone is not None and top is None:  # the scale is that of what is enlarged
+        places = panels[-1].moved if tiles is not None else panels[-1].corners.mean(axis=1)
+        seen = np.all((places >= zone[0]) & (places <= zone[1]), axis=1)
+        top = upper_tone(nodal[seen], areas[seen])
     tones = Tones(field.told(at_points=tiles is not None), nodal, areas, top)
     frames = [panel.frame() if frame is None else frame for panel in panels]
     if zone is not None:
@@ -216,7 +221,7 @@ def deformed_mesh(
                 draw_principal(axes, panel.corners.mean(axis=1), stress, size)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             if panel.factor == 1:
-                axes.set(xlabel=f"$x${unit_of(0, 'length')}", ylabel=f"$y${unit_of(0, 'length')}")
+                axes.set(xlabel=f"$x${bracketed('length')}", ylabel=f"$y${bracketed('length')}")
                 axes.spines[:].set_visible(False)
                 axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
                 axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))

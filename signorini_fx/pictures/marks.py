@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from signorini_fx.pictures.style import INK, MUTED, Floats, math_number
+from signorini_fx.units import unit
 
 _BESIDE = 0.05  # from the body to the arrows, over the longer side of the picture of the body
 _DIGITS = 3  # of a value
@@ -47,9 +48,13 @@ def draw_lengths(
         aside *= math.copysign(beside, float(aside @ (0.5 * (start + end) - middle)))
         style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
         axes.annotate("", tuple(end + aside), tuple(start + aside), arrowprops=style, annotation_clip=False)
-        x, y = 0.5 * (start + end) + 2.0 * aside
+        x, y = 0.5 * (start + end) + 1.6 * aside
+        side, far = aside / beside if beside > 0 else aside, 0.4  # beyond it the text begins or ends at the arrow
         length = math_number(float(f"{high[axis] - low[axis]:.4g}"))
-        axes.text(x, y, f"{name}: ${length}$", ha="center", va="center", color=INK, fontsize=8.5, clip_on=False)
+        text = f"{name}: ${length}$ {unit('length')}".rstrip()
+        across = "right" if side[0] < -far else "left" if side[0] > far else "center"
+        upwards = "top" if side[1] < -far else "bottom" if side[1] > far else "center"
+        axes.text(x, y, text, ha=across, va=upwards, color=INK, fontsize=8.5, clip_on=False)
 
 
 def mark_largest(axes: Axes, place: Floats, value: float) -> None:

@@ -21,7 +21,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from signorini_fx.units import unit
+from signorini_fx.units import bracketed, unit
 
 Floats = npt.NDArray[np.float64]
 _PNG_DPI = 200
@@ -100,10 +100,9 @@ def unit_of(power: int, quantity: str = "") -> str:
         power: of ten.
         quantity: whose unit it has, see ``signorini_fx.units``.
     """
-    name = plain(unit(quantity))
     if not power:
-        return f" ({name})" if name else ""
-    return rf" (unit $10^{{{-power}}}${f' {name}' if name else ''})"
+        return plain(bracketed(quantity))
+    return rf" (unit {f'$10^{{{-power}}}$ {plain(unit(quantity))}'.rstrip()})"
 
 
 def math_number(value: float) -> str:

@@ -19,9 +19,9 @@ import numpy.typing as npt
 
 from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Boundary, Panel, panels_of
 from signorini_fx.pictures.result_pictures import TURNING
-from signorini_fx.pictures.style import unit_of
 from signorini_fx.report.markup import Markup, script, tag
 from signorini_fx.report.reading import ResultFiles
+from signorini_fx.units import bracketed
 
 # Where Debian's libjs-dygraphs and others put it.
 _PLACES = tuple(Path(root) / "share/javascript/dygraphs" for root in dict.fromkeys(("/usr", sys.prefix)))
@@ -122,7 +122,7 @@ def _panel(panel: Panel, x: Any, order: Any, breaks: list[int]) -> dict[str, Any
     for place in reversed(breaks):  # an empty row interrupts the lines
         rows.insert(place, [0.5 * (rows[place - 1][0] + rows[place][0]), *[None] * len(values)])
     return {
-        "unit": f"{panel.unit}{unit_of(0, panel.unit)}",
+        "unit": f"{panel.unit}{bracketed(panel.unit)}",
         "names": [curve.name for curve in panel.curves],
         "colours": [curve.style.get("color", _MAIN) for curve in panel.curves],
         "dashes": [_dashes(curve.style.get("linestyle")) for curve in panel.curves],

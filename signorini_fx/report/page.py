@@ -19,6 +19,7 @@ from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
 from signorini_fx.report.markup import Markup, joined, tag
 from signorini_fx.report.reading import ResultFiles, in_space, read_summary
+from signorini_fx.units import labelled, names_of
 
 PAGE = "report.html"
 # By this a page is known to be one of these.
@@ -33,7 +34,8 @@ def page(folder: Path) -> str:
     """
     summary = read_summary(folder)
     try:
-        return _page(summary, ResultFiles(folder), folder.resolve().name)
+        with labelled(names_of(summary["scene"], 3 if in_space(summary) else 2)):
+            return _page(summary, ResultFiles(folder), folder.resolve().name)
     except FileNotFoundError as error:
         name = Path(error.filename).name
         raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None

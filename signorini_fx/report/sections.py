@@ -15,15 +15,17 @@ from signorini_fx.report.digits import between, estimated_errors, figure, percen
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
+from signorini_fx.units import bracketed, unit, with_unit
 
+# The figures of the summary that are shown large: what each is called, and the quantity whose unit it has.
 _CARDS = {
-    "contact_force": "contact force on the body",
-    "friction_force": "friction force on the body",
-    "max_pressure": "largest contact pressure",
-    "max_shear": "largest shear",
-    "strain_energy": "strain energy",
-    "dofs": "unknowns",
-    "contact_nodes": "contact nodes",
+    "contact_force": ("contact force on the body", "force"),
+    "friction_force": ("friction force on the body", "force"),
+    "max_pressure": ("largest contact pressure", "stress"),
+    "max_shear": ("largest shear", "stress"),
+    "strain_energy": ("strain energy", "energy"),
+    "dofs": ("unknowns", ""),
+    "contact_nodes": ("contact nodes", ""),
 }
 
 
@@ -50,8 +52,8 @@ def outcome(summary: dict[str, Any]) -> Markup:
     largest = max((abs(f) for key in ("contact_force", "friction_force") for f in summary.get(key, [])), default=0.0)
     slides = any(entry.get("friction") for entry in summary["scene"].get("contact", []))
     cards = [
-        _card(label, figure(clean(summary[key], largest), errors.get(key)), errors.get(key))
-        for key, label in _CARDS.items()
+        _card(label, with_unit(figure(clean(summary[key], largest), errors.get(key)), quantity), errors.get(key))
+        for key, (label, quantity) in _CARDS.items()
         if key in summary and (slides or key not in ("friction_force", "max_shear"))
     ]
     if "stress" in summary:
@@ -60,8 +62,9 @@ def outcome(summary: dict[str, Any]) -> Markup:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
     measure = "what" if in_space(summary) else "per unit thickness, and what"
+    named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
-    note = f"Forces are {measure} the foundation exerts on the body; units are those of the scene. {digits}"
+    note = f"Forces are {measure} the foundation exerts on the body{named}. {digits}"
     return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
 
 
@@ -83,7 +86,7 @@ def _stress_card(stress: dict[str, Any]) -> Markup:
     values = {"raw": stress["von_mises"]["value"]}
     if stress.get("recovered"):
         values["recovered"] = stress["recovered"]["von_mises"]["value"]
-    shown = {name: figure(value, between(stress)) for name, value in values.items()}
+    shown = {name: with_unit(figure(value, between(stress)), "stress") for name, value in values.items()}
     told = ", ".join(f"{name} {value}" for name, value in shown.items())
     if why := stress["von_mises"].get("no_limit"):
         told = f"no limit as the mesh is refined: {why} ({told})"
@@ -169,9 +172,9 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
         (
             entry.get("boundary") or "whole body",
             " and ".join(entry.get("acts", [])),
-            figure(entry.get("force")),
-            figure(entry.get("moment")),
-            figure(entry.get("acts_at")) or "a couple or none",
+            with_unit(figure(entry.get("force")), "force"),
+            with_unit(figure(entry.get("moment")), "moment"),
+            with_unit(figure(entry.get("acts_at")), "length") or "a couple or none",
         )
         for entry in summary.get("resultants", [])
     ]
@@ -185,15 +188,16 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     entries = summary.get("contact_boundaries", [])
     if not entries:
         return None
-    area = "area" if in_space(summary) else "length"
+    length = unit("length")
+    area = f"area{f' ({length}²)' if length else ''}" if in_space(summary) else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",
         "area": area,
-        "contact_area": f"{area} in contact",
-        "pressure_integral": "integral of pressure",
-        "mean_pressure": "mean pressure",
-        "tangential_force": "tangential force",
-        "friction_limit": "friction limit",
+        "contact_area": f"in contact, {area}",
+        "pressure_integral": f"integral of pressure{bracketed('force')}",
+        "mean_pressure": f"mean pressure{bracketed('stress')}",
+        "tangential_force": f"tangential force{bracketed('force')}",
+        "friction_limit": f"friction limit{bracketed('force')}",
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
@@ -209,7 +213,7 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     for name, runs in summary["zones"].items():
         for first, last in runs:
             ends = (figure(clean(end, size)) for end in (first, last))
-            rows.append((name, *ends, figure(math.dist(first, last))))
+            rows.append((name, *ends, with_unit(figure(math.dist(first, last)), "length")))
     if not rows:
         return tag("p", "Nothing is in contact.")
     note = "From node to node: the true ends lie up to one element further out. Stick and slip within the contact."

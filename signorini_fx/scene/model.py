@@ -21,7 +21,7 @@ from pydantic import BaseModel, Field, InstanceOf, field_validator, model_valida
 from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import Effect, Entries, Load, OneEntry, described, keys, with_every_effect
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
-from signorini_fx.scene.settings import Accuracy, SolverSettings
+from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Positive, Selection, kind_of
 
 _Effect = TypeVar("_Effect", bound=Effect)
@@ -93,6 +93,7 @@ class Scene(Table):
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
+        units: names of units for labels.
     """
 
     title: str = ""
@@ -106,6 +107,7 @@ class Scene(Table):
     load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
+    units: Units = Units()
 
     @field_validator("mesh", mode="before")
     @classmethod
