@@ -182,9 +182,9 @@ MUTANTS = (
     Mutant("contact/laws", "u_t - data.slip_origin", "u_t", "load steps: slip from zero", tests=("load_steps",)),
     # --- the data of a scene -----------------------------------------------------------------------------------------
     Mutant(
-        "body/contact_data",
-        'coefficient[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)',
-        'given[here] = _nodal(value, boundary, here, f"{path}.coefficient", minimum=0.0)',
+        "body/foundations",
+        'coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)',
+        'given = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)',
         "Coulomb taken for Tresca",
     ),
     Mutant(
@@ -208,13 +208,13 @@ MUTANTS = (
         "automatic gamma without its length",
         tests=("invariances",),
     ),
-    Mutant("body/contact_data", "values < minimum", "values < -np.inf", "negative friction is let in"),
+    Mutant("body/values", "at < minimum", "at < -np.inf", "negative friction is let in"),
     Mutant(
-        "body/contact_data",
-        "boundary.part == index",
-        "boundary.part <= index",
+        "body/foundations",
+        "boundary.part == k",
+        "boundary.part <= k",
         "gap of a boundary on those before it",
-        within="regularised_data",
+        within="Foundations._at_points",
         tests=("patch_anywhere::test_two_foundations",),
     ),
     # --- the boundary ------------------------------------------------------------------------------------------------
@@ -226,9 +226,9 @@ MUTANTS = (
         "shear without its weight",
     ),
     Mutant(
-        "body/contact_boundary",
-        "np.asarray(direction) / np.hypot.reduce(direction)",
-        "np.asarray(direction)",
+        "body/foundations",
+        "direction = direction / size",
+        "direction = 1.0 * direction",
         "direction not made a unit vector",
         tests=("patch_anywhere::test_direction_equal_to_the_normal",),
     ),
@@ -1413,9 +1413,9 @@ MUTANTS = (
         tests=("space_results",),
     ),
     Mutant(
-        "body/contact_data",
-        "np.asarray(shares @ found)",
-        "sample(value, in_space(boundary.x[here]))",
+        "body/foundations",
+        "boundary.averages.shares[here] @ reached",
+        "one.gap[boundary.nodes[here]]",
         "averages: the gap at the vertex",
         tests=("space_patch::test_tilted_plane",),
     ),

@@ -392,27 +392,15 @@ def stiffer(right):
     return spoilt
 
 
-def of_the_boundary(**changes):
-    """A wrong contact boundary."""
+def of_its(part, **changes):
+    """A wrong contact boundary, regularised problem or friction law."""
 
     def wrong(right):
         def spoilt(*arguments):
             found = right(*arguments)
-            boundary = replace(found.boundary, **{k: f(getattr(found.boundary, k)) for k, f in changes.items()})
-            return replace(found, boundary=boundary)
-
-        return spoilt
-
-    return wrong
-
-
-def of_the_data(**changes):
-    """Wrong data of the regularised problem."""
-
-    def wrong(right):
-        def spoilt(*arguments):
-            found = right(*arguments)
-            return replace(found, **{k: f(getattr(found, k)) for k, f in changes.items()})
+            own = getattr(found, part)
+            own = own and replace(own, **{k: f(getattr(own, k)) for k, f in changes.items()})
+            return replace(found, **{part: own})
 
         return spoilt
 
@@ -461,10 +449,10 @@ FAULTS = {
     "no resting place": (load_steps, "from_rest", without_resting_place),
     "rotation dropped": (load_steps, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
-    "wrong weight": (one_mesh, "discretise", of_the_boundary(weight=at_one_node(0.001))),
-    "wrong normals": (one_mesh, "discretise", of_the_boundary(normal=tilted)),
-    "wrong gap": (one_mesh, "regularised_data", of_the_data(gap=at_one_node(1e-3))),
-    "wrong coefficient": (one_mesh, "friction_law", of_the_data(coefficient=lambda values: 1.001 * values)),
+    "wrong weight": (one_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
+    "wrong normals": (one_mesh, "discretise", of_its("boundary", normal=tilted)),
+    "wrong gap": (one_mesh, "discretise", of_its("data", gap=at_one_node(1e-3))),
+    "wrong coefficient": (one_mesh, "discretise", of_its("law", coefficient=lambda values: 1.001 * values)),
     "wrong load": (one_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }

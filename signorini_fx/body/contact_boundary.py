@@ -225,7 +225,6 @@ def contact_part(
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
-    direction: tuple[float, ...] | None,
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
     """Points, weights and normals of one contact boundary from the assembled unit contact form."""
@@ -241,8 +240,6 @@ def contact_part(
         nodes = np.flatnonzero(size > 0).astype(np.int32)
         weight, normal = size[nodes], every[nodes] / size[nodes, None]
         free = ~fixed.reshape(-1, dim)[nodes]
-    if direction is not None:
-        normal = np.tile(np.asarray(direction) / np.hypot.reduce(direction), (nodes.size, 1))
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,

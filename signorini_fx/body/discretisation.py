@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -14,9 +15,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.averages import averaging, averaging_forms
-from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody, system_size
+from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
     AppliedLoad,
     ResistanceForm,
@@ -29,16 +31,20 @@ from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid import RigidMotions, rigid_motions, unresisted
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.motions import FreeMotions
+from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
-from signorini_fx.errors import MeshError, SceneError, together
+from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.linalg.choice import SystemSize
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
+from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
+from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
@@ -58,6 +64,8 @@ class Discretisation:
         fixed: which dofs of this rank are prescribed, shape (owned dofs,).
         applied: the loads, by their load factors.
         boundary: the contact nodes; None for a scene without contact.
+        data: the regularised problem at these nodes, without shifts; None for a scene without contact.
+        law: the friction law; None where no law can act.
         motions: motions without strain that the supports leave free.
         inventory: what was compiled and assembled.
         resistance: what resists the displacement on the boundary.
@@ -73,6 +81,8 @@ class Discretisation:
     fixed: npt.NDArray[np.bool_]
     applied: tuple[AppliedLoad, ...]
     boundary: ContactBoundary | None
+    data: RegularisedData | None
+    law: FrictionLaw | None
     motions: RigidMotions
     inventory: Inventory
     resistance: ResistanceForm
@@ -160,6 +170,13 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
             contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
+    try:
+        return _prepared(scene, tagged, timings)
+    except FormError as error:  # of a foundation
+        raise SceneError(error.problems) from None
+
+
+def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
     facets, lame, reduced, _ = together(
         partial(boundary_facets, scene, tagged),
         partial(lame_coefficients, scene, tagged),
@@ -180,18 +197,13 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
             applied_load(factors, loads, space, z, facets.__getitem__, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
         ]
-        contact_forms = [
-            averaging_forms(space, facets[e.boundary], inventory, f"contact {e.boundary}")
-            if averaging(space)
-            else inventory.compile(f"contact {e.boundary}", partial(unit_contact_form, space, z, facets[e.boundary]))
-            for e in scene.contact
-        ]
+        names = [f"contact {effect.boundary}" for effect in scene.contact]
+        on = [facets[effect.boundary] for effect in scene.contact]
+        foundations = Foundations(space, foundations_of(scene, on), on, names, inventory)
+        assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
-        parts = [
-            contact_part(space, contact_form, facets[effect.boundary], index, fixed, effect.direction, turned)
-            for index, (effect, contact_form) in enumerate(zip(scene.contact, contact_forms, strict=True))
-        ]
-        boundary = join(parts) if parts else None
+        shapes = foundations.shapes()
+        boundary = foundations.boundary(shapes, fixed, turned) if on else None
         motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
         if resistance.form is not None:
             motions = unresisted(motions, resistance.form)
@@ -199,13 +211,36 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
     )
-    if boundary is not None and scene.solver.algorithm == "exact":
-        boundary.aligned()
+    data = law = None
+    if boundary is not None:
+        if scene.solver.algorithm == "exact":
+            boundary.aligned()
+        natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
+        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
     return Discretisation(
-        *(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied), boundary, motions, inventory),
-        resistance,
-        turned,
+        *(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied)),
+        *(boundary, data, law, motions, inventory, resistance, turned),
     )
+
+
+def foundations_of(scene: Scene, facets: Sequence[npt.NDArray[np.int32]]) -> list[Foundation]:
+    """The contact of a scene as foundations, on the facets of each."""
+    found = []
+    for effect, on in zip(scene.contact, facets, strict=True):
+        friction: Coulomb | Tresca | None = None
+        match effect.friction if effect.friction.acts else None:
+            case TrescaFriction(bound=bound):
+                friction = Tresca(_evaluable(bound))
+            case CoulombFriction(coefficient=coefficient, cap=cap):
+                friction = Coulomb(_evaluable(coefficient), None if cap is None else _evaluable(cap))
+        bilateral = isinstance(effect, BilateralContact)
+        found.append(Foundation(on, _evaluable(effect.gap), effect.direction, friction, bilateral))
+    return found
+
+
+def _evaluable(value: Any) -> Any:
+    """A value of a scene as a foundation takes it."""
+    return value if isinstance(value, int | float) else partial(sample, value)
 
 
 _ELASTIC = ("elasticity", "reduced volumetric elasticity")

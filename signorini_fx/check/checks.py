@@ -21,7 +21,6 @@ from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LOCKING_POISSON
 from signorini_fx.linalg.options import refuse_mistyped
@@ -97,22 +96,20 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     refuse_mistyped(comm)
     for coarse in coarser_scenes(scene, scene.solver.levels):
         _validated(coarse, comm)
-    d, law, data = _validated(scene, comm)
+    d = _validated(scene, comm)
     cost = estimated_cost(d)
-    findings = [*memory_finding(cost, comm), *scene_findings(d, law, data)]
+    findings = [*memory_finding(cost, comm), *scene_findings(d)]
     return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
 
 
-def _validated(scene: Scene, comm: MPI.Comm) -> tuple[Discretisation, FrictionLaw | None, RegularisedData | None]:
-    """The body, the friction law and the contact data of a scene, after all checks of the solver."""
+def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:
+    """The body of a scene, after all checks of the solver."""
     d = prepare(scene, load_mesh(scene, comm), Timings())
     if scene.accuracy is not None:
         planned(scene, scene.accuracy, comm)
-    if d.boundary is None:
-        return d, None, None
-    law = contact_data.friction_law(scene, d.boundary)
-    contact_data.first_sets(scene, d.boundary)
-    return d, law, contact_data.regularised_data(scene, d, d.boundary, law)
+    if d.boundary is not None:
+        contact_data.first_sets(scene, d.boundary)
+    return d
 
 
 def _estimates_error(scene: Scene) -> bool:

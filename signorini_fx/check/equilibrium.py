@@ -12,7 +12,6 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import names_of
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.contact.statics import escape, null_space, squeezed
@@ -21,18 +20,18 @@ from signorini_fx.records import Finding, Status
 _Rows = npt.NDArray[np.float64]
 
 
-def equilibrium(body: Discretisation, law: FrictionLaw | None, data: RegularisedData | None) -> list[Finding]:
+def equilibrium(body: Discretisation) -> list[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
     Each assembly of pieces is checked separately.
     """
-    motions, boundary = body.motions, body.boundary
+    motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
         return []
     every: tuple[Reactions, _Rows] | None = None
     if boundary is not None and data is not None:
         gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
-        every = reactions(motions.at(boundary), law, data.bilateral), gap
+        every = reactions(motions.at(boundary), body.law, data.bilateral), gap
     loads = [load_on(body, step) for step in range(body.scene.steps)]
     found = []
     for number in map(int, np.unique(motions.assembly)):

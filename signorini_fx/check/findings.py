@@ -34,19 +34,15 @@ _Rows = npt.NDArray[np.float64]
 _FAR = 10.0
 
 
-def scene_findings(
-    body: Discretisation, law: FrictionLaw | None, data: RegularisedData | None, *, estimates: bool = True
-) -> list[Finding]:
+def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank.
 
     Args:
         body: the scene and its mesh.
-        law: its friction law; None without friction.
-        data: its contact data; None without contact.
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
-    scene = body.scene
-    found = [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body, law, data)]
+    scene, data = body.scene, body.data
+    found = [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
     # Without an estimate it only matters whether anything acts at all.
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
@@ -55,7 +51,7 @@ def scene_findings(
         found += [
             *_gaps(body, data, moved, estimates=estimates),
             *_heights(body),
-            *_uniqueness(scene, body.boundary, law),
+            *_uniqueness(scene, body.boundary, body.law),
             *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),
         ]

@@ -13,8 +13,8 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
+from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.foundation import Coulomb, Foundation, Tresca
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.scene.values import kind_of
 

@@ -16,7 +16,7 @@ from dolfinx import fem
 
 from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.forms.foundations import Data
+from signorini_fx.body.foundations import Data
 from signorini_fx.results.certificate import Balance, Certificate, judged
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.promised_law import Before, Law, Tractions

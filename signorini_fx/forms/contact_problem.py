@@ -16,9 +16,12 @@ from signorini_fx import compat, parallel
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import assemble
+from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody, system_size
+from signorini_fx.body.foundation import Coulomb, Foundation
+from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
@@ -27,14 +30,12 @@ from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_o
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, prescribed, scales_of
 from signorini_fx.forms.fields import ContactFields
-from signorini_fx.forms.foundation import Coulomb, Foundation
-from signorini_fx.forms.foundations import Foundations, Shape
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
-from signorini_fx.records import History, Status
+from signorini_fx.records import History, Inventory, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
@@ -108,7 +109,8 @@ class ContactProblem:
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
         self._stress = stress(self.u) if callable(stress) and not hasattr(stress, "ufl_shape") else stress
-        self._foundations = Foundations(space, self.contact, facets)
+        names = [f"contact {k}" for k in range(len(facets))]
+        self._foundations = Foundations(space, self.contact, facets, names, Inventory())
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self.history = History()
@@ -129,7 +131,7 @@ class ContactProblem:
     @property
     def _degree(self) -> int:
         """Of the contact fields."""
-        return 1 if self._foundations.averaging else int(self._space.element.basix_element.degree)
+        return 1 if averaging(self._space) else int(self._space.element.basix_element.degree)
 
     @cached_property
     def _stresses(self) -> tuple[fem.Function, fem.Expression]:
@@ -269,6 +271,11 @@ class ContactProblem:
         free_unused(space.mesh)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         boundary = self._foundations.boundary(shapes, fixed[:owned])
+        counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
+        for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
+            if count == 0:
+                wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
+                raise FormError([(f"contact[{k}]", wrong)])
         rest = None
         if self._start is not None:
             rest = self._task.rest
@@ -321,12 +328,8 @@ class ContactProblem:
 
     def _point_data(self, shapes: Sequence[Shape]) -> tuple[RegularisedData, FrictionLaw | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
-        boundary, foundations = self._boundary, self._foundations
-        self._data = foundations.data(shapes)
-        gap, law = foundations.gap(boundary, self._data), foundations.law(boundary, self._data)
-        settings, tangents = Settings.of(self.settings), boundary.tangents.shape[2]
-        bilateral = foundations.bilateral(boundary, self._data)
-        return RegularisedData.unshifted(gap, tangents, settings, self._scales.gamma, law, bilateral), law
+        self._data = self._foundations.data(shapes)
+        return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)
 
     def _goal(self, x: PETSc.Vec) -> float:
         """The error allowed to path-following at an iterate, in the energy norm; collective."""

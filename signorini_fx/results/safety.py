@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_data import friction_law
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import names_of
@@ -71,7 +70,7 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         return None
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
     live, dead = (total_work([(1.0, motions.load_of(forces, d.comm))], count) for forces in _loads(d, place))
-    law = friction_law(d.scene, boundary)
+    law = d.law
     pressing = _touching(d, contact, live + dead) & ~immovable
     if law is not None:
         # Where a support takes the pressure, no other load changes the friction bound.

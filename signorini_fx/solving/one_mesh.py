@@ -16,14 +16,14 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import AGAIN, WITHOUT
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_data import first_sets, friction_law, regularised_data
+from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.state import functionals
 from signorini_fx.linalg import ElasticSystem, finite, options
 from signorini_fx.linalg.choice import choose_system
@@ -114,7 +114,6 @@ def solve_contact(
         kept: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
     scene, history = discretisation.scene, task.history
-    original = start.data if task.rest is None else replace(start.data, gap=start.data.gap + task.rest.u_n)
     path = LoadPath(scene)
     first, begun, before_all = start, task.iterate.newton.checkpoint(), (0, 0, 0)
     steps: list[StepResult] = []
@@ -182,21 +181,16 @@ def solve_contact(
         history=history,
         parameters=_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
-        findings=tuple(_findings(discretisation, steps, task.start.law, original)),
+        findings=tuple(_findings(discretisation, steps)),
         timings=timings,
     )
     return solution, ended
 
 
-def _findings(
-    discretisation: Discretisation,
-    steps: Sequence[StepResult],
-    law: FrictionLaw | None = None,
-    data: RegularisedData | None = None,
-) -> list[Finding]:
+def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
-    found = scene_findings(discretisation, law, data, estimates=not solved)
+    found = scene_findings(discretisation, estimates=not solved)
     if not solved:
         return found
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
@@ -274,19 +268,18 @@ def contact_task(
 ) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
     d, scene, motions = discretisation, discretisation.scene, discretisation.at_contact
-    assert motions is not None
-    law, factors = friction_law(scene, boundary), d.factors(0)
+    assert motions is not None and d.data is not None  # noqa: PT018
+    factors = d.factors(0)
     sets, first_iteration = first_sets(scene, boundary)
     elasticity = d.elastic.elasticity(d.cases, coarser)
     system, reason = choose_system(elasticity, d.system_size, scene.solver.linear_algebra)
     system.set_load(factors)
-    data = regularised_data(scene, d, boundary, law)
     task = Task.of(
         system,
         motions,
-        data.gap,
-        law,
-        bilateral=data.bilateral,
+        d.data.gap,
+        d.law,
+        bilateral=d.data.bilateral,
         settings=Settings.of(scene.solver),
         natural_gamma=d.scales.gamma,
         has_coulomb=scene.has_coulomb,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,12 @@ class NodalValues:
         mark.x.array.reshape(-1, self._dimension)[nodes] = 1.0
         mark.x.scatter_forward()
         self.nodes = np.flatnonzero(mark.x.array.reshape(-1, self._dimension)[:, 0])
-        self._cells = np.flatnonzero(np.isin(space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
         self._compiled: dict[int, tuple[fem.Expression, fem.Function, Any]] = {}
+
+    @cached_property
+    def _cells(self) -> npt.NDArray[np.int32]:
+        """The cells of this rank at the nodes."""
+        return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
 
     def __call__(self, value: Any, name: str, components: int = 1, minimum: float = -np.inf) -> Array:
         """The values at all nodes of this rank, ghosts included; nan where no facet is; collective.
@@ -73,8 +78,9 @@ class NodalValues:
             bad = np.flatnonzero((~(np.abs(at) <= LARGEST) | (at < minimum)).any(axis=1))
             if bad.size:
                 place = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
-                wanted = f"of at most {LARGEST:g}" + ("" if minimum == -np.inf else f" and at least {minimum:g}")
-                error = FormError([(name, f"is {at[bad[0]].tolist()} at ({place}); it must be a number {wanted}")])
+                wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
+                wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
+                error = FormError([(name, f"is {wrong} at ({place}); it must be {wanted}")])
         except Exception as failure:  # of the user's callable, perhaps on one rank only
             error = FormError([(name, f"cannot be evaluated at the contact points: {failure}")])
         parallel.raise_together(comm, error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,12 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.body.values import NodalValues
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.errors import FormError
-from signorini_fx.forms.foundation import Coulomb, Foundation, Tresca
-from signorini_fx.forms.values import NodalValues
+from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
 
 Array = npt.NDArray[np.float64]
@@ -69,16 +71,38 @@ class Foundations:
         space: the displacements.
         contact: the foundations.
         facets: of each foundation, owned, local numbers.
+        names: of its form.
+        inventory: where the forms are compiled.
     """
 
     def __init__(
-        self, space: fem.FunctionSpace, contact: Sequence[Foundation], facets: Sequence[npt.NDArray[np.int32]]
+        self,
+        space: fem.FunctionSpace,
+        contact: Sequence[Foundation],
+        facets: Sequence[npt.NDArray[np.int32]],
+        names: Sequence[str],
+        inventory: Inventory,
     ) -> None:
         self._space, self._contact, self.facets = space, contact, facets
+        self._names, self._inventory = names, inventory
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
-        self.averaging = averaging(space)
-        self._forms: list[tuple[Any, fem.Function | None]] = []
+
+    @cached_property
+    def forms(self) -> list[tuple[Any, fem.Function | None]]:
+        """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure."""
+        space, found = self._space, []
+        z = ufl.TestFunction(space)
+        for one, facets, name in zip(self._contact, self.facets, self._names, strict=True):
+            function = None if one.measure is None else fem.Function(space)
+            factor = None if function is None else function[0]
+            form: Any
+            if averaging(space):
+                form = averaging_forms(space, facets, self._inventory, name, factor)
+            else:
+                form = self._inventory.compile(name, partial(unit_contact_form, space, z, facets, factor))
+            found.append((form, function))
+        return found
 
     def shapes(self) -> list[Shape]:
         """What decides about the points, as it is now.
@@ -95,48 +119,32 @@ class Foundations:
                 factor[factor <= _ROUND_OFF * largest] = 0.0
             if one.direction is not None:
                 direction = at(one.direction, f"contact[{k}].direction", self._dimension)
-                size = np.linalg.norm(direction, axis=1, keepdims=True)
+                size = np.hypot.reduce(direction, axis=1, keepdims=True)
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
                     raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
                 direction = direction / size
             found.append(Shape(factor, direction))
         return found
 
-    def boundary(self, shapes: Sequence[Shape], fixed: npt.NDArray[np.bool_]) -> ContactBoundary:
+    def boundary(
+        self, shapes: Sequence[Shape], fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None = None
+    ) -> ContactBoundary:
         """Weights, frames and positions of the points.
 
         Args:
             shapes: see ``shapes``.
             fixed: which owned dofs are prescribed, shape (owned dofs,).
-
-        Raises:
-            FormError: no point of a contact can move along its normal.
+            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
         """
-        if not self._forms:
-            self._forms = [self._compiled(k, shape) for k, shape in enumerate(shapes)]
         parts = []
-        for k, (shape, (form, function)) in enumerate(zip(shapes, self._forms, strict=True)):
+        for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
-            part = contact_part(self._space, form, self.facets[k], k, fixed, None)
+            part = contact_part(self._space, form, self.facets[k], k, fixed, turned)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
-            movable = int(parallel.global_sum(part.comm, np.array(np.count_nonzero(~part.points.immovable))))
-            if movable == 0:
-                wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
-                raise FormError([(f"contact[{k}]", wrong)])
             parts.append(part)
         return join(parts)
-
-    def _compiled(self, k: int, shape: Shape) -> tuple[Any, fem.Function | None]:
-        """The unit contact form of a foundation, and the coefficient in it that is the factor of its measure."""
-        space = self._space
-        function = None if shape.factor is None else fem.Function(space)
-        factor, inventory = None if function is None else function[0], Inventory()
-        if self.averaging:
-            return averaging_forms(space, self.facets[k], inventory, f"contact {k}", factor), function
-        make = partial(unit_contact_form, space, ufl.TestFunction(space), self.facets[k], factor)
-        return inventory.compile(f"contact {k}", make), function
 
     def data(self, shapes: Sequence[Shape]) -> list[Data]:
         """Gaps and friction, as they are now.
@@ -157,36 +165,45 @@ class Foundations:
             found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, one.bilateral))
         return found
 
-    def gap(self, boundary: ContactBoundary, data: Sequence[Data]) -> Array:
-        """The gap at the points, averaged where the displacement is that it is compared with; collective."""
+    def problem(
+        self, boundary: ContactBoundary, data: Sequence[Data], settings: Settings, natural_gamma: float
+    ) -> tuple[RegularisedData, FrictionLaw | None]:
+        """The regularised problem without shifts at the points, and its friction law; None where no law can act.
+
+        Args:
+            boundary: the points.
+            data: see ``data``.
+            settings: gamma and sigma.
+            natural_gamma: the unit of gamma, stress per length.
+        """
+        kinds, law = [one.friction for one in self._contact], None
+        if any(kinds):
+            given, coefficient, cap = (
+                self._at_points(boundary, data, name) for name in ("given", "coefficient", "cap")
+            )
+            capped = any(isinstance(one, Coulomb) and one.cap is not None for one in kinds)
+            law = FrictionLaw(given, coefficient, cap if capped else None)
+        parts = [k for k, one in enumerate(data) if one.bilateral]
+        bilateral = np.isin(boundary.part, parts) if parts else None
+        gap = self._gap(boundary, data)
+        return RegularisedData.unshifted(gap, self._dimension - 1, settings, natural_gamma, law, bilateral), law
+
+    def _at_points(self, boundary: ContactBoundary, data: Sequence[Data], name: str) -> Array:
+        """Values of the nodes at their points, shape (n,)."""
         found = np.zeros(boundary.size)
         for k, one in enumerate(data):
             here = boundary.part == k
-            if boundary.averages is None:
-                found[here] = one.gap[boundary.nodes[here]]
-            else:
-                known = np.nan_to_num(one.gap[: self._space.dofmap.index_map.size_local, None])
-                reached = from_owners(known, boundary.averages.nodes, boundary.comm)[:, 0]
-                found[here] = boundary.averages.shares[here] @ reached
+            found[here] = getattr(one, name)[boundary.nodes[here]]
         return found
 
-    def law(self, boundary: ContactBoundary, data: Sequence[Data]) -> FrictionLaw | None:
-        """Friction at the points; None without."""
-        frictions = [one.friction for one in self._contact]
-        if not any(frictions):
-            return None
-
-        def at_points(name: str) -> Array:
-            found = np.zeros(boundary.size)
-            for k, one in enumerate(data):
-                here = boundary.part == k
-                found[here] = getattr(one, name)[boundary.nodes[here]]
-            return found
-
-        capped = any(isinstance(one, Coulomb) and one.cap is not None for one in frictions)
-        return FrictionLaw(at_points("given"), at_points("coefficient"), at_points("cap") if capped else None)
-
-    def bilateral(self, boundary: ContactBoundary, data: Sequence[Data]) -> npt.NDArray[np.bool_] | None:
-        """The points whose contact cannot open; None: there are none."""
-        parts = [k for k, one in enumerate(data) if one.bilateral]
-        return np.isin(boundary.part, parts) if parts else None
+    def _gap(self, boundary: ContactBoundary, data: Sequence[Data]) -> Array:
+        """The gap at the points, averaged where the displacement is that it is compared with; collective."""
+        if boundary.averages is None:
+            return self._at_points(boundary, data, "gap")
+        found = np.zeros(boundary.size)
+        for k, one in enumerate(data):
+            here = boundary.part == k
+            known = np.nan_to_num(one.gap[: self._space.dofmap.index_map.size_local, None])
+            reached = from_owners(known, boundary.averages.nodes, boundary.comm)[:, 0]
+            found[here] = boundary.averages.shares[here] @ reached
+        return found
