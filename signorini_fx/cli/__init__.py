@@ -28,6 +28,7 @@ _ON_ONE_PROCESS = {
 _ON_RANKS = {
     "solve": commands.solve,
     "check": commands.check,
+    "sweep": commands.sweep,
     "work-precision": commands.work_precision,
     "info": commands.info,
 }

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.cli.options import overrides
+from signorini_fx.cli.options import changes
 from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.machine import terminal
 
@@ -23,8 +23,18 @@ if TYPE_CHECKING:
     from signorini_fx.scene.model import Scene
 
 
-def _read_scene(options: argparse.Namespace, changes: dict[str, dict[str, Any]] | None = None) -> Scene:
-    """The scene on every rank, with overrides table by table; PETSc is started with the options of the user."""
+def _read_scene(options: argparse.Namespace) -> Scene:
+    """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
+    ((_, scene),) = _read_scenes(options, lambda given: [("", given)])
+    return scene
+
+
+def _read_scenes(
+    options: argparse.Namespace, several: Callable[[dict[str, Any]], list[tuple[Any, dict[str, Any]]]]
+) -> list[tuple[Any, Scene]]:
+    """Several scenes from one file, each with its name and changes of its own, which ``several`` makes of those that
+    the command line gives.
+    """
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -32,9 +42,9 @@ def _read_scene(options: argparse.Namespace, changes: dict[str, dict[str, Any]] 
     from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
-    scene = parse_scene_text(text, options.scene, changes)
+    scenes = [(name, parse_scene_text(text, options.scene, own)) for name, own in several(changes(options))]
     start_petsc(MPI.COMM_WORLD, options.petsc_options)
-    return scene
+    return scenes
 
 
 def solve(options: argparse.Namespace) -> int:
@@ -46,7 +56,7 @@ def solve(options: argparse.Namespace) -> int:
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
     progress = _Progress(path)
-    scene = _read_scene(options, overrides(options))
+    scene = _read_scene(options)
     from signorini_fx.results import files
     from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
@@ -155,6 +165,27 @@ def work_precision(options: argparse.Namespace) -> int:
     lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in advice(study).split("\n")]
     parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
     return EXIT_OK
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Solve a scene for several values of one of its entries."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.studies import parameter_study as study
+
+    comm = MPI.COMM_WORLD
+    path = options.out or Path("results") / f"sweep_{options.scene.stem}"
+    entry, values = study.several(changes(options))
+    scenes = _read_scenes(options, lambda given: [(value, {**given, entry: value}) for value in values])
+    report = partial(parallel.log_on_root, comm)
+    with ResultFolder(comm, path, study.FILES) as folder:
+        found = study.run(entry, scenes, comm, report)
+        parallel.on_root(comm, lambda: study.write(found, folder.part))
+        folder.commit()
+    report(f"results: {path}/")
+    return EXIT_OK if found.solved else EXIT_NO_SOLUTION
 
 
 def check(options: argparse.Namespace) -> int:

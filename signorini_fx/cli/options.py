@@ -13,6 +13,7 @@ from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.scene.changes import parsed_change
 
 # Mesh files that are read.
 _READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
@@ -95,6 +96,20 @@ def parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("compare", help="put two result folders side by side")
     compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
     compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
+    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=after)
+    sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    sweep.add_argument(
+        "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
+    )
+    for command in (solve, check, sweep):
+        more = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+        command.add_argument(
+            "--set",
+            action="append",
+            type=parsed_setting,
+            metavar="PATH=VALUE",
+            help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{more}",
+        )
     study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
     study.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
     study.add_argument(
@@ -143,9 +158,10 @@ def named_path(text: str) -> Path:
 
 def parsed_accuracy(text: str) -> float:
     """0.05 or 5%."""
-    match = re.fullmatch(rf"{_NUMBER}(%?)\s*", text)
+    from signorini_fx.scene.values import share
+
     try:
-        return float(match[1]) / 100 if match and match[2] else float(text)
+        return float(share(text))
     except ValueError:
         raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
 
@@ -160,14 +176,22 @@ def parsed_budget(text: str) -> tuple[str, float]:
     return key, float(match[1]) * unit
 
 
-def overrides(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """The entries of the scene that the command line overrides, table by table."""
-    accuracy = {
-        "target": options.accuracy,
-        "of": options.of,
-        "refinement": options.adaptive,
-        **dict(options.budget or ()),
+def parsed_setting(text: str) -> tuple[str, Any]:
+    """PATH=VALUE of an entry of the scene."""
+    try:
+        return parsed_change(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def changes(options: argparse.Namespace) -> dict[str, Any]:
+    """The entries of the scene that the command line replaces, by their paths."""
+    given = {
+        "solver.levels": getattr(options, "levels", None),
+        "accuracy.target": getattr(options, "accuracy", None),
+        "accuracy.of": getattr(options, "of", None),
+        "accuracy.refinement": getattr(options, "adaptive", None),
+        **{f"accuracy.{key}": value for key, value in getattr(options, "budget", None) or ()},
+        **dict(getattr(options, "set", None) or ()),
     }
-    tables = {"solver": {"levels": options.levels}, "accuracy": accuracy}
-    given = {name: {k: v for k, v in table.items() if v is not None} for name, table in tables.items()}
-    return {name: table for name, table in given.items() if table}
+    return {path: value for path, value in given.items() if value is not None}

@@ -6,11 +6,13 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
+from signorini_fx.scene.changes import Changes, changed
 from signorini_fx.scene.model import MeshFile, Scene
 from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import kind_of
@@ -63,13 +65,13 @@ def read_scene_text(path: Path) -> str:
     return text
 
 
-def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Scene:
+def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
     """A validated scene from the text of the TOML file at ``path``.
 
     Args:
         text: the scene.
         path: its file; paths of mesh files are relative to the folder of this file.
-        overrides: entries that replace those of the text, table by table.
+        changes: entries that replace those of the text, by their paths.
 
     Raises:
         SceneError: a syntax error with line and column, or all errors of the content at once.
@@ -83,10 +85,7 @@ def parse_scene_text(text: str, path: Path, overrides: Mapping[str, Mapping[str,
         raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
-    for table, entries in (overrides or {}).items():
-        if isinstance(said := data.get(table, {}), Mapping):  # else it is refused below
-            data[table] = {**said, **entries}
-    return parse_scene(data, str(path), path.parent)
+    return parse_scene(changed(data, changes), str(path), path.parent)
 
 
 def _unquoted(text: str, message: str) -> str:

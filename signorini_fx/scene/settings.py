@@ -22,6 +22,7 @@ from signorini_fx.scene.values import (
     Value,
     bounded,
     count_or_auto,
+    share,
     value,
 )
 
@@ -131,7 +132,7 @@ class Accuracy(Table):
     """A requested accuracy: meshes are refined, and gamma is increased, until the estimated error meets it.
 
     Attributes:
-        target: relative error allowed.
+        target: relative error allowed; a text such as ``"5%"`` is a share, too.
         of: what the error is of: the displacement in the energy norm, the contact pressure in L2, contact and friction
             force, the ends of the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
@@ -142,7 +143,7 @@ class Accuracy(Table):
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
     """
 
-    target: Annotated[float, Field(gt=0, lt=1, strict=True)]
+    target: Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
     of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
     refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None

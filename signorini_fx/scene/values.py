@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -96,6 +97,12 @@ SampledValue = Annotated[Any, BeforeValidator(sampled), WithJsonSchema({"type": 
 NonNegativeValue = Annotated[
     Any, BeforeValidator(lambda v: not_negative(sampled(v))), WithJsonSchema({"type": ["number", "string"]})
 ]
+
+
+def share(given: Any) -> Any:
+    """A number, or a text such as ``5%``."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", given) if isinstance(given, str) else None
+    return given if match is None else float(match[1]) / 100
 
 
 def number_or_auto(given: Any) -> Any:

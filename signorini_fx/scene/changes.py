@@ -1,0 +1,64 @@
+"""Entries of a scene that are changed by their path, such as ``contact[0].friction.coefficient=0.3``."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from signorini_fx.errors import SceneError
+
+# Path of an entry, as messages name it -> its value.
+Changes = Mapping[str, Any]
+_PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
+_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+
+
+def parsed_change(text: str) -> tuple[str, Any]:
+    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which needs no quotes here.
+
+    Raises:
+        ValueError: it has another form.
+    """
+    path, equals, said = text.partition("=")
+    path = path.strip()
+    if not equals or not _PATH.fullmatch(path):
+        raise ValueError(f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}")
+    try:
+        return path, tomllib.loads(f"value = {said}")["value"]
+    except ValueError:
+        return path, said.strip()
+
+
+def changed(data: dict[str, Any], changes: Changes) -> dict[str, Any]:
+    """A scene as plain data, with other entries; tables on the way that it does not have are made.
+
+    Raises:
+        SceneError: a path leads through an entry that is no table, or to a place that a list does not have.
+    """
+    for path, value in changes.items():
+        way: list[str | int] = [int(number) if number else name for name, number in _PART.findall(path)]
+        data = _with(data, way, value, "")
+    return data
+
+
+def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
+    """The entry at a path, in which another value stands at the end of the way from there."""
+    if not way:
+        return value
+    key, *rest = way
+    if isinstance(key, int):
+        if isinstance(entry, Mapping) and key == 0:  # one table is a list of one
+            return _with(entry, rest, value, f"{at}[0]")
+        if not isinstance(entry, list) or key >= len(entry):
+            found = f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
+            raise SceneError([(f"{at}[{key}]", f"is not there: {at} {found}")])
+        return [*entry[:key], _with(entry[key], rest, value, f"{at}[{key}]"), *entry[key + 1 :]]
+    if isinstance(entry, list) and all(isinstance(one, Mapping) for one in entry):
+        if len(entry) != 1:
+            raise SceneError([(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")])
+        return [_with(entry[0], way, value, f"{at}[0]")]
+    if not isinstance(entry, Mapping | None):
+        raise SceneError([(at, "must be a table")])
+    return {**(entry or {}), key: _with((entry or {}).get(key), rest, value, f"{at}.{key}".lstrip("."))}

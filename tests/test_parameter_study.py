@@ -1,0 +1,151 @@
+"""Entries of a scene that the command line changes, and studies of several values of one."""
+
+import csv
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from signorini_fx import cli
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.changes import changed, parsed_change
+from signorini_fx.studies.parameter_study import several
+
+PUSHED = """
+[mesh]
+generator = "rectangle"
+parameters = { nx = 12, ny = 4 }
+[material]
+young = 5000.0
+poisson = 0.3
+[[traction]]
+boundary = "top"
+y = -20.0
+x = 5.0
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.5 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "value"),
+    [
+        ("solver.levels=3", "solver.levels", 3),
+        ("contact[0].friction.coefficient=0.3", "contact[0].friction.coefficient", 0.3),
+        ("solver.algorithm=alm", "solver.algorithm", "alm"),
+        ('title="a = b"', "title", "a = b"),
+        ("title=a = b", "title", "a = b"),
+        ("traction[1].factors=[0.0, 1.0]", "traction[1].factors", [0.0, 1.0]),
+        ("contact.gap=0.1*x[0]", "contact.gap", "0.1*x[0]"),
+        (" mesh.parameters.nx = 4", "mesh.parameters.nx", 4),
+        ('units={length = "mm"}', "units", {"length": "mm"}),
+    ],
+)
+def test_what_is_given(text, path, value):
+    assert parsed_change(text) == (path, value)
+
+
+@pytest.mark.parametrize("text", ["", "=1", "a", "a..b=1", "a[x]=1", "a[-1]=1", "[0]=1", "1a=2", "a b=1"])
+def test_what_is_no_change(text):
+    with pytest.raises(ValueError, match="PATH=VALUE is expected"):
+        parsed_change(text)
+
+
+def test_entries_are_changed_and_the_others_are_not():
+    data = {"contact": [{"gap": 0.0}, {"gap": 1.0}], "mesh": {"parameters": {"nx": 3}}, "traction": {"x": 1.0}}
+    before = repr(data)
+    found = changed(data, {"contact[1].gap": 2.0, "mesh.parameters.nx": 4, "traction[0].x": 3.0, "solver.levels": 2})
+    assert found == {
+        "contact": [{"gap": 0.0}, {"gap": 2.0}],
+        "mesh": {"parameters": {"nx": 4}},
+        "traction": {"x": 3.0},
+        "solver": {"levels": 2},
+    }
+    assert repr(data) == before
+    assert changed({"contact": [{"gap": 0.0}]}, {"contact.gap": 1.0}) == {"contact": [{"gap": 1.0}]}
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("contact[2].gap", r"contact\[2\]: is not there: contact has 2"),
+        ("contact.gap", "contact: is a list of 2: say which"),
+        ("title.more", "title: must be a table"),
+        ("title[0]", r"title\[0\]: is not there: title is no list"),
+        ("nothing[1].x", r"nothing\[1\]: is not there: nothing is no list"),
+    ],
+)
+def test_paths_that_lead_nowhere(path, message):
+    with pytest.raises(SceneError, match=message):
+        changed({"contact": [{"gap": 0.0}, {"gap": 1.0}], "title": "t"}, {path: 1.0})
+
+
+@given(st.text())
+def test_any_text_is_a_change_or_is_refused(text):
+    try:
+        path, _ = parsed_change(text)
+    except ValueError:
+        return
+    assert text.strip().startswith(path)
+
+
+def test_values():
+    assert several({"a": "0.1:0.8:8", "b": 3}) == ("a", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+    assert several({"a": "ssn,alm"}) == ("a", ["ssn", "alm"])
+    assert several({"a": "1,2.5"}) == ("a", [1, 2.5])
+    for given_, told in (({"a": 1}, "none has"), ({"a": "1,2", "b": "3,4"}, "a, b"), ({"a": "1:e:3"}, "no range")):
+        with pytest.raises(SceneError, match=told):
+            several(given_)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    file = tmp_path / "pushed.toml"
+    file.write_text(PUSHED)
+    return file
+
+
+def test_a_block_that_is_pushed(scene, tmp_path, capsys):
+    """Statics: friction carries 3 x, until the block slides beyond x = F 20 = 10."""
+    out = tmp_path / "out"
+    assert cli.main(["sweep", str(scene), "--set", "traction.x=0:12:4", "--out", str(out)]) == 1
+    printed = capsys.readouterr().out
+    assert "slides, no static equilibrium" in printed
+    with (out / "sweep.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["value"]) for row in rows] == [0.0, 4.0, 8.0, 12.0]
+    assert [row["status"] for row in rows] == [*["converged"] * 3, "slides, no static equilibrium"]
+    for row in rows[:3]:
+        assert float(row["contact_force"]) == pytest.approx(60.0, rel=1e-9)
+        assert float(row["friction_force"]) == pytest.approx(3 * float(row["value"]), rel=1e-9)
+    assert math.isnan(float(rows[3]["contact_force"] or "nan"))
+    assert (out / "sweep.png").stat().st_size > 10_000
+
+
+def test_a_sweep_is_what_solve_finds(scene, tmp_path):
+    arguments = ["--set", "contact.friction.coefficient=0.4", "--quiet", "--no-fields", "--no-pictures"]
+    assert cli.main(["solve", str(scene), *arguments, "--out", str(tmp_path / "one")]) == 0
+    two = ["--set", "contact.friction.coefficient=0.4,0.6", "--out", str(tmp_path / "two")]
+    assert cli.main(["sweep", str(scene), *two]) == 0
+    with (tmp_path / "one/contact.csv").open() as file:
+        largest = max(float(row["pressure"]) for row in csv.DictReader(file))
+    with (tmp_path / "two/sweep.csv").open() as file:
+        first, second = csv.DictReader(file)
+    assert float(first["max_pressure"]) == pytest.approx(largest, rel=1e-12)
+    assert float(second["max_shear"]) != float(first["max_shear"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["solve", "--set", "contact.friction.coeficient=1"], "did you mean 'coefficient'"),
+        (["check", "--set", "traction[4].x=1"], "traction[4]: is not there"),
+        (["sweep", "--set", "traction.x=1"], "one entry must have several values"),
+        (["sweep", "--set", "contact.friction.coefficient=0.1,-3"], "contact[0].friction.coefficient"),
+    ],
+)
+def test_what_is_refused(scene, capsys, arguments, message):
+    assert cli.main([arguments[0], str(scene), *arguments[1:]]) == 2
+    assert message in capsys.readouterr().err
