@@ -7,7 +7,7 @@ import math
 import os
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -30,10 +30,10 @@ def clock(comm: MPI.Comm) -> float:
     return float(comm.bcast(time.perf_counter()))
 
 
-def log_on_root(comm: MPI.Comm, text: str, *, error: bool = False) -> None:
-    """Print ``text`` once."""
+def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.Line], *, error: bool = False) -> None:
+    """Print a text, or lines, once."""
     if is_root(comm):
-        terminal.say(text, error=error)
+        terminal.say(output, error=error)
 
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:

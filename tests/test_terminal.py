@@ -14,40 +14,44 @@ import pytest
 from signorini_fx.cli import commands
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine.launcher import environment_of_no_rank
-from signorini_fx.machine.terminal import coloured, wrapped
+from signorini_fx.machine.terminal import Line, prose
 
-LINES = [
-    "signorini-fx: error: scene.toml: material.density: unknown key: weight is written [body_force] with y = -density",
-    "  what to do       the load moves the body off its foundation and nothing else holds it: check the direction",
-    "    warning: traction: there is no static equilibrium: the loads drive the translation along (0, 1)",
-]
-ROW = "    1      0     0       13       0       0       13    7.1e-01     0.003    7.1e-01     0.003"
+FIGURE = Line(
+    "  what to do       ",
+    "the load moves the body off its foundation and nothing else holds it: check the direction",
+    "advice",
+)
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
-def test_wrapped(width):
-    """No line of prose is longer than the terminal, no word is lost, and rows of tables stay as they are."""
-    for line in LINES:
-        found = wrapped(line, width).split("\n")
-        assert max(map(len, found)) <= width
-        assert " ".join(found).split() == line.split()
-    assert wrapped(ROW, width) == ROW
-    assert wrapped("\n".join([ROW, LINES[0]]), width) == f"{ROW}\n{wrapped(LINES[0], width)}"
-
-
-def test_wrapped_below_its_beginning():
-    """The lines of a figure of the summary continue where its text began."""
-    first, second, *_ = wrapped(LINES[1], 60).split("\n")
+def test_prose_below_its_beginning(width):
+    """No line is longer than the terminal, no word is lost, and prose continues where it began."""
+    first, *others = FIGURE.broken(width, colours=False).split("\n")
+    assert max(map(len, [first, *others])) <= width
+    assert " ".join([first, *others]).split() == str(FIGURE).split()
     assert first.startswith("  what to do       the load")
-    assert second.startswith(" " * 19)
-    assert second[19] != " "
+    assert all(line[:19].isspace() and not line[19].isspace() for line in others)
+    assert bool(others) == (len(str(FIGURE)) > width)
 
 
-def test_coloured():
+def test_rows_of_tables_stay():
+    """What is no prose is not broken."""
+    row = Line("    1      0     0       13       0       0       13    7.1e-01     0.003    7.1e-01     0.003")
+    assert row.broken(40, colours=True) == str(row) == row.begin
+
+
+def test_prose():
+    """Each line of a text continues below its own beginning."""
+    heading, item = prose("scene.toml:\n    material.young: must be greater than 0")
+    assert (heading.begin, item.begin) == ("", "    ")
+    assert item.broken(30, colours=False) == "    material.young: must be\n    greater than 0"
+
+
+@pytest.mark.parametrize(("kind", "code"), [("error", 31), ("warning", 33), ("good", 32), ("", None)])
+def test_colours(kind, code):
     """Errors, warnings and success; the text is the same without the escapes."""
-    assert coloured(LINES[0]).startswith("\x1b[31;1msignorini-fx: error\x1b[0m: scene.toml")
-    assert coloured("A block: converged\n  algorithm").startswith("A block: \x1b[32;1mconverged\x1b[0m\n")
-    assert coloured(ROW) == ROW
+    found = Line("certificate ", "holds", kind).broken(80, colours=True)
+    assert found == ("certificate holds" if code is None else f"\x1b[{code};1mcertificate \x1b[0mholds")
 
 
 def shown(environment):
@@ -73,11 +77,11 @@ def test_colours_on_a_terminal(monkeypatch):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_output_of_ranks_in_a_file(tmp_path, ranks):
     """Neither colours nor line breaks, although mpirun gives each rank a pseudo-terminal on the way to the file."""
-    lines = ["A block: converged", LINES[1]]
+    lines = ["A block: converged", str(FIGURE)]
     own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
     program = (
         "from signorini_fx.machine import launcher, terminal\n"
-        f"if launcher.started_as_root(): terminal.say({chr(10).join(lines)!r})"
+        f"if launcher.started_as_root(): terminal.say([terminal.Line('A block: converged'), terminal.{FIGURE!r}])"
     )
     log = tmp_path / "log"
     with log.open("w") as file:

@@ -62,7 +62,7 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
     from signorini_fx.results.solution import outcome
-    from signorini_fx.results.summary import render, table_row
+    from signorini_fx.results.summary import lines_of, table_row
     from signorini_fx.solving import solver
 
     fields = False if options.no_fields else options.fields or True
@@ -104,10 +104,11 @@ def solve(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
-        parallel.log_on_root(comm, f"{render(summary)}\n  results          {path}/")
+        parallel.log_on_root(comm, [*lines_of(summary), terminal.Line("  results          ", f"{path}/")])
     if not solution.converged:
         # The summary above has said what to do.
-        parallel.log_on_root(comm, f"signorini-fx: {outcome(solution, advice=options.quiet)}", error=True)
+        ended = terminal.Line("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
+        parallel.log_on_root(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 

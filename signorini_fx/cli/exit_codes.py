@@ -19,7 +19,9 @@ _PATIENCE = 1.0  # seconds
 
 
 def _complain(text: object) -> int:
-    terminal.say(f"signorini-fx: error: {text}", error=True)
+    first, *more = str(text).split("\n", 1)
+    begin = terminal.Line("signorini-fx: error: ", first, "error")
+    terminal.say([begin, *(line for rest in more for line in terminal.prose(rest))], error=True)
     return EXIT_BAD_INPUT
 
 

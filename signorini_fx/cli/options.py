@@ -27,7 +27,10 @@ class _Parser(argparse.ArgumentParser):
             terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {shortened(message)}\n{self.format_usage()}")
+        if started_as_root():
+            usage = terminal.Line(self.format_usage().removesuffix("\n"))
+            terminal.say([terminal.Line(f"{self.prog}: ", shortened(message), "error"), usage], error=True)
+        self.exit(EXIT_BAD_INPUT)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TextIO
 
 from signorini_fx.machine import launcher
@@ -27,55 +28,62 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream is not None and stream.isatty() and not launcher.gives_pseudo_terminals()
 
 
-def say(text: str, *, error: bool = False) -> None:
-    """Print ``text`` on standard output, or on standard error; a stream that cannot be written is given up."""
+@dataclass(frozen=True)
+class Line:
+    """A line of output.
+
+    Attributes:
+        begin: how it begins, on a terminal in the colour of its kind.
+        text: prose behind that; a terminal continues it below its first word.
+        kind: ``error``, ``warning``, ``advice``, ``good``, or "" without a colour.
+    """
+
+    begin: str
+    text: str = ""
+    kind: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.begin}{self.text}"
+
+    def broken(self, width: int, *, colours: bool) -> str:
+        """The line as a terminal with so many columns shows it; no word is broken."""
+        start = len(self.begin)
+        room = max(width - start, _NARROWEST)
+        parts = textwrap.wrap(self.text, room, break_long_words=False, break_on_hyphens=False) or [""]
+        code = _COLOURS.get(self.kind) if colours else None
+        begin = self.begin if code is None else f"\x1b[{code}m{self.begin}\x1b[0m"
+        return f"\n{' ' * start}".join([begin + parts[0], *parts[1:]])
+
+
+_NARROWEST = 20  # columns of prose
+_COLOURS = {"error": "31;1", "warning": "33;1", "advice": "1", "good": "32;1"}  # red, yellow, bold, green
+
+
+def say(output: str | Iterable[Line], *, error: bool = False) -> None:
+    """Print on standard output, or on standard error; a stream that cannot be written is given up.
+
+    Args:
+        output: a text, printed as it is; or lines, which a terminal breaks and colours.
+        error: whether to print on standard error.
+    """
     stream = sys.stderr if error else sys.stdout
     try:
-        if is_terminal(stream):
-            plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
-            text = wrapped(text, shutil.get_terminal_size().columns)
-            text = text if plain else coloured(text)
-        print(text, file=stream, flush=True)
+        if isinstance(output, str):
+            shown = [output]
+        elif is_terminal(stream):
+            colours = "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
+            width = shutil.get_terminal_size().columns
+            shown = [line.broken(width, colours=colours) for line in output]
+        else:
+            shown = list(map(str, output))
+        print("\n".join(shown), file=stream, flush=True)
     except OSError as reason:
         _give_up(stream, reason)
 
 
-_NARROWEST = 40  # columns
-_NAME = re.compile(r"  \S.{15} (?=\S)")  # of a line of the summary
-_COLOURS = [
-    (re.compile(r"^(signorini-fx: [^:\n]+)", re.MULTILINE), "31;1"),  # red
-    (re.compile(r"(DOES NOT HOLD)"), "31;1"),
-    (re.compile(r"^( +warning\b)", re.MULTILINE), "33;1"),  # yellow
-    (re.compile(r"^( +what to do)", re.MULTILINE), "1"),  # bold
-    (re.compile(r"(?<=: )(converged)$", re.MULTILINE), "32;1"),  # green
-]
-
-
-def wrapped(text: str, width: int) -> str:
-    """Prose broken into lines of this width, with its own indentation; rows of tables stay as they are.
-
-    Args:
-        text: lines of any length.
-        width: columns of the terminal.
-    """
-    lines = []
-    for line in text.split("\n"):
-        name = _NAME.match(line)
-        start = name.end() if name else len(line) - len(line.lstrip()) + 4
-        table = re.search(r"\S {2,}\S", line[start:])
-        if len(line) <= width or table or start > width // 2 or width < _NARROWEST:
-            lines.append(line)
-            continue
-        rest = textwrap.wrap(line[start:], width - start, break_long_words=False, break_on_hyphens=False)
-        lines += [" " * start * (number > 0) + line[:start] * (number == 0) + part for number, part in enumerate(rest)]
-    return "\n".join(lines)
-
-
-def coloured(text: str) -> str:
-    """Text with errors in red, warnings in yellow and success in green, as a terminal shows them."""
-    for pattern, code in _COLOURS:
-        text = pattern.sub(f"\x1b[{code}m" + r"\1" + "\x1b[0m", text)
-    return text
+def prose(text: str) -> list[Line]:
+    """The lines of a text; a terminal continues each below its own beginning."""
+    return [Line(line[: len(line) - len(line.lstrip())], line.lstrip()) for line in text.split("\n")]
 
 
 def output_lost() -> bool:

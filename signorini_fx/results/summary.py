@@ -18,6 +18,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
 from signorini_fx.display import clean, results_of, safety_in_words
+from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
@@ -222,77 +223,94 @@ def print_progress(record: Record) -> None:
 
 
 def render(summary: dict[str, Any]) -> str:
+    """The summary as text."""
+    return "\n".join(map(str, lines_of(summary)))
+
+
+def lines_of(summary: dict[str, Any]) -> list[Line]:
     """The summary for a terminal."""
-    lines = [
-        f"{summary['title'] or 'scene'}: {summary['status']}",
-        f"  algorithm        {summary['algorithm']}, {summary['linear_solves']} linear solves, "
-        f"{summary['factorisations']} factorisations",
-        f"  unknowns         {summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}",
-        f"  linear algebra   {summary['linear_algebra']}",
-    ]
-    told = dict.fromkeys(event for event in summary["events"] if not event.startswith("level "))
-    named = {"restart": "restart: ", "elements": "elements: ", "accuracy": "accuracy: ", "increments": "load step "}
-    kinds = {
-        name: [event.removeprefix(f"{name}: ") for event in told if event.startswith(prefix)]
-        for name, prefix in named.items()
-    }
-    if halved := len(kinds["increments"]):
-        kinds["increments"] = [f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"]
-    kinds["fall-backs"] = [event for event in told if not event.startswith(tuple(named.values()))]
-    for name, events in kinds.items():
-        if events:
-            lines.insert(2, f"  {name:16s} {'; '.join(events)}")
-    if "safety" in summary:
-        lines.insert(1, f"  safety factor    {safety_in_words(summary['safety'])}")
-    if not summary["converged"]:
-        lines.insert(1, f"  what to do       {summary['advice']}")
-    if "results_of" in summary:
-        lines.insert(1, f"  results of       {results_of(summary)}")
-    lines += _warnings(summary)
+    heading = Line(f"{summary['title'] or 'scene'}: {summary['status']}", kind="good" if summary["converged"] else "")
+    lines = [heading, *_outcome(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
-        return "\n".join(lines)
+        return lines
     errors = estimated_errors(summary)
     if "contact_force" in summary:
         lines += [
-            f"  contact nodes    {summary['contact_nodes']}, {_touching(summary['touching_nodes'])}",
-            f"  contact force    {_force(summary, 'contact_force')}",
-            f"  friction force   {_force(summary, 'friction_force')}",
-            f"  largest pressure {_digits(summary['max_pressure'], errors.get('max_pressure'))}",
-            *(f"  {name + ' zone':16s} {_zones(runs)}" for name, runs in summary.get("zones", {}).items() if runs),
-            *(f"  {name + ' area':16s} {area:.6g}" for name, area in summary.get("areas", {}).items() if area),
+            _row("contact nodes", f"{summary['contact_nodes']}, {_touching(summary['touching_nodes'])}"),
+            _row("contact force", _force(summary, "contact_force")),
+            _row("friction force", _force(summary, "friction_force")),
+            _row("largest pressure", _digits(summary["max_pressure"], errors.get("max_pressure"))),
+            *(_row(f"{name} zone", _zones(runs)) for name, runs in summary.get("zones", {}).items() if runs),
+            *(_row(f"{name} area", f"{area:.6g}") for name, area in summary.get("areas", {}).items() if area),
             *_beside_contact(summary),
             *(
-                f"  {name:16s} {_force(summary, key)}, about the origin"
-                for name, key in (("contact moment", "contact_moment"), ("friction moment", "friction_moment"))
-                if key in summary
+                _row(name.replace("_", " "), f"{_force(summary, name)}, about the origin")
+                for name in ("contact_moment", "friction_moment")
+                if name in summary
             ),
             *_contact_boundaries(summary),
         ]
     lines += _resultants(summary)
-    lines += [
-        f"  strain energy    {_digits(summary['strain_energy'], errors.get('strain_energy'))}",
-        *([f"  von Mises stress {_largest(summary)}"] if "stress" in summary else []),
-        f"  deformation      {_deformation(summary['deformation'])}",
-        f"  certificate      {_certificate(summary['certificate'])}",
-        *([f"  left by gamma    {_left(summary['certificate'])}"] if "contact_force" in summary else []),
-        *(
-            [f"  duality gap      {summary['functionals']['relative_duality_gap']:.1e}"]
-            if "functionals" in summary
-            else []
-        ),
-        "  seconds          " + ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
-    ]
+    lines.append(_row("strain energy", _digits(summary["strain_energy"], errors.get("strain_energy"))))
+    if "stress" in summary:
+        lines.append(_row("von Mises stress", _largest(summary)))
+    lines.append(_row("deformation", _deformation(summary["deformation"])))
+    certificate = summary["certificate"]
+    lines.append(_row("certificate", _certificate(certificate), "" if certificate["holds"] else "error"))
+    if "contact_force" in summary:
+        lines.append(_row("left by gamma", _left(certificate)))
+    if "functionals" in summary:
+        lines.append(_row("duality gap", f"{summary['functionals']['relative_duality_gap']:.1e}"))
+    lines.append(_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "price_list" in summary:
-        lines.append(price_list.render([price_list.Price(**row) for row in summary["price_list"]]))
-    return "\n".join(lines)
+        lines.append(Line(price_list.render([price_list.Price(**row) for row in summary["price_list"]])))
+    return lines
 
 
-def _beside_contact(summary: dict[str, Any]) -> list[str]:
+def _row(label: str, text: str, kind: str = "") -> Line:
+    """A figure with its label."""
+    return Line(f"  {label:16s} ", text, kind)
+
+
+def _outcome(summary: dict[str, Any]) -> list[Line]:
+    """How the solve ended, what to do about it, and how it went."""
+    lines = []
+    if "results_of" in summary:
+        lines.append(_row("results of", results_of(summary)))
+    if not summary["converged"]:
+        lines.append(_row("what to do", summary["advice"], "advice"))
+    if "safety" in summary:
+        lines.append(_row("safety factor", safety_in_words(summary["safety"])))
+    solves = f"{summary['linear_solves']} linear solves, {summary['factorisations']} factorisations"
+    return [
+        *lines,
+        _row("algorithm", f"{summary['algorithm']}, {solves}"),
+        *_events(summary["events"]),
+        _row("unknowns", f"{summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"),
+        _row("linear algebra", summary["linear_algebra"]),
+    ]
+
+
+def _events(events: list[str]) -> list[Line]:
+    """The events of the history by kind."""
+    shown = dict.fromkeys(event for event in events if not event.startswith("level "))
+    beginnings = {"increments": "load step ", **{name: f"{name}: " for name in ("accuracy", "elements", "restart")}}
+    others = [event for event in shown if not event.startswith(tuple(beginnings.values()))]
+    kinds = {"fall-backs": others} | {
+        name: [event.removeprefix(f"{name}: ") for event in shown if event.startswith(begin)]
+        for name, begin in beginnings.items()
+    }
+    if halved := len(kinds["increments"]):
+        kinds["increments"] = [f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"]
+    return [_row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
+
+
+def _beside_contact(summary: dict[str, Any]) -> list[Line]:
     """Why a body may stick or slip where it does not touch."""
     laws = {effect["friction"]["law"] for effect in summary.get("scene", {}).get("contact", ())}
     if "tresca" not in laws or summary["touching_nodes"] == summary["contact_nodes"]:
         return []
-    return ["  note             Tresca friction also acts where there is no contact"]
+    return [_row("note", "Tresca friction also acts where there is no contact")]
 
 
 def _force(summary: dict[str, Any], name: str) -> str:
@@ -302,7 +320,7 @@ def _force(summary: dict[str, Any], name: str) -> str:
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
-def _resultants(summary: dict[str, Any]) -> list[str]:
+def _resultants(summary: dict[str, Any]) -> list[Line]:
     """What acts through the other boundaries, and where; contact too if it has several."""
     several = len(summary.get("contact_boundaries", ())) > 1
     rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
@@ -317,7 +335,7 @@ def _resultants(summary: dict[str, Any]) -> list[str]:
     return _labelled("forces", told)
 
 
-def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
+def _contact_boundaries(summary: dict[str, Any]) -> list[Line]:
     """Area, mean pressure and friction of each contact boundary."""
     rows = summary["contact_boundaries"]
     areas, friction = [], []
@@ -330,9 +348,9 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[str]:
     return [*_labelled("in contact", areas), *_labelled("friction", friction)]
 
 
-def _labelled(label: str, told: list[str]) -> list[str]:
+def _labelled(label: str, texts: list[str]) -> list[Line]:
     """Lines of the table of which only the first has its label."""
-    return [f"  {label if k == 0 else '':16s} {text}" for k, text in enumerate(told)]
+    return [_row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
 def _largest(summary: dict[str, Any]) -> str:
@@ -361,14 +379,14 @@ def _touching(nodes: int) -> str:
     return f"{nodes or 'none'} in contact{few}"
 
 
-def _warnings(summary: dict[str, Any]) -> list[str]:
+def _warnings(summary: dict[str, Any]) -> list[Line]:
     """The warnings, and the pieces of a body that is not connected."""
-    pieces = len(summary["pieces"])
-    told = [f"  {'pieces':16s} {pieces}: {_listed(summary['pieces'])}"] if pieces > 1 else []
+    pieces = summary["pieces"]
+    lines = [_row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
     for finding in summary["findings"]:
         if finding["level"] == "warning" and finding["message"] != summary["advice"]:
-            told.append(f"  {'warning':16s} {finding['path']}: {finding['message']}")
-    return told
+            lines.append(_row("warning", f"{finding['path']}: {finding['message']}", "warning"))
+    return lines
 
 
 def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
