@@ -12,11 +12,12 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.elastic import ElasticBody, system_size
+from signorini_fx.body.elastic import ElasticBody, system_size, vector_like
 from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
@@ -28,8 +29,8 @@ from signorini_fx.body.loads import (
     load_groups,
 )
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid import RigidMotions, rigid_motions, unresisted
-from signorini_fx.body.supports import check_overlap, dirichlet_conditions, fixed_dofs, skew_supports, turned_nodes
+from signorini_fx.body.rigid import RigidMotions, rigid_motions, without_energy
+from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.motions import FreeMotions
@@ -189,7 +190,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     z = ufl.TestFunction(space)
     with timings.phase("compile"):
         supports = dirichlet_conditions(scene, space, facets, tagged)
-        fixed = fixed_dofs(space, [support for _, support in supports])
+        owned = space.dofmap.index_map.size_local * tagged.dimension
+        fixed = prescribed(space, [support for _, support in supports])[0][:owned]
         skew = skew_supports(scene, space, facets, tagged)
         turned = turned_nodes(scene, space, supports, skew, fixed)
         resistance = compile_resistance(scene, space, z, facets.__getitem__, inventory)
@@ -206,7 +208,9 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         boundary = foundations.boundary(shapes, fixed, turned) if on else None
         motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
         if resistance.form is not None:
-            motions = unresisted(motions, resistance.form)
+            matrix = fem_petsc.assemble_matrix(resistance.form)
+            matrix.assemble()
+            motions = without_energy(motions, matrix, partial(vector_like, matrix))
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),

@@ -169,13 +169,19 @@ class ElasticBody:
 
     def vector(self, values: Array) -> PETSc.Vec:
         """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones first."""
-        x = self.stiffness.createVecRight()
-        x.getArray()[:] = values.ravel()[: self.fixed.size]
+        x = vector_like(self.stiffness, values)
         if self.rotation is None:
             return x
         result = x.duplicate()
         self.rotation.multTranspose(x, result)
         return result
+
+
+def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
+    """Values at the nodes of this rank, the owned ones first, as a new vector with the layout of a matrix."""
+    x = matrix.createVecRight()
+    x.getArray()[:] = values.ravel()[: x.getLocalSize()]
+    return x
 
 
 def system_size(

@@ -7,14 +7,15 @@ where both must move together.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
@@ -24,6 +25,8 @@ from signorini_fx.contact.motions import FreeMotions, RigidLoad
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
+# A motion whose energy is below this share of what the diagonal of the stiffness alone would give has no strain.
+_NO_STRAIN = 1e-11
 
 _Floats = npt.NDArray[np.float64]
 # The two axes of each rotation, which turns the first towards the second; in space the rotation about x[0] is first.
@@ -152,29 +155,33 @@ def rigid_motions(
     return RigidMotions(pieces, x, piece, centre, length, free, assembly)
 
 
-def unresisted(motions: RigidMotions, form: fem.Form) -> RigidMotions:
-    """The motions of these that do no work against what resists the displacement; collective.
+def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
+    """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions, count as supports;
+    collective.
 
     Args:
         motions: those that the supports leave free.
-        form: the resistance, bilinear, symmetric and not negative.
+        matrix: of a(., .), or of the part of it that may resist.
+        vector: from displacements of the nodes of this rank to new unknowns of the matrix.
     """
-    count = motions.free.shape[1]
-    matrix = fem_petsc.assemble_matrix(form)
-    matrix.assemble()
-    x, force = matrix.createVecs()
-    moved, forces = np.empty((count, x.getLocalSize())), np.empty((count, x.getLocalSize()))
-    for k in range(count):
-        moved[k] = motions.displacement(np.eye(count)[k]).ravel()[: x.getLocalSize()]
-        x.getArray()[:] = moved[k]
+    if motions.free.shape[1] == 0:
+        return motions
+    moved, forces = [], []
+    for motion in np.eye(motions.free.shape[1]):
+        x = vector(motions.displacement(np.asarray(motion)))
+        force = x.duplicate()
         matrix.mult(x, force)
-        forces[k] = force.getArray(readonly=True)
-    work = parallel.global_sum(matrix.comm.tompi4py(), moved @ forces.T)
-    columns, numbers = [motions.free[:, :0]], [motions.assembly[:0]]
+        moved.append(x.getArray(readonly=True))
+        forces.append(force.getArray(readonly=True))
+    rows, size = np.array(moved), np.abs(matrix.getDiagonal().getArray(readonly=True))
+    both = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
+    energy, scale = parallel.global_sum(matrix.comm.tompi4py(), both)
+    columns, numbers = [], []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
-        values, vectors = np.linalg.eigh(work[np.ix_(of, of)])
-        kept = vectors[:, values <= _HELD * max(values[-1], 0.0)]
+        values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
+        whole = np.einsum("ik,ij,jk->k", vectors, scale[np.ix_(of, of)], vectors)
+        kept = vectors[:, values <= _NO_STRAIN * whole]
         columns.append(motions.free[:, of] @ kept)
         numbers.append(np.full(kept.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -97,13 +98,19 @@ def skew_supports(
     return found
 
 
-def fixed_dofs(space: fem.FunctionSpace, supports: list[fem.DirichletBC]) -> npt.NDArray[np.bool_]:
-    """Which dofs of this rank are prescribed, shape (owned dofs,)."""
-    fixed = np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs, dtype=bool)
-    for support in supports:
-        dofs, owned = support.dof_indices()
-        fixed[dofs[:owned]] = True
-    return fixed
+def prescribed(
+    space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
+    nothing is prescribed.  Where conditions meet the last one applies.
+    """
+    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
+    fixed = np.zeros(values.size, dtype=bool)
+    for condition in bcs:
+        condition.set(values)
+        fixed[condition.dof_indices()[0]] = True
+    return fixed, values
 
 
 def turned_nodes(

@@ -22,13 +22,14 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody, system_size
 from signorini_fx.body.foundation import Coulomb, Foundation
 from signorini_fx.body.foundations import Foundations, Shape
+from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
-from signorini_fx.forms.elasticity import Array, digest, elastic_body, prescribed, scales_of
+from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.elasticity import LoadCase

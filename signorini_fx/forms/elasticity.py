@@ -18,15 +18,13 @@ from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid import RigidMotions, rigid_motions
+from signorini_fx.body.rigid import rigid_motions, without_energy
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.scales import Scales
 
 Array = npt.NDArray[np.float64]
 # The part of a form that is not symmetric is round-off below this share of it.
 _ASYMMETRY = 1e-10
-# A motion whose energy is below this share of what the diagonal of the stiffness alone would give has no strain.
-_NO_STRAIN = 1e-11
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> bytes:
@@ -37,19 +35,6 @@ def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> bytes:
     for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays):
         found.update(np.ascontiguousarray(values).data)
     return found.digest()
-
-
-def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
-    nothing is prescribed.  Where conditions meet the last one applies.
-    """
-    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
-    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
-    fixed = np.zeros(values.size, dtype=bool)
-    for condition in bcs:
-        condition.set(values)
-        fixed[condition.dof_indices()[0]] = True
-    return fixed, values
 
 
 def elastic_body(
@@ -72,7 +57,7 @@ def elastic_body(
     except SceneError as error:
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
     check_energy(body.stiffness)
-    return replace(body, motions=without_energy(body))
+    return replace(body, motions=without_energy(motions, body.stiffness, body.vector))
 
 
 def check_energy(matrix: PETSc.Mat) -> None:
@@ -95,34 +80,6 @@ def check_energy(matrix: PETSc.Mat) -> None:
         raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
     if parallel.any_rank(matrix.comm.tompi4py(), bool((matrix.getDiagonal().getArray(readonly=True) <= 0).any())):
         raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
-
-
-def without_energy(body: ElasticBody) -> RigidMotions:
-    """The motions of those that the supports leave free for which a(r, r) = 0: springs, and what else resists rigid
-    motions, count as supports; collective.
-    """
-    motions, stiffness = body.motions, body.stiffness
-    count = motions.free.shape[1]
-    if count == 0:
-        return motions
-    moved, forces = np.empty((count, body.fixed.size)), np.empty((count, body.fixed.size))
-    for k in range(count):
-        x = body.vector(motions.displacement(np.eye(count)[k]))
-        force = x.duplicate()
-        stiffness.mult(x, force)
-        moved[k], forces[k] = x.getArray(readonly=True), force.getArray(readonly=True)
-    size = np.abs(stiffness.getDiagonal().getArray(readonly=True)) * moved
-    comm = stiffness.comm.tompi4py()
-    energy, scale = parallel.global_sum(comm, np.stack((moved @ forces.T, moved @ size.T)))
-    columns, numbers = [], []
-    for number in np.unique(motions.assembly):
-        of = motions.assembly == number
-        values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
-        whole = np.einsum("ik,ij,jk->k", vectors, scale[np.ix_(of, of)], vectors)
-        kept = vectors[:, values <= _NO_STRAIN * whole]
-        columns.append(motions.free[:, of] @ kept)
-        numbers += [number] * kept.shape[1]
-    return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.array(numbers, dtype=np.int64))
 
 
 def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> Scales:

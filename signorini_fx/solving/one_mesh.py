@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.attempts import AGAIN, WITHOUT
+from signorini_fx.attempts import AGAIN, WITHOUT, Attempt
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
@@ -37,7 +37,7 @@ from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
-from signorini_fx.solving.load_steps import judged, load_step, recalled_step, step_result
+from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import Kept
 from signorini_fx.tuned import PATH_ERROR_SHARE
@@ -113,78 +113,121 @@ def solve_contact(
         after: called after each load step with a solution.
         kept: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
-    scene, history = discretisation.scene, task.history
-    path = LoadPath(scene)
-    first, begun, before_all = start, task.iterate.newton.checkpoint(), (0, 0, 0)
-    steps: list[StepResult] = []
-    last: Before | None = None
-    unstored: tuple[int, int, int] | None = None  # where the records begin that no stored load step has
+    history, path, progress = task.history, LoadPath(discretisation.scene), _Progress(start)
+    begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
     while not path.ended:
-        marks = unstored or (history.linear_solves, len(history.outer), len(history.events))
-        before_all = marks if not steps else before_all
-        step = None
+        marks, step = progress.unstored or _marks(history), None
         if kept is not None and kept.checkpoint.found:
-            step = recalled_step(discretisation, task, start, last, timings, kept, path)
-        again = step is not None
-        step = step or load_step(discretisation, task, start, last, timings, path)
-        result, anew = step.result, None
-        if again or history.exhausted:
-            pass
-        elif path.begins_again(result.status, result.linear_solves):
-            anew = AGAIN
-        elif result.status is not Status.CONVERGED and path.falls_short:
-            anew = WITHOUT
+            step = recalled_step(discretisation, task, progress.start, progress.last, timings, kept, path)
+        recalled = step is not None
+        step = step or load_step(discretisation, task, progress.start, progress.last, timings, path)
+        anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)
         if anew is not None:
             history.add(f"{step}: {anew}")
-            path.begin_again(result.status, history.linear_solves - before_all[0])
+            path.begin_again(step.result.status, history.linear_solves - beginning[0])
             task.iterate.newton.restore(begun)
-            start, last, steps, unstored = first, None, [], before_all
+            progress = _Progress(start, unstored=beginning)
             if kept is not None:
                 kept.forget(0)
             continue
-        start, outcome = step.start, step.outcome
-        steps.append(result)
-        if result.status is Status.CONVERGED or len(steps) == 1:
-            ended, law, data = outcome, Law(*task.promised(outcome)), outcome.problem.data
-        if result.status is not Status.CONVERGED:
+        progress.take(step)
+        if step.result.status is not Status.CONVERGED:
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
             break
-        after(discretisation, outcome, result)
-        if not again:
-            path.advance(result.linear_solves)
+        after(discretisation, step.outcome, step.result)
+        if not recalled:
+            path.advance(step.result.linear_solves)
             if kept is not None:
                 with timings.phase("checkpoint"):
-                    kept.store(discretisation, task, start, outcome, result, path, timings, marks)
-            unstored = None
-        if path.ended:
-            break
-        assert result.contact is not None
-        last = Before.of(result.displacement, Tractions.of(result.contact), law, last)
-        start = outcome.next_step(start)
-    shown = next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
-    values = None
+                    kept.store(discretisation, task, step.start, step.outcome, step.result, path, timings, marks)
+            progress.unstored = None
+        if not path.ended:
+            progress.go_on(task, step)
+    assert progress.ended is not None
+    ended, data = progress.ended
+    shown, values = _shown(progress.results), None
     if not task.has_coulomb:
         assert shown.contact is not None
-        given = replace(data, gap=shown.contact.gap)
-        values = functionals(shown.certificate.potential_energy, shown.contact, given)
-    solution = Solution(
-        scene=scene,
+        values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
+    solution = replace(
+        _solution(discretisation, progress.results, history, timings),
+        algorithm=_algorithm_name(discretisation.scene, monolithic=ended.monolithic),
+        functionals=values,
+        parameters=_parameters(ended, data, shown.strain_energy),
+        linear_algebra=task.linear_algebra,
+    )
+    return solution, ended
+
+
+@dataclass
+class _Progress:
+    """How far the load steps have come.
+
+    Attributes:
+        start: where the next one starts.
+        last: the end of the last one; None: there is none.
+        results: of all of them.
+        ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
+        unstored: where the records begin that no stored load step has; None: at the next one.
+    """
+
+    start: Start
+    last: Before | None = None
+    results: list[StepResult] = field(default_factory=list)
+    ended: tuple[Outcome, RegularisedData] | None = None
+    unstored: tuple[int, int, int] | None = None
+
+    def take(self, step: LoadStep) -> None:
+        """Add the result of a load step."""
+        self.results.append(step.result)
+        if step.result.status is Status.CONVERGED or self.ended is None:
+            self.ended = step.outcome, step.outcome.problem.data
+
+    def go_on(self, task: Task, step: LoadStep) -> None:
+        """Begin the next load step where this one has ended."""
+        assert step.result.contact is not None
+        law, tractions = Law(*task.promised(step.outcome)), Tractions.of(step.result.contact)
+        self.last = Before.of(step.result.displacement, tractions, law, self.last)
+        self.start = step.outcome.next_step(step.start)
+
+
+def _marks(history: History) -> tuple[int, int, int]:
+    """Numbers of linear solves, regularised problems and events so far."""
+    return history.linear_solves, len(history.outer), len(history.events)
+
+
+def _to_begin_again(path: LoadPath, result: StepResult) -> Attempt | None:
+    """Why a ramp begins again after a load step; None: it does not."""
+    if path.begins_again(result.status, result.linear_solves):
+        return AGAIN
+    return WITHOUT if result.status is not Status.CONVERGED and path.falls_short else None
+
+
+def _shown(steps: Sequence[StepResult]) -> StepResult:
+    """The last load step with a solution, or the last one."""
+    return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
+
+
+def _solution(
+    discretisation: Discretisation, steps: Sequence[StepResult], history: History, timings: Timings
+) -> Solution:
+    """The load steps as a solution, without what contact adds; collective."""
+    shown = _shown(steps)
+    return Solution(
+        scene=discretisation.scene,
         status=steps[-1].status,
-        algorithm=_algorithm_name(scene, monolithic=ended.monolithic),
+        algorithm="linear",
         discretisation=discretisation,
         displacement=shown.displacement,
         contact=shown.contact,
-        functionals=values,
+        functionals=None,
         certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        parameters=_parameters(ended, data, shown.strain_energy),
-        linear_algebra=task.linear_algebra,
         findings=tuple(_findings(discretisation, steps)),
         timings=timings,
     )
-    return solution, ended
 
 
 def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> list[Finding]:
@@ -245,22 +288,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             steps.pop()
         else:
             break
-    shown = next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
-    return Solution(
-        scene=discretisation.scene,
-        status=status,
-        algorithm="linear",
-        discretisation=discretisation,
-        displacement=shown.displacement,
-        contact=None,
-        functionals=None,
-        certificate=shown.certificate,
-        steps=tuple(steps),
-        history=history,
-        linear_algebra=linear_algebra,
-        findings=tuple(_findings(discretisation, steps)),
-        timings=timings,
-    )
+    return replace(_solution(discretisation, steps, history, timings), linear_algebra=linear_algebra)
 
 
 def contact_task(
