@@ -24,7 +24,6 @@ def iteration_history(
     path_stem: str | Path,
     rows: Sequence[Mapping[str, Any]] | Table,
     *,
-    title: str = "",
     suffixes: Sequence[str] = BOTH,
     dimension: int = 2,
 ) -> None:
@@ -34,7 +33,6 @@ def iteration_history(
         path_stem: where to write, without suffix.
         rows: one mapping per linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
-        title: title of the picture.
         suffixes: of the files to write.
         dimension: of the body; in space slip has no sign, and slip_plus counts all nodes that slip.
 
@@ -80,7 +78,7 @@ def iteration_history(
         lower.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         _mark_outer(upper, lower, solve, data["outer"], firsts)
         figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=3)
-        finish(figure, path_stem, title, suffixes)
+        finish(figure, path_stem, "", suffixes)
 
 
 def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: npt.NDArray[np.intp]) -> None:

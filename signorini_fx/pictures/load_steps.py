@@ -36,13 +36,12 @@ from signorini_fx.records import Status
 _ORDINALS = {"x": "first", "y": "second", "z": "third"}
 
 
-def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes: Sequence[str] = BOTH) -> None:
+def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = BOTH) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
 
     Args:
         path_stem: where to write, without suffix.
         steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
-        title: title of the picture.
         suffixes: of the files to write.
     """
     solved = np.asarray(steps["status"]) == Status.CONVERGED.value
@@ -89,7 +88,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, title: str = "", suffixes
         upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
         for axes in (upper, lower):
             axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-        finish(figure, path_stem, title, suffixes)
+        finish(figure, path_stem, "", suffixes)
 
 
 def _mark_names(axes: Axes, steps: Table) -> int:
@@ -126,7 +125,7 @@ _GIF_DPI = 110
 _FRAMES_A_SECOND = 4
 
 
-def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
+def step_animation(path: str | Path, table: Table) -> None:
     """Write a GIF of pressure, shear and states along the contact boundary, one frame per load step.
 
     Scales are the same in all frames.  If there are more than 120 steps, every second, third, ... is shown, and the
@@ -136,7 +135,6 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
         path: the file.
         table: columns of ``contact_steps.csv``, each of shape (n,): those of ``contact.csv`` that
             ``boundary_profiles`` needs except for the lengths, and ``step``.
-        title: title of the picture.
 
     Raises:
         ValueError: the table has no rows.
@@ -173,7 +171,7 @@ def step_animation(path: str | Path, table: Table, *, title: str = "") -> None:
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
                     panel.set_ylim(low - margin, high + margin)
                     state_strip(strip, boundary)
-                heading.set_text(f"{title + ', ' if title else ''}load step {step:.0f} of {steps[-1]:.0f}")
+                heading.set_text(f"load step {step:.0f} of {steps[-1]:.0f}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
 

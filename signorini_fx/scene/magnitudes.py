@@ -9,11 +9,10 @@ from __future__ import annotations
 LARGEST, SMALLEST = 1e60, 1e-60
 
 
-def complaint(number: float, *, positive: bool = False) -> str | None:
+def complaint(number: float) -> str | None:
     """What is wrong with a finite number; None if nothing is."""
     if abs(number) > LARGEST:
         return f"must not be larger than {LARGEST:g}, or forces and energies overflow: take other units"
     if 0 < abs(number) < SMALLEST:
-        rest = "" if positive else ", or 0"
-        return f"must not be smaller than {SMALLEST:g}, or forces and energies vanish: take other units{rest}"
+        return f"must not be smaller than {SMALLEST:g}, or forces and energies vanish: take other units, or 0"
     return None
