@@ -313,6 +313,17 @@ def test_a_solve_begins_with_the_sets_of_the_last_one():
     assert block.problem.history.linear_solves - first < first / 2
 
 
+def test_path_following_reaches_the_error_asked_for():
+    """Of a body that is deformed by what is prescribed, in the energy norm."""
+    friction, allowed = Coulomb(0.3), 0.03
+    block = Block(friction=friction, algorithm="path-following", regularisation_error=allowed)
+    limit = ContactProblem(block.a, block.L, block.bcs, Foundation(block.bottom, friction=friction), algorithm="exact")
+    error, exact = block.problem.solve().copy(), limit.solve()
+    error.x.array[:] -= exact.x.array
+    norms = [np.sqrt(COMM.allreduce(fem.assemble_scalar(fem.form(forms.hooke(y, y, 1000.0))))) for y in (error, exact)]
+    assert 0.1 * allowed < norms[0] / norms[1] < allowed
+
+
 def test_what_is_not_certified_is_no_solution(monkeypatch):
     block = Block()
     monkeypatch.setattr(contact_problem, "certify", lambda *given: Certificate(equilibrium=1e-3))

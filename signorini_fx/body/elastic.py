@@ -163,6 +163,13 @@ class ElasticBody:
         function.x.scatter_forward()
         return function
 
+    def energy_norm(self, x: PETSc.Vec) -> float:
+        """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
+        y, dim = self.function(x), self.space.mesh.geometry.dim
+        forces = action(self.forms, y, np.arange(y.x.array.size // dim, dtype=np.int32))
+        twice = float(parallel.global_sum(self.space.mesh.comm, forces @ y.x.array[: forces.size]))
+        return float(np.sqrt(max(0.0, twice)))
+
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""
         return self.vector(function.x.array)

@@ -334,10 +334,7 @@ class ContactProblem:
 
     def _goal(self, x: PETSc.Vec) -> float:
         """The error allowed to path-following at an iterate, in the energy norm; collective."""
-        y = self._task.system.displacement(x)
-        force = y.duplicate()
-        self._elastic.stiffness.mult(y, force)
-        return float(self.settings.regularisation_error * np.sqrt(max(0.0, force.dot(y))))
+        return float(self.settings.regularisation_error) * self._elastic.energy_norm(self._task.system.displacement(x))
 
 
 def carried(

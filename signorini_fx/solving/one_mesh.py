@@ -32,7 +32,6 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.method import Settings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
-from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
@@ -350,10 +349,4 @@ def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PE
 
         return error
 
-    forces = NodalForces(discretisation.scene, discretisation.tagged, discretisation.space)
-
-    def share(x: PETSc.Vec) -> float:
-        displacement = discretisation.elastic.function(system.displacement(x))
-        return float(requested * np.sqrt(2 * forces.strain_energy(displacement)))
-
-    return share
+    return lambda x: float(requested) * discretisation.elastic.energy_norm(system.displacement(x))
