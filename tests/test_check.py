@@ -20,7 +20,7 @@ from scenes import alone, example1
 from signorini_fx import cli, parallel
 from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import body_force, displacement, material, traction
+from signorini_fx.effects import body_force, displacement, material, springs, traction
 from signorini_fx.effects import contact as contact_of
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
@@ -88,6 +88,7 @@ def test_effects_of_example_1():
         "displacement left": (True, (), -5),
         "displacement right": (True, (), -5),
         "body force": (False, (), 0),
+        "springs": (False, (), 0),
         "traction top": (True, ("traction top",), 0),
         "contact bottom": (True, ("contact bottom",), 0),
         "friction bottom": (True, (), 0),
@@ -110,6 +111,7 @@ ALL = {
     "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "left", "x": 0.0}],
     "traction": [{"boundary": "top", "y": -20.0, "factors": [0.5, 1.0]}, {"boundary": "right", "pressure": 0.0}],
     "body_force": {"y": "-x[0]"},
+    "springs": [{"boundary": "right", "tangential": "1 + x[1]"}, {"boundary": "top", "x": 0.0}],
     "contact": [{"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.0}}, {"boundary": "right", "gap": 1.0}],
 }
 VARIANTS = {
@@ -146,6 +148,7 @@ def test_every_effect_of_a_scene_with_all_of_them():
     assert off == {
         "several materials": "one [[material]]",
         "traction right": "it is 0",
+        "springs top": "it is 0",
         "friction bottom": "tresca, bound = 0: frictionless",
         "friction right": "no friction",
         "error estimate": "algorithm = 'auto', levels = 1",
@@ -629,6 +632,7 @@ MODELS = {
     "displacement": [displacement.PrescribedDisplacement],
     "traction": [traction.SurfaceTraction],
     "body_force": [body_force.BodyForce],
+    "springs": [springs.Springs],
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [contact_of.TrescaFriction, contact_of.CoulombFriction],
     "load_steps": [LoadSteps],
@@ -659,7 +663,8 @@ def test_what_is_switched_off_can_be_switched_on(line):
     before = TEMPLATE[: TEMPLATE.index(line)]
     if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
-    instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"]}.get(key, [])
+    axes = {axis: ["normal"] for axis in "xyz"}
+    instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"], **axes}.get(key, [])
     table = before.rfind("\n[") + 1
     kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]
     end = next((n for n, row in enumerate(kept) if n > 0 and row.startswith("[")), len(kept))

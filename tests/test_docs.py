@@ -27,7 +27,7 @@ from scenes import alone, example1
 import signorini_fx
 from signorini_fx import cli
 from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import body_force, contact, displacement, material, traction
+from signorini_fx.effects import body_force, contact, displacement, material, springs, traction
 from signorini_fx.meshes import known_generators
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
@@ -335,6 +335,7 @@ MODELS = {
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("`[[traction]]`", "key"): [traction.SurfaceTraction],
     ("`[body_force]`", "key"): [body_force.BodyForce],
+    ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact],
     ("`[[contact]]`", "key of `friction`"): [contact.NoFriction, contact.TrescaFriction, contact.CoulombFriction],
     ("`[load_steps]`", "key"): [LoadSteps],

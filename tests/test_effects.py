@@ -211,6 +211,21 @@ def test_reduced_integration_adds_one_form(count):
     assert (reduced.compiled, reduced.matrices) == (3, 2)
 
 
+def test_springs_add_one_form_to_the_same_matrix(count):
+    """All springs together; one matrix more only where the springs alone hold the body, to find out what they hold."""
+    springs = [{"boundary": "left", "normal": 7e3}, {"boundary": "right", "x": 5e3, "y": 2e3}]
+    _, before = count(ELASTIC)
+    _, after = count({**ELASTIC, "springs": springs})
+    assert changed(before, after) == {"named", "compiled", "matrices"}
+    assert after.named == ("elasticity", "springs left + springs right", "traction top")
+    assert (after.compiled, after.matrices) == (3, 2)
+    _, zero = count({**ELASTIC, "springs": [{"boundary": "left", "normal": 0.0}]})
+    assert zero == before
+    _, held = count({**ELASTIC, "displacement": [], "springs": springs})
+    assert changed(after, held) == {"matrices"}
+    assert held.matrices == 3
+
+
 def test_contact_adds_its_form_and_an_iteration(count):
     """One form, which is assembled once into a vector; the matrix stays the elastic one, and no unknown is added."""
     _, before = count(ELASTIC)

@@ -25,6 +25,7 @@ from signorini_fx.body.loads import (
     ResistanceForm,
     applied_load,
     check_finite,
+    check_resistances,
     compile_resistance,
     load_groups,
 )
@@ -213,6 +214,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             motions = without_energy(motions, matrix, partial(vector_like, matrix))
     together(
         partial(check_finite, tagged.mesh.comm, applied),
+        partial(check_resistances, scene, tagged),
         lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
     )
     data = law = None

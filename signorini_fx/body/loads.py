@@ -14,10 +14,11 @@ from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import assemble, measure
+from signorini_fx.body.assembly import assemble, facet_vertices, measure
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import Effect, Force, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
@@ -172,6 +173,27 @@ def compile_resistance(
     ]
     name = " + ".join(effect.name for effect in effects)
     return ResistanceForm(name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0]))))
+
+
+def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:
+    """Whether what resists the displacement is finite and not negative at vertices and middles of facets; collective.
+
+    Raises:
+        SceneError: an expression is not.
+    """
+    problems = []
+    for path, effect in scene.listed():
+        if effect.where is None or not isinstance(effect, Resistance):
+            continue
+        corners = facet_vertices(tagged.mesh, tagged.facets(effect.where))
+        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
+        for key, value in effect.given.items():
+            values = sample(value, points)
+            if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST)).all()):
+                wanted = f"a number from 0 to {LARGEST:g} everywhere on {effect.where!r}"
+                problems.append((f"{path}.{key}", f"must be {wanted}"))
+    if problems:
+        raise SceneError(problems)
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

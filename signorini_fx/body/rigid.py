@@ -25,7 +25,7 @@ from signorini_fx.contact.motions import FreeMotions, RigidLoad
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
-# A motion whose energy is below this share of what the diagonal of the stiffness alone would give has no strain.
+# A motion whose energy is below this share of what the diagonal of the stiffness alone would give all has no strain.
 _NO_STRAIN = 1e-11
 
 _Floats = npt.NDArray[np.float64]
@@ -180,8 +180,8 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
-        whole = np.einsum("ik,ij,jk->k", vectors, scale[np.ix_(of, of)], vectors)
-        kept = vectors[:, values <= _NO_STRAIN * whole]
+        # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
+        kept = vectors[:, values <= _NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
         columns.append(motions.free[:, of] @ kept)
         numbers.append(np.full(kept.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))

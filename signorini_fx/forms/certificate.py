@@ -63,7 +63,8 @@ def certify(
     supports = Supports(
         prescribed, values.reshape(-1, dim)[:owned], nowhere, none, np.zeros(0), by, nowhere.astype(np.int64)
     )
-    balance = Balance(SurfaceQuadrature(space), internal, assemble(L).reshape(-1, dim), supports, scales, scales)
+    external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
+    balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
     return judged(displacement, balance, [_side(one) for one in data], Tractions.of(state), law=law, before=before)
 
 

@@ -73,6 +73,10 @@ def certificate(summary: dict[str, Any]) -> Markup:
     return joined(parts)
 
 
+# What a scene holds besides effects that have a row each.
+_TOLD_APART = ("title", "mesh", "element", "contact", "load_steps", "solver", "accuracy", "units")
+
+
 def scene(summary: dict[str, Any]) -> Markup:
     """The effects of the scene, the method, and the scene as JSON."""
     scene = summary["scene"]
@@ -85,11 +89,12 @@ def scene(summary: dict[str, Any]) -> Markup:
         said = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
         rows.append(("mesh", shown(said) or "made in Python"))
     rows.append(("element", shown(scene["element"])))
-    for kind, place in (("material", "region"), ("displacement", "boundary"), ("traction", "boundary")):
-        nothing = 0.0 if kind == "traction" else None
-        rows += [(_named(kind, entry.get(place) or ""), _data(entry, place, nothing=nothing)) for entry in scene[kind]]
-    if scene.get("body_force"):
-        rows.append(("body force", _data(scene["body_force"], nothing=0.0)))
+    for kind, given in scene.items():
+        nothing = None if kind in ("material", "displacement") else 0.0
+        place = "region" if kind == "material" else "boundary"
+        for entry in [] if kind in _TOLD_APART else given if isinstance(given, list) else [given] if given else []:
+            name = _named(kind.replace("_", " "), entry.get(place) or "")
+            rows.append((name, _data(entry, place, nothing=nothing)))
     for entry in scene["contact"]:
         friction = entry.get("friction") or {"law": "none"}
         rest = {key: value for key, value in entry.items() if key != "friction"}

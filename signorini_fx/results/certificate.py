@@ -190,7 +190,7 @@ class Balance:
     supports: Supports
     scales: Scales
     stiffest: Scales
-    resisted: Nodal | float = 0.0
+    resisted: Nodal
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     spacing = stiffest.spacing(balance.surface.space.dofmap.index_map.size_global)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
-    force = max(_norm(comm, balance.internal), _norm(comm, balance.external), least)
+    force = max(least, *(_norm(comm, one) for one in (balance.internal, balance.resisted, balance.external)))
     residual = balance.internal + balance.resisted - balance.external
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()

@@ -205,18 +205,18 @@ class Resistance(Effect):
 
 # --- how they are found ----------------------------------------------------------------------------------------------
 
-_PACKAGE = "signorini_fx.effects"
+PACKAGE = "signorini_fx.effects"
 _Model = TypeVar("_Model", bound=type[BaseModel])
 
 
 @cache
 def keys() -> tuple[str, ...]:
     """The names of the files of ``effects/``, none of which is imported."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(_PACKAGE).__path__)))
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
 
 
 def _type(key: str, *, many: bool) -> Any:
-    entry = import_module(f"{_PACKAGE}.{key}").Entry
+    entry = import_module(f"{PACKAGE}.{key}").Entry
     return GenericAlias(tuple, (entry, ...)) if many else entry | None
 
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import inspect
 import re
-from importlib import resources
+from importlib import import_module, resources
 from typing import Any, get_origin
 
 from pydantic import BaseModel
 
 from signorini_fx.meshes import known_generators
+from signorini_fx.scene.effect import PACKAGE, keys
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.validation import tables
 
 
 def starting_scene() -> str:
     """A scene file that can be solved as it is and explains every key."""
-    return resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
+    own = resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
+    return own + "".join(getattr(import_module(f"{PACKAGE}.{key}"), "EXAMPLE", "") for key in keys())
 
 
 def scene_schema() -> dict[str, Any]:

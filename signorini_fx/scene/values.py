@@ -90,13 +90,18 @@ def not_negative(given: Any) -> Any:
     return given
 
 
-Value = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
+class _NumberOrText:
+    """The JSON schema of values; each key has its own, because pydantic writes the default of a key into it."""
+
+    def __get_pydantic_json_schema__(self, _: Any, __: Any) -> dict[str, Any]:
+        return {"type": ["number", "string"]}
 
 
-SampledValue = Annotated[Any, BeforeValidator(sampled), WithJsonSchema({"type": ["number", "string"]})]
-NonNegativeValue = Annotated[
-    Any, BeforeValidator(lambda v: not_negative(sampled(v))), WithJsonSchema({"type": ["number", "string"]})
-]
+Value = Annotated[Any, BeforeValidator(value), _NumberOrText()]
+
+
+SampledValue = Annotated[Any, BeforeValidator(sampled), _NumberOrText()]
+NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()]
 
 
 def share(given: Any) -> Any:

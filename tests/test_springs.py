@@ -1,0 +1,365 @@
+"""Springs between a boundary and the ground: exact states, the same by a form of one's own, statics, what is said."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from spaces import box
+
+from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.assembly import action
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.check.checks import check_scene
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Timings
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.scene.effect import Resistance
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+YOUNG, POISSON = 5000.0, 0.3
+SIZE = (2.0, 1.0)
+PLANE = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
+ELEMENTS = [("quadrilateral", 1), ("triangle", 1), ("triangle", 2), ("hexahedra", 1), ("tetrahedra", 2)]
+
+
+def body(cells="quadrilateral", comm=COMM, fine=1):
+    """A block from the origin, 2 long, with names of its sides; in space it is as wide as it is high."""
+    if cells not in PLANE:
+        return box(cells, (4 * fine, 2 * fine, 2 * fine), size=(*SIZE, 1.0), comm=comm)
+    mesh = dmesh.create_rectangle(comm, [(0.0, 0.0), SIZE], (6 * fine, 3 * fine), PLANE[cells])
+    near = {"left": (0, 0.0), "right": (0, 2.0), "bottom": (1, 0.0), "top": (1, 1.0)}
+    return tag_boundaries(
+        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
+    )
+
+
+def scene(tagged, degree=1, material=None, **more):
+    """A block of steel-like material."""
+    material = material or {"young": YOUNG, "poisson": POISSON}
+    return parse_scene({"mesh": tagged, "element": {"degree": degree}, "material": material, **more})
+
+
+# --- exact states ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("keys", ["normal", "axis", "everything"])
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_bar_on_end_springs(cells, degree, keys):
+    """A bar that is pulled at one end and held by springs at the other: y = t / k + t x / E, without other supports."""
+    pull, stiffness = 3.0, 700.0
+    springs = {
+        "normal": [{"boundary": "left", "normal": stiffness, "tangential": 5.0}],
+        "axis": [{"boundary": "left", "x": stiffness, "y": 5.0, **({} if cells in PLANE else {"z": 5.0})}],
+        "everything": [
+            {"boundary": "left", "normal": "300 + 0 * x[1]"},
+            {"boundary": "left", "x": lambda x: 400 + 0 * x[0], "y": 0.0},
+            {"boundary": "left", "tangential": 5.0},
+        ],
+    }[keys]
+    given = scene(
+        body(cells),
+        degree,
+        {"young": YOUNG, "poisson": 0.0},
+        springs=springs,
+        traction={"boundary": "right", "x": pull},
+    )
+    solution = solve(given, COMM, check=False)
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    y = solution.displacement.x.array.reshape(len(x), -1)
+    expected = np.zeros_like(y)
+    expected[:, 0] = pull / stiffness + pull * x[:, 0] / YOUNG
+    assert np.abs(y - expected).max(initial=0.0) <= 1e-11 * pull / stiffness
+    assert solution.certificate.holds
+    assert solution.certificate.equilibrium < 1e-11
+    strained, stored = pull**2 * 2 / YOUNG / 2, pull**2 / stiffness / 2
+    work = pull * (pull / stiffness + pull * 2 / YOUNG)
+    assert solution.certificate.strain_energy == pytest.approx(strained, rel=1e-9)
+    assert solution.certificate.potential_energy == pytest.approx(strained + stored - work, rel=1e-9)
+    ground = solution.resultants.of("left")
+    assert ground.acts == ("springs",)
+    assert ground.force == pytest.approx([-pull, *np.zeros(y.shape[1] - 1)], abs=1e-9)
+    assert ground.acts_at == pytest.approx([0.0, *np.full(y.shape[1] - 1, 0.5)], abs=1e-9)
+    # The traction at the springs is part of the error estimate, which is zero for this state.
+    error = StressRecovery(solution.discretisation).error(solution.displacement.x.array)
+    assert error < 1e-5 * np.sqrt(2 * strained)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
+def test_rigid_block_under_a_plate(cells, linear_algebra):
+    """Springs below, a flat plate that has come down by d, a force at the left side: statics by hand.
+
+    The plate lets the block sink without turning: the springs push up with k A d in the middle, the plate presses with
+    the rest, N = k A d - P, and balances the moment of P: it acts at 1 + P / N from the left.
+    """
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    stiffness, down, weight, stiff = 50.0, 0.02, 0.4, 1e7
+    rigid = 2 * stiffness / stiff  # the block itself gives way by this share
+    up = "y" if cells in PLANE else "z"
+    given = scene(
+        body(cells, fine=2),
+        1,
+        {"young": stiff, "poisson": 0.0},
+        springs=[{"boundary": "bottom", "normal": stiffness, "tangential": 1.0}],
+        traction={"boundary": "left", up: -weight},
+        contact={"boundary": "top", "gap": -down},
+        # The automatic gamma is that of the stiff body, with which the pressure of the soft springs has no digits.
+        solver={"linear_algebra": linear_algebra, "algorithm": "alm", "gamma_n": 1e6},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    assert solution.linear_algebra.startswith(linear_algebra)
+    pressed, ground = stiffness * 2 * down - weight, solution.resultants.of("bottom")
+    contact = solution.resultants.of("top")
+    assert contact.force[-1] == pytest.approx(-pressed, rel=rigid)
+    assert contact.acts_at[0] == pytest.approx(1 + weight / pressed, rel=rigid)
+    assert ground.force[-1] == pytest.approx(stiffness * 2 * down, rel=rigid)
+    assert ground.acts_at[0] == pytest.approx(1.0, rel=rigid)
+
+
+def test_beam_on_an_elastic_foundation():
+    """A long slender beam under a force in its middle: P beta / (2 k) there (Hetenyi, Beams on Elastic Foundation)."""
+    length, height, stiffness, force = 60.0, 1.0, 1.0, 1.0
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (length, height)], (240, 4), PLANE["quadrilateral"])
+    tagged = tag_boundaries(mesh, {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > height - 1e-9})
+    given = scene(
+        tagged,
+        2,
+        {"young": 1e4, "poisson": 0.0, "hypothesis": "plane stress"},
+        springs={"boundary": "bottom", "normal": stiffness, "tangential": 1e-3},
+        traction={"boundary": "top", "y": f"-{force} if 29.5 <= x[0] <= 30.5 else 0"},
+    )
+    solution = alone(given, check=False)
+    bending = 1e4 * height**3 / 12
+    beta = (stiffness / (4 * bending)) ** 0.25
+    expected = force * beta / (2 * stiffness)
+    # Shear, which the theory leaves out, adds h^2 beta^2 times a number of order one.
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    y = solution.displacement.x.array.reshape(len(x), -1)[:, 1]
+    middle = np.argmin(np.hypot(x[:, 0] - 30.0, x[:, 1] - 0.5))
+    assert -y[middle] == pytest.approx(expected, rel=2 * (height * beta) ** 2)
+    assert solution.resultants.of("bottom").force[1] == pytest.approx(force, rel=1e-9)
+
+
+# --- the same by a form of the user's own ----------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS[:-1])
+def test_against_a_spring_form(cells, degree, linear_algebra):
+    """A block on springs, rubbed by friction: the scene, and a ``ContactProblem`` with the springs in its form."""
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    tagged, normal, tangential, coefficient = body(cells), 900.0, 300.0, 0.3
+    load = {"x": 4.0, ("y" if cells in PLANE else "z"): -10.0}
+    friction = {"law": "coulomb", "coefficient": coefficient}
+    settings = {"linear_algebra": linear_algebra, "tolerance": 1e-13, "gamma_n": 1e6, "gamma_t": 1e6}
+    settings["algorithm"] = "alm" if linear_algebra == "krylov" else "exact"
+    given = scene(
+        tagged,
+        degree,
+        springs=[{"boundary": "left", "normal": normal, "tangential": tangential}],
+        traction={"boundary": "top", **load},
+        contact={"boundary": "bottom", "gap": "1e-4 * x[0]", "friction": friction},
+        solver=settings,
+    )
+    ours = solve(given, COMM, check=False)
+    assert ours.converged
+    assert ours.certificate.holds
+
+    mesh, dim = tagged.mesh, tagged.dimension
+    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    u, v, n = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.FacetNormal(mesh)
+    facets = {1: tagged.facets("left"), 2: tagged.facets("top")}
+    numbers = np.repeat([1, 2], [facets[1].size, facets[2].size]).astype(np.int32)
+    listed = np.concatenate([facets[1], facets[2]])
+    tags = dmesh.meshtags(mesh, dim - 1, np.sort(listed), numbers[np.argsort(listed)])
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags)
+    strain = ufl.sym(ufl.grad(u))
+    stress = YOUNG / (1 + POISSON) * (strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(dim))
+    across = ufl.inner(u, n)
+    a = ufl.inner(stress, ufl.grad(v)) * ufl.dx + tangential * ufl.inner(u, v) * ds(1)
+    a += (normal - tangential) * across * ufl.inner(v, n) * ds(1)
+    force = fem.Constant(mesh, [load.get(axis, 0.0) for axis in "xyz"[:dim]])
+    theirs = ContactProblem(
+        a,
+        ufl.inner(force, v) * ds(2),
+        [],
+        Foundation(tagged.facets("bottom"), gap=lambda x: 1e-4 * x[0], friction=Coulomb(coefficient)),
+        **settings,
+    )
+    y = theirs.solve().x.array
+    largest = COMM.allreduce(np.abs(y).max(initial=0.0), op=MPI.MAX)
+    assert COMM.allreduce(np.abs(ours.displacement.x.array - y).max(initial=0.0), op=MPI.MAX) <= 1e-11 * largest
+
+
+# --- the second opinion, load steps, units ---------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_second_opinion(cells, degree):
+    """What NumPy makes of the springs is what the compiled form does, for data of every kind."""
+    springs = [
+        {"boundary": "top", "normal": "100 + x[0]**2", "tangential": 7.0},
+        {"boundary": "left", "x": lambda x: 1 + np.sin(x[1]), "y": 3.0},
+    ]
+    d = discretise(scene(body(cells), degree, springs=springs), body(cells), Timings())
+    y = fem.Function(d.space)
+    y.interpolate(lambda x: np.array([np.sin(3 * x[0] + k) * x[1] for k in range(d.tagged.dimension)]))
+    forces = NodalForces(d.scene, d.tagged, d.space).resisted(y.x.array.reshape(-1, d.tagged.dimension))
+    every = np.arange(y.x.array.size // d.tagged.dimension, dtype=np.int32)
+    compiled = action((d.resistance.form,), y, every).reshape(forces.shape)
+    size = COMM.allreduce(np.abs(compiled).max(initial=0.0), op=MPI.MAX)
+    assert COMM.allreduce(np.abs(forces - compiled).max(initial=0.0), op=MPI.MAX) <= 1e-13 * size
+
+
+def test_wrong_springs_are_noticed():
+    """The certificate does not hold for a displacement of other springs."""
+
+    def standing(stiffness):
+        springs = {"boundary": "bottom", "normal": stiffness, "tangential": stiffness}
+        return scene(body(comm=MPI.COMM_SELF), springs=springs, traction={"boundary": "top", "y": -1.0})
+
+    right, wrong = standing(100.0), standing(101.0)
+    solution = alone(right)
+    assert certify(right, solution.discretisation.tagged, solution.displacement, None).equilibrium < 1e-11
+    assert certify(wrong, solution.discretisation.tagged, solution.displacement, None).equilibrium > 1e-3
+
+
+HELD = {
+    "springs": [{"boundary": "right", "normal": 200.0, "tangential": 100.0}],
+    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+}
+
+
+def test_load_steps_a_ramp_and_a_restart(tmp_path):
+    """Springs have no memory: every step of a frictionless history is a solve of its own, and a restart goes on."""
+    held = {**HELD, "contact": {"boundary": "bottom"}}
+    push = {"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 0.25]}
+    given = scene(body(comm=MPI.COMM_SELF), **held, traction=push)
+    solution = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path)
+    for step, factor in zip(solution.steps, push["factors"], strict=True):
+        one = scene(body(comm=MPI.COMM_SELF), **held, traction={"boundary": "top", "y": -20.0 * factor})
+        alike = alone(one, check=False).displacement.x.array
+        assert np.abs(step.displacement.x.array - alike).max() <= 1e-9 * np.abs(alike).max()
+    ramp = scene(body(comm=MPI.COMM_SELF), **held, traction=push, load_steps={"steps": 2})
+    last = alone(ramp, check=False).displacement.x.array
+    assert np.abs(last - solution.displacement.x.array).max() <= 1e-9 * np.abs(last).max()
+    again = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=True)
+    assert np.array_equal(again.displacement.x.array, solution.displacement.x.array)
+
+
+@pytest.mark.parametrize(("length", "force"), [(1e3, 1.0), (1.0, 1e6), (1e-3, 1e9)])
+def test_units(length, force):
+    """Other units of length and of force: the same linear solves, the same displacement in its unit."""
+
+    def made(length, force):
+        tagged = body(comm=MPI.COMM_SELF)
+        tagged.mesh.geometry.x[:] *= length
+        stress = force / length
+        springs = [{"boundary": "right", "normal": 200.0 * stress / length, "tangential": 100.0 * stress / length}]
+        push = {"boundary": "top", "y": -20.0 * stress, "x": 3.0 * stress}
+        material = {"young": YOUNG * stress, "poisson": POISSON}
+        return alone(scene(tagged, 1, material, springs=springs, traction=push, contact=HELD["contact"]), check=False)
+
+    one, other = made(1.0, 1.0), made(length, force)
+    assert [step.linear_solves for step in one.steps] == [step.linear_solves for step in other.steps]
+    y, same = one.displacement.x.array, other.displacement.x.array / length
+    assert np.abs(y - same).max() <= 1e-9 * np.abs(y).max()
+
+
+# --- supports, and what is said --------------------------------------------------------------------------------------
+
+FREE = {
+    "normal": ([{"boundary": "bottom", "normal": 1.0}], 1),
+    "tangential": ([{"boundary": "bottom", "tangential": 1.0}], 2),
+    "both": ([{"boundary": "bottom", "normal": 1.0, "tangential": 1.0}], 0),
+    "very soft": ([{"boundary": "bottom", "normal": 1e-6, "tangential": 1e-6}], 0),
+    "two sides": ([{"boundary": "bottom", "normal": 1.0}, {"boundary": "left", "normal": 1.0}], 0),
+    "zero": ([{"boundary": "bottom", "normal": 0.0}], 3),
+}
+
+
+def turned(tagged, angle):
+    """The same body, turned."""
+    x = tagged.mesh.geometry.x
+    x[:, 0], x[:, 1] = (
+        np.cos(angle) * x[:, 0] - np.sin(angle) * x[:, 1],
+        np.sin(angle) * x[:, 0] + np.cos(angle) * x[:, 1],
+    )
+    return tagged
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+@pytest.mark.parametrize("held", FREE)
+def test_springs_are_supports(held, angle):
+    """They resist the rigid motions that do work against them, however the body is turned."""
+    springs, free = FREE[held]
+    given = scene(turned(body(), angle), springs=springs, traction={"boundary": "top", "y": -1.0})
+    found = [one for one in check_scene(given, COMM).findings if "nothing holds" in one.message]
+    assert bool(found) == (free > 0)
+    assert discretise(given, given.mesh, Timings()).motions.free.shape[1] == free
+
+
+def test_springs_press_a_body_on_its_foundation():
+    """Springs across the bottom and friction below: the body is held, and no motion is left to contact alone."""
+    report = check_scene(
+        scene(body(comm=MPI.COMM_SELF), **HELD, traction={"boundary": "top", "y": -1.0}), MPI.COMM_SELF
+    )
+    assert report.warnings == ()
+    row = next(effect for effect in report.effects if effect.name == "springs right")
+    assert (row.on, row.why, row.forms) == (True, "normal = 200, tangential = 100", ("springs right",))
+
+
+def test_what_is_not_listed():
+    """One row says that there are none."""
+    report = check_scene(scene(body(comm=MPI.COMM_SELF), displacement={"boundary": "left", "x": 0.0, "y": 0.0}))
+    row = next(effect for effect in report.effects if effect.name == "springs")
+    assert (row.on, row.why, row.forms) == (False, "no [[springs]]", ())
+
+
+REFUSED = {
+    "nothing": ({}, r"springs\[0\].*give either"),
+    "two frames": ({"normal": 1.0, "x": 1.0}, r"springs\[0\].*give either"),
+    "negative": ({"normal": -1.0}, r"springs\[0\]\.normal.*must not be negative"),
+    "misspelt": ({"normall": 1.0}, r"springs\[0\]\.normall.*did you mean 'normal'"),
+    "no boundary": ({"normal": 1.0, "boundary": "nowhere"}, r"springs\[0\]\.boundary.*nowhere"),
+    "negative somewhere": ({"normal": "x[0] - 1"}, r"springs\[0\]\.normal.*a number from 0"),
+    "not finite": ({"normal": "1 / (x[0] - 2)**2"}, r"springs\[0\]\.normal.*a number from 0"),
+    "space": ({"x": 1.0, "z": 1.0}, r"springs\[0\]\.z.*the mesh is plane"),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_mistakes(mistake):
+    """Each with its path, on all ranks."""
+    springs, message = REFUSED[mistake]
+    with pytest.raises(SceneError, match=message):
+        check_scene(scene(body(), springs=[{"boundary": "bottom", **springs}]), COMM)
+
+
+def test_springs_that_are_zero_where_they_act():
+    """A warning, as for a traction."""
+    given = scene(
+        body(comm=MPI.COMM_SELF),
+        displacement={"boundary": "left", "x": 0.0, "y": 0.0},
+        springs=[{"boundary": "right", "normal": "1 if x[0] < 1 else 0"}],
+    )
+    (found,) = (finding for finding in check_scene(given, MPI.COMM_SELF).warnings if finding.path == "springs[0]")
+    assert "it is 0 on the whole boundary 'right'" in found.message
+    assert len(given.of(Resistance)) == 1
