@@ -208,7 +208,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         shapes = foundations.shapes()
         boundary = foundations.boundary(shapes, fixed, turned) if on else None
         motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
-        if resistance.form is not None:
+        if resistance.form is not None and motions.free.shape[1]:
             matrix = fem_petsc.assemble_matrix(resistance.form)
             matrix.assemble()
             motions = without_energy(motions, matrix, partial(vector_like, matrix))
