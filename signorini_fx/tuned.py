@@ -5,9 +5,9 @@ warnings where they are used.  No constant here is a length, a stress or a time:
 count, except in the estimate of costs, which describes a machine.
 
 *Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
-compared with, so that whoever changes it has to measure.  Everything was tuned in the plane, on Examples 1 and 2 of
-Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on the random scenes of
-``demos/studies/random_scenes.py``.
+compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in the plane,
+on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on the random scenes of
+``demos/studies/random_scenes.py``; those of Krylov methods were tuned in space.
 """
 
 from __future__ import annotations
