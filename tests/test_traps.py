@@ -290,3 +290,14 @@ def test_gaps_that_are_no_heights(name):
 def test_flat_boundaries(gap):
     """Heights are distances there."""
     assert warned(check(block(**contact(gap=gap))).findings).get("contact[0].gap") is None
+
+
+@pytest.mark.parametrize(
+    ("direction", "opposite"),
+    [([0.0, 1.0], "[0, -1]"), ([0.5, 2.0], "[-0.5, -2]"), ([0.0, -1.0], None), ([1.0, -0.1], None)],
+)
+def test_a_direction_that_leads_into_the_body(direction, opposite):
+    """The opposite is named; a direction that is only askew is one."""
+    found = warned(check(block(**contact(direction=direction))).findings).get("contact[0].direction")
+    assert (found is None) == (opposite is None)
+    assert found is None or f"direction = {opposite} is the opposite" in found

@@ -2,3 +2,5 @@
 
 This package assembles no stiffness and solves nothing.
 """
+
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body

@@ -12,10 +12,11 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_vertices
+from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
@@ -51,6 +52,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     if body.boundary is not None and data is not None:
         found += [
             *_gaps(body, data, moved, estimates=estimates),
+            *_inwards(body),
             *_heights(body),
             *_uniqueness(scene, body.boundary, body.law),
             *_regularisation(scene, data, body.scales.gamma),
@@ -178,6 +180,27 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
                 f"{moved:.1g} (an estimate): contact is unlikely to close; check the gap and the units",
             )
         )
+    return found
+
+
+def _inwards(body: Discretisation) -> list[Finding]:
+    """Directions that lead into the body, and not from it to its foundation."""
+    found = []
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    for index, effect in enumerate(body.scene.contact):
+        if effect.direction is None:
+            continue
+        facets = body.tagged.facets(effect.boundary)
+        cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
+        outwards = (dmesh.compute_midpoints(mesh, dim - 1, facets) - cells)[:, :dim] @ np.array(effect.direction)
+        inwards, every = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
+        if 2 * inwards > every:
+            turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
+            message = (
+                f"leads into the body on {inwards:.0f} of {every:.0f} facets: it is the direction from the body to the "
+                f"foundation; direction = [{turned}] is the opposite"
+            )
+            found.append(Finding("warning", f"contact[{index}].direction", message))
     return found
 
 
