@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from petsc4py import PETSc
+from scipy.optimize import brentq
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
@@ -36,8 +37,8 @@ from signorini_fx.records import Status
 
 # The derivative at the end of a step is zero if it is this share of that at its beginning.
 _FLAT = 1e-10
-# The line search ends after this many evaluations: a step of 2^60 times the direction would never end.
-_EVALUATIONS = 60
+# A step of more than 2^60 times the direction would never end.
+_DOUBLINGS = 60
 
 
 def energy_descent(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
@@ -150,26 +151,12 @@ class _Line:
         at_zero = self.slope(0.0)
         if not at_zero < 0:
             return None
-        low, slope_low, high = 0.0, at_zero, 1.0
-        slope_high = self.slope(high)
-        if abs(slope_high) <= -_FLAT * at_zero:
-            return high
-        for _ in range(_EVALUATIONS):
-            if slope_high >= 0:
-                break
-            low, slope_low, high = high, slope_high, 2 * high
-            slope_high = self.slope(high)
-        else:
-            return None
-        for count in range(_EVALUATIONS):
-            # The secant is exact once there is no kink in between; halving now and then avoids slow convergence.
-            secant = low - slope_low * (high - low) / (slope_high - slope_low)
-            middle = secant if count % 3 < 2 else (low + high) / 2
-            slope = self.slope(middle)
+        low, high = 0.0, 1.0
+        for _ in range(_DOUBLINGS):
+            slope = self.slope(high)
             if abs(slope) <= -_FLAT * at_zero:
-                return middle
-            if slope < 0:
-                low, slope_low = middle, slope
-            else:
-                high, slope_high = middle, slope
-        return high if abs(slope_high) < abs(slope_low) or low == 0 else low
+                return high
+            if slope > 0:
+                return float(brentq(self.slope, low, high, xtol=np.finfo(float).tiny, disp=False))
+            low, high = high, 2 * high
+        return None
