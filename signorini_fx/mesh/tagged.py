@@ -322,7 +322,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
         SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
             reported.
     """
-    known = known_generators()
+    known = known_generators(name)
     if name not in known:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
     try:
