@@ -1,5 +1,9 @@
 """Springs between a boundary and the ground: exact states, the same by a form of one's own, statics, what is said."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import ufl
@@ -23,6 +27,8 @@ from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
+# A process of its own knows nothing of the MPI of this one.
+SEPARATE = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_COMM", "PMIX_"))}
 YOUNG, POISSON = 5000.0, 0.3
 SIZE = (2.0, 1.0)
 PLANE = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
@@ -279,6 +285,72 @@ def test_units(length, force):
     assert [step.linear_solves for step in one.steps] == [step.linear_solves for step in other.steps]
     y, same = one.displacement.x.array, other.displacement.x.array / length
     assert np.abs(y - same).max() <= 1e-9 * np.abs(y).max()
+
+
+# --- an effect is a file ---------------------------------------------------------------------------------------------
+
+OWN = '''
+"""Water that stands at a boundary."""
+from typing import Any
+from signorini_fx.scene.effect import Force
+
+class Water(Force):
+    """Pressure of water.
+
+    Attributes:
+        boundary: its name.
+        level: height of the water, length.
+        weight: force per volume, stress / length.
+    """
+
+    boundary: str
+    level: float
+    weight: float
+
+    @property
+    def given(self) -> dict[str, Any]:
+        return {"pressure": "x"}  # it varies
+
+    def density(self, on):
+        from signorini_fx.scene.expressions import Expression
+        return -on.value(Expression(f"{self.weight} * ({self.level} - x[1])")) * on.normal
+
+    def density_at(self, at):
+        from signorini_fx.scene.expressions import Expression
+        return -at.value(Expression(f"{self.weight} * max({self.level} - x[1], 0)"))[..., None] * at.normal
+
+Entry = Water
+'''
+PROGRAM = """
+import sys
+import numpy as np
+import signorini_fx.effects
+signorini_fx.effects.__path__.append(sys.argv[1])
+from signorini_fx.check.checks import check_scene
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+common = {"mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
+          "material": {"young": 100.0, "poisson": 0.3}, "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+          "contact": {"boundary": "bottom", "gap": 0.01}}
+wet = parse_scene({**common, "water": {"boundary": "right", "level": 1.0, "weight": 2.0}})
+dry = parse_scene({**common, "traction": {"boundary": "right", "pressure": "2 * (1 - x[1])"}})
+one, other = (solve(scene, check=False) for scene in (wet, dry))
+assert one.certificate.holds, one.certificate
+assert np.allclose(one.displacement.x.array, other.displacement.x.array, rtol=0, atol=1e-12)
+assert one.resultants.of("right").acts == ("water",)
+assert [e.name for e in check_scene(wet).effects if "water" in e.name] == ["water right"]
+assert [e.why for e in check_scene(dry).effects if "water" in e.name] == ["no [[water]]"]
+print("the same")
+"""
+
+
+def test_a_file_is_an_effect(tmp_path):
+    """Beside the others, and with nothing else changed: keys, form, second opinion, resultants and words are there."""
+    (tmp_path / "water.py").write_text(OWN, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=False, env=SEPARATE
+    )
+    assert (done.stdout.strip(), done.returncode) == ("the same", 0), done.stderr
 
 
 # --- supports, and what is said --------------------------------------------------------------------------------------

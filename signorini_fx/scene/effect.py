@@ -26,39 +26,28 @@ Contradictions = Iterator[tuple[tuple[str | int, ...], str]]
 
 
 class Coefficients(Protocol):
-    """Values of a scene as UFL, in an integral over the body or a part of its boundary."""
+    """Values of a scene in the body or on a boundary: as UFL, or at q points of quadrature in each of f cells.
+
+    Vectors have the shape (d,) as UFL and (f, q, d) at points, values () and (f, q).
+    """
 
     @property
     def normal(self) -> Any:
         """Outward unit normal."""
 
     def value(self, value: Any) -> Any:
-        """A value as a coefficient."""
+        """A value."""
 
     def vector(self, values: tuple[Any, ...]) -> Any:
-        """Values along x[0], x[1] and x[2] as a vector, shape (d,); the last is not used in the plane."""
+        """Values along x[0], x[1] and x[2], which is not used in the plane."""
 
 
-class Points(Protocol):
-    """Points of quadrature, q of them in each of f cells or facets."""
-
-    @property
-    def normal(self) -> Array:
-        """Outward unit normal on a boundary, shape (f, q, d)."""
-        ...
+class Points(Coefficients, Protocol):
+    """Points of quadrature."""
 
     @property
-    def displacement(self) -> Array:
-        """The displacement y, length, shape (f, q, d)."""
-        ...
-
-    def value(self, value: Any) -> Array:
-        """A value at the points, shape (f, q)."""
-        ...
-
-    def vector(self, values: tuple[Any, ...]) -> Array:
-        """Values along x[0], x[1] and x[2], shape (f, q, d); the last is not used in the plane."""
-        ...
+    def displacement(self) -> Any:
+        """The displacement y, length."""
 
 
 def is_zero(*values: Any) -> bool:
