@@ -11,6 +11,7 @@ import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
+from inspect import cleandoc
 from types import GenericAlias
 from typing import Annotated, Any, Protocol, TypeVar, get_origin
 
@@ -231,7 +232,10 @@ OneEntry = Annotated[Any, BeforeValidator(_read_one)]
 def with_every_effect(model: _Model) -> _Model:
     """A model with a list of entries for each file of ``effects/`` that it has no key for."""
     more: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
-    return _extended(model, more)
+    made = _extended(model, more)
+    told = "".join(f"\n    {key}: see ``effects/{key}.py``; default: none." for key in more)
+    made.__doc__ = cleandoc(model.__doc__ or "") + told
+    return made
 
 
 @cache
