@@ -88,13 +88,14 @@ def test_linear_solves_on_a_fine_mesh(cells, gamma):
 
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3, "coulomb": "newton"}])
 def test_linear_solves_on_quadratic_tetrahedra(law):
-    """The same limits, and the displacement under the load near that of the finest mesh of other programs."""
-    for gamma in GAMMAS:
-        solution = alone(block(12, "tetrahedra", gamma=gamma, degree=2, **law))
-        settled, done = solves_until(solution)
-        assert solution.history.events == []
-        assert settled <= 12
-        assert done <= 14
+    """Fewer than on other cells, and the displacement under the load near that of the finest mesh of other programs."""
+    for nx in (9, 15):
+        for gamma in GAMMAS:
+            solution = alone(block(nx, "tetrahedra", gamma=gamma, degree=2, **law))
+            settled, done = solves_until(solution)
+            assert solution.history.events == []
+            assert settled <= 9
+            assert done <= 11
     kind = "none" if not law else "tresca" if "bound" in law else "coulomb"
     assert figures(solution)[0] == pytest.approx(FINEST[kind], rel=3e-3)
     assert sum(solution.contact.forces)[2] == pytest.approx(20.0)

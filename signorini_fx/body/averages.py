@@ -1,14 +1,16 @@
 """Contact points that average the displacement around them: those of elements without a positive rule at their nodes.
 
 The basis functions of the vertices of a quadratic triangle integrate to zero, so that the nodal rule of ``forms.py``
-gives them no weight.  There the contact points are the vertices alone, lambda and mu are linear on each facet, and
+gives them no weight.  There the contact points are the vertices alone, and
 
-    w_i = (phi_i, 1),    y_i = (phi_i, y) / w_i    with phi_i the linear hat function of vertex i
+    w_i = (psi_i, 1),    y_i = (psi_i, y) / w_i
 
-are the weight of a point and the displacement that contact sees there: (lambda, z) = sum_i w_i lambda_i z_i.  All w_i
-are positive, tractions that are linear on each facet load the body as they should, and a gap is averaged in the same
-way as the displacement that it is compared with (Puso, Laursen, Solberg, Comput. Methods Appl. Mech. Engrg. 197 (2008)
-555-566, for two bodies).
+are the weight of a point and the displacement that contact sees there: (lambda, z) = sum_i w_i lambda_i z_i.  The
+psi_i are dual to the linear hat functions phi_i of the vertices on each facet f, (psi_i, phi_k)_f = (phi_i, 1)_f
+delta_ik: psi_i = 4 phi_i - 1 on a flat one.  They sum to one, so that a constant traction loads the body as it should,
+all w_i = (phi_i, 1) are positive, and y_i of a linear displacement is its value at the vertex: a point hardly feels
+the tractions of those beside it, and pressures do not alternate (Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012).
+A gap is averaged in the same way as the displacement that it is compared with.
 """
 
 from __future__ import annotations
@@ -17,21 +19,23 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import compat
 from signorini_fx.body import forms
-from signorini_fx.body.assembly import assemble, measure
+from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.records import Inventory
 
 _Floats = npt.NDArray[np.float64]
+# A measure may vanish at a vertex, which then has no function.
+_SINGULAR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -68,12 +72,16 @@ class AveragingForms:
 
     Attributes:
         hats: the space of the hat functions.
-        products: (phi_i, psi_j) of hat and basis functions.
+        corners: the same functions, discontinuous between cells.
+        parts: the facets by their numbers in the cells that they are of: cells, shape (f,).
+        products: of each of them, the integrals of the hat functions of each cell times the basis functions.
         moments: (phi_i, n).
     """
 
     hats: fem.FunctionSpace
-    products: fem.Form
+    corners: fem.FunctionSpace
+    parts: list[npt.NDArray[np.int32]]
+    products: list[fem.Form]
     moments: fem.Form
 
 
@@ -88,16 +96,23 @@ def averaging_forms(
     """Compile what the points of one boundary need; ``factor``: of the surface measure."""
     mesh = space.mesh
     dim, degree = mesh.geometry.dim, space.element.basix_element.degree
-    ds = measure(mesh, [facets], forms.nodal_rule(degree, compat.geometry_degree(mesh), dim))(1)
-    hats = fem.functionspace(mesh, ("Lagrange", 1))
+    rule = forms.nodal_rule(degree, compat.geometry_degree(mesh), dim)
+    hats, corners = (fem.functionspace(mesh, (family, 1)) for family in ("Lagrange", "DG"))
     scalar = fem.functionspace(mesh, ("Lagrange", degree))
-    phi, psi = ufl.TestFunction(hats), ufl.TrialFunction(scalar)
+    phi, y = ufl.TestFunction(corners), ufl.TrialFunction(scalar)
     z = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
     one = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
-    weighted = psi if factor is None else factor * psi
-    products = inventory.compile(f"{name}, averages", partial(fem.form, forms.average_form(weighted, phi, ds)))
+    weighted = y if factor is None else factor * y
+    entities = facet_entities(mesh, facets)
+    # Two facets of a cell have functions of their own: one form for each number, the same code for all.
+    numbers = [np.flatnonzero(entities[:, 1] == number) for number in range(dim + 1)]
+    measures = [measure(mesh, [facets[here]], rule)(1) for here in numbers]
+    products = inventory.compile(
+        f"{name}, averages", lambda: [fem.form(forms.average_form(weighted, phi, ds)) for ds in measures]
+    )
+    ds = measure(mesh, [facets], rule)(1)
     moments = inventory.compile(name, partial(fem.form, forms.contact_form(one, z, ufl.FacetNormal(mesh), ds)))
-    return AveragingForms(hats, products, moments)
+    return AveragingForms(hats, corners, [entities[here, 0] for here in numbers], products, moments)
 
 
 def averaged_points(
@@ -115,8 +130,7 @@ def averaged_points(
         hat function times normal, shape (n, d), and how the points average.
     """
     dim = space.mesh.geometry.dim
-    products = fem_petsc.assemble_matrix(compiled.products)
-    products.assemble()
+    products = _dual_products(space, compiled)
     starts, columns, values = products.getValuesCSR()
     moments = assemble(compiled.moments).reshape(-1, dim)
     rows = sp.csr_array((values, columns, starts), shape=(len(starts) - 1, products.getSize()[1]))
@@ -134,6 +148,37 @@ def averaged_points(
     there = from_owners(known, nodes, space.mesh.comm)
     averages = Averages(shares, nodes.astype(np.int64), there[:, :dim], there[:, dim:] > 0)
     return node[points], weight[points], moments[points], averages
+
+
+def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.Mat:
+    """(psi_i, N_j) of dual and basis functions, a row for each hat function, a column for each node; collective."""
+    element, hats = space.element.basix_element, compiled.hats.element.basix_element
+    maps = [part.dofmap.index_map for part in (compiled.hats, space)]
+    matrix = PETSc.Mat().create(comm=space.mesh.comm)
+    matrix.setSizes([(index_map.size_local, None) for index_map in maps])
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    known = [index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts)) for index_map in maps]
+    matrix.setLGMap(*(PETSc.LGMap().create(numbers.astype(PETSc.IntType), comm=space.mesh.comm) for numbers in known))
+    matrix.setUp()  # collective, which the ranks with facets must not begin on their own
+    for number, (cells, form) in enumerate(zip(compiled.parts, compiled.products, strict=True)):
+        assembled = fem.assemble_matrix(form).to_scipy(ghosted=True)  # on all ranks
+        if cells.size == 0:
+            continue
+        vertices = np.array(basix.topology(element.cell_type)[-2][number])
+        closure = np.array(space.dofmap.dof_layout.entity_closure_dofs(space.mesh.topology.dim - 1, number))
+        here, there = compiled.corners.dofmap.list[cells][:, vertices], space.dofmap.list[cells][:, closure]
+        shape = (len(cells), vertices.size, closure.size)
+        at = [np.broadcast_to(index, shape) for index in (here[:, :, None], there[:, None])]
+        product = np.asarray(assembled[at[0].ravel(), at[1].ravel()]).reshape(shape)
+        # The hat functions from their values at the nodes of the facet.
+        values_there = hats.tabulate(0, element.points[closure])[0, :, vertices, 0]
+        mass = product @ values_there.T
+        dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=_SINGULAR, hermitian=True) @ product)
+        places = compiled.hats.dofmap.list[cells][:, vertices], there
+        indices = (np.ascontiguousarray(place, dtype=PETSc.IntType) for place in places)
+        matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)
+    matrix.assemble()
+    return matrix
 
 
 def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDArray[np.int32]:

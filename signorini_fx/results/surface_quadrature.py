@@ -110,7 +110,10 @@ class SurfaceQuadrature:
         return self.over_ranks(total)
 
     def products(self, boundary: Any, factor: Array | None = None) -> Any:
-        """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes)."""
+        """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes).
+
+        Where contact averages the test functions are dual to the hats on each facet.
+        """
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(self._shapes.degree, self._geometry.degree))
         size = len(self._zero())
         found = sp.csr_array((size, size))
@@ -118,6 +121,10 @@ class SurfaceQuadrature:
             test, shape = _clean(facets.table.test), _clean(facets.table.shape)
             area = np.linalg.norm(facets.moment, axis=2)
             values = np.einsum("qi,cq,qj->cij", test, area, shape)
+            if self.averaging:  # dual to the hats on this facet, the fourth of which is zero
+                mass = np.einsum("qi,cq,qk->cik", test, area, test)
+                values = values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)
+                values[np.abs(values) <= _ROUND_OFF * np.abs(values).max(initial=0.0)] = 0.0
             nodes = self._nodes[facets.cells]
             rows, columns = (np.broadcast_to(own, values.shape) for own in (nodes[:, :, None], nodes[:, None]))
             there = values != 0

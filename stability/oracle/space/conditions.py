@@ -30,7 +30,7 @@ class Contact:
         part: which contact boundary.
         x: position.
         shares: share of each node of the body in the displacement of each point: one of its own node, or with
-            quadratic tetrahedra the averages (phi_i, psi_j) / w_i with the hat function phi_i of the vertex.
+            quadratic tetrahedra the averages (psi_i, N_j) / w_i with the function psi_i of the vertex, see ``_points``.
         weight: the area that it stands for.
         normal: outward normal, or the scene's direction.
         gap: distance to the foundation.
@@ -124,7 +124,8 @@ def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
     """Nodes of the contact points of a boundary, shares of all nodes in them, weights, normals.
 
     The weight times the normal is the integral of the basis function times the normal; on quadratic tetrahedra, whose
-    functions of vertices have the integral zero, that of the hat function, and the weight is that of its area.
+    functions of vertices have the integral zero, that of the hat function, and the weight is that of its area. The
+    shares there are those of the functions that are dual to the hats on each facet.
     """
     facets = body.facets(name)
     averaged = body.cells.shape[1] == 10
@@ -144,7 +145,9 @@ def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
         )
         return vertices, own.tocsr(), size, normals
     area = np.linalg.norm(normal, axis=2)
-    products = np.einsum("fp,p,pa,pb->fab", area, weights, hats, values)
+    products, hats_only = (np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats))
+    # The functions of the points on a facet: the hats' integrals are their own, and they are dual to the hats.
+    products = np.linalg.solve(hats_only, products) * hats_only.sum(axis=2)[:, :, None]
     rows, columns = np.broadcast_arrays(points[:, :, None], facets.nodes[:, None, :])
     every = coo_array((products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))).tocsr()
     mine = every[vertices]
