@@ -1466,7 +1466,21 @@ MUTANTS = (
         "np.asarray(self.averages.shares @ self.averages.x)",
         "self.x",
         "averages: forces act at the vertex",
-        tests=("space_results::test_moment_of_a_push",),
+        tests=("space_results::test_where_forces_act_on_curved_facets",),
+    ),
+    Mutant(
+        "body/averages",
+        "product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=_SINGULAR, hermitian=True) @ product)",
+        "product",
+        "averages: hat functions in place of the dual ones",
+        tests=("space_block::test_linear_solves_on_quadratic_tetrahedra",),
+    ),
+    Mutant(
+        "results/surface_quadrature",
+        "values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)",
+        "4 * values - values.sum(axis=1, keepdims=True)",
+        "certificate: the dual functions of flat facets on curved ones",
+        tests=("space_known::test_hertz_on_curved_quadratic_tetrahedra",),
     ),
     Mutant(
         "body/supports",
