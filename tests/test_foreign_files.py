@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 
 import attacks
@@ -97,7 +98,8 @@ def test_attacks_on_the_sandbox(tmp_path):
         assert [one for one in inside if one["read"]] == []
     outside = run(tmp_path, 60, 0)
     assert sum(bool(one["left"]) for one in outside) > 15
-    assert sum(one["read"] for one in outside) > 0
+    if metadata.version("gmsh") < "4.15":  # which does what these scripts read with no more
+        assert sum(one["read"] for one in outside) > 0
 
 
 @pytest.mark.parametrize("command", attacks.COMMANDS, ids=lambda command: command.split("\n")[0][:30])
