@@ -1459,7 +1459,7 @@ MUTANTS = (
         "boundary.averages.shares[here] @ reached",
         "one.gap[boundary.nodes[here]]",
         "averages: the gap at the vertex",
-        tests=("space_patch::test_tilted_plane",),
+        tests=("certificate::test_a_load_that_jumps_at_points_of_quadrature",),
     ),
     Mutant(
         "body/contact_boundary",
@@ -1508,7 +1508,7 @@ MUTANTS = (
         "side.gap(nodes) if not spread else _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]",
         "side.gap(nodes)",
         "certificate: the gap at the vertex",
-        tests=("space_patch::test_tilted_plane",),
+        tests=("certificate::test_a_load_that_jumps_at_points_of_quadrature",),
     ),
     Mutant(
         "results/contact_nodes",
