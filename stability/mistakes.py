@@ -1480,7 +1480,7 @@ MUTANTS = (
         "values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)",
         "4 * values - values.sum(axis=1, keepdims=True)",
         "certificate: the dual functions of flat facets on curved ones",
-        tests=("space_known::test_hertz_on_curved_quadratic_tetrahedra",),
+        tests=("space_results::test_where_forces_act_on_curved_facets",),
     ),
     Mutant(
         "body/supports",

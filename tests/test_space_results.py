@@ -14,6 +14,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.results.files import write_results
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.reading import parse_scene
 
 CELLS = {
@@ -124,3 +125,7 @@ def test_where_forces_act_on_curved_facets():
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     beside = np.cross(boundary.x, acting).sum(axis=0)
     assert np.abs(beside - expected).max() > 1e-6 * np.abs(expected).max()
+    # The certificate finds the same shares by a quadrature of its own.
+    products = SurfaceQuadrature(body.space).products(body.tagged.facets("sphere"))
+    shares = products.tocsr()[boundary.nodes][:, boundary.averages.nodes].toarray() / boundary.weight[:, None]
+    np.testing.assert_allclose(shares, boundary.averages.shares.toarray(), rtol=0, atol=1e-12)
