@@ -95,6 +95,8 @@ def test_values():
     assert several({"a": "0.1:0.8:8", "b": 3}) == ("a", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
     assert several({"a": "ssn,alm"}) == ("a", ["ssn", "alm"])
     assert several({"a": "1,2.5"}) == ("a", [1, 2.5])
+    assert several({"a": "1,2", "b": "max(x[0], 0)"}) == ("a", [1, 2])
+    assert several({"a": "min(x[0], 1), 0.5"}) == ("a", ["min(x[0], 1)", 0.5])
     for given_, told in (({"a": 1}, "none has"), ({"a": "1,2", "b": "3,4"}, "a, b"), ({"a": "1:e:3"}, "no range")):
         with pytest.raises(SceneError, match=told):
             several(given_)

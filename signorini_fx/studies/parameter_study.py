@@ -22,11 +22,18 @@ from signorini_fx.units import labelled, names_of
 
 # The figures of a row.
 FIGURES = (
-    *("contact_force", "friction_force", "max_pressure", "max_shear", "contact_area", "stick_area", "strain_energy"),
+    "contact_force",
+    "friction_force",
+    "max_pressure",
+    "max_shear",
+    "contact_area",
+    "stick_area",
+    "strain_energy",
 )
 # Everything that a study may write.
 FILES = ("sweep.csv", "sweep.png", "sweep.pdf")
 _ROUND_OFF = 1e-9  # of the contact force
+_COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
 _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
 
@@ -78,7 +85,7 @@ def _values(path: str, value: Any) -> list[Any]:
         except ValueError:
             raise SceneError([(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]) from None
         return [float(f"{one:.12g}") for one in np.linspace(first, last, int(match[3]))]
-    return [parsed_change(f"value={one}")[1] for one in value.split(",")]
+    return [parsed_change(f"value={one}")[1] for one in _COMMA.split(value)]
 
 
 def run(
