@@ -342,6 +342,48 @@ def test_shear_along_a_wall_that_prescribes_the_slip():
     assert max(step.linear_solves for step in solution.steps) <= 30
 
 
+@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_node_that_a_support_drags_along_the_foundation(dimension, coulomb):
+    """However small gamma_t is, the shear of a node whose slip is prescribed has its limit at once."""
+    sizes = {"length": 1.5, "height": 1.0, "nx": 4, "ny": 3}
+    mesh = {2: {"generator": "rectangle"}, 3: {"generator": "box"}}[dimension]
+    up = "y" if dimension == 2 else "z"
+    solution = alone(
+        parse_scene(
+            {
+                "mesh": {**mesh, "parameters": sizes if dimension == 2 else {**sizes, "width": 1.2, "nz": 3}},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": {"boundary": "left", "x": 0.002, "y": 0.001, up: -0.01},
+                "traction": {"boundary": "right", up: -1.0},
+                "contact": {"boundary": "bottom", "gap": 0.005, "friction": {"law": "coulomb", "coefficient": 0.3}},
+                "solver": {"algorithm": "alm", "coulomb": coulomb, "gamma_n": 1e8, "gamma_t": 1e5},
+            }
+        )
+    )
+    dragged = solution.contact.points.immovable
+    assert dragged.sum() == {2: 1, 3: 4}[dimension]
+    assert solution.certificate.holds
+    sizes = np.linalg.norm(solution.contact.shear[dragged], axis=1)
+    np.testing.assert_allclose(sizes, 0.3 * 1e8 * 0.005, rtol=1e-9)
+    assert solution.history.linear_solves <= 30
+
+
+def test_a_node_that_a_support_drags_has_not_settled_below_its_bound():
+    """Its bound follows its own pressure, that of the penalty, which augmentation leaves as it is."""
+    supports = [{"boundary": "left", "x": 0.002, "y": 0.001, "z": -0.01}]
+    task, _ = begun(in_space(supports=supports))
+    newton, points = task.iterate.newton, task.motions.points
+    data = replace(task.start.data, bound=np.zeros(points.size), coupling=np.full(points.size, 0.3))
+    newton.problem.set_data(data, newton.problem.sets)
+    shear = np.where(points.immovable[:, None], 1.0, 0.0) * np.ones((1, 2))
+    for least, settled in ((0.0, True), (1.0, False)):
+        newton.shifts = lambda data, least=least: (data.lambda_hat, least * shear)
+        augmentation = Augmentation(newton, 1e8, 1e-7)
+        augmentation.measure(data)
+        assert bool(augmentation.violation <= 1e-7) is settled
+
+
 def test_shear_along_a_wall_that_is_a_contact():
     """A node at the edge of two contacts slips along it: the shear across the edge has its limit at once."""
     supports = [{"boundary": "back", "normal": 0.0}]

@@ -8,7 +8,7 @@ from scenes import alone, example1
 
 from signorini_fx import attempts
 from signorini_fx.algorithms import augmented, strategy
-from signorini_fx.records import Status
+from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
@@ -43,6 +43,24 @@ def test_square_by_newton(algorithm):
     # The fixed point stops at a change of 1e-7; it contracts by 0.9.
     np.testing.assert_allclose(fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest)
     np.testing.assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
+
+
+def test_the_fixed_point_ends_where_the_bound_is_that_of_the_law_at_each_point():
+    """The bound of a corner, whose weight is small, settles later than the mean of section 7."""
+    size = {"length": 1.5, "width": 1.2, "height": 1.0, "nx": 4, "ny": 3, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "element": {"degree": 2},
+        "material": {"young": 1000.0, "poisson": -0.3},
+        "displacement": {"boundary": "right", "x": 0.0, "y": 0.0, "z": 0.0},
+        "traction": {"boundary": "top", "x": -4.0, "y": 2.0, "z": -10.0},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.8}},
+        "solver": {"algorithm": "ssn", "coulomb": "fp", "tolerance": CERTIFICATE_TOLERANCE},
+    }
+    solution = alone(parse_scene(scene))
+    changes = [record.change for record in solution.history.outer if record.change is not None]
+    assert changes[-2] < CERTIFICATE_TOLERANCE
+    assert solution.certificate.holds
 
 
 def one_triangle(coefficient, force, **solver):

@@ -84,8 +84,8 @@ class Augmentation:
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
         stress = parallel.global_max(comm, parallel.local_max(np.maximum(*_both(points.felt, *after))))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
-        # At its bound the shear gives no information about slip.
-        sticks = length_of(after[1]) < data.friction_bound(after[0])
+        # At its bound, that of the problem just solved, the shear gives no information about slip.
+        sticks = length_of(after[1]) < data.friction_bound(newton.multipliers()[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
         slip = slip_of(u_t, data)
         wrong = np.minimum(length_of(slip) / (length or 1.0), length_of(_astray(after[1], slip)) / (stress or 1.0))

@@ -13,10 +13,12 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.laws import Nodal, length
 
 # A direction has a component along another one if it is larger than this.
 _ALONG = 1e-8
+# Slip below this share of the displacement of its node is round-off.
+STILL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,15 @@ class ContactPoints:
         A shear along them does nothing to the body, so only the friction law says what it is.
         """
         return np.eye(self.dimension - 1) - _onto_range(self.movable[:, 1:, 1:])
+
+    def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
+        """Points that supports move along their tangents, whatever the friction there, shape (n,).
+
+        Args:
+            slip: the tangential displacement that friction opposes, length, shape (n, d - 1).
+            motion: (tau_N y, tau_T y), length, shape (n, d).
+        """
+        return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > STILL * length(motion))
 
     def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
         """``still`` and the direction that another contact of the same node closes, where one is left to slip in.

@@ -11,10 +11,7 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, inner, project, trial_pressure
 from signorini_fx.contact.laws import length as length_of
-from signorini_fx.contact.points import ContactPoints
-
-# Slip below this share of the displacement of its node is round-off.
-_STILL = 1e-9
+from signorini_fx.contact.points import STILL, ContactPoints
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +66,7 @@ class PointState:
     def sliding_side(self) -> npt.NDArray[np.int8]:
         """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
         side = ActiveSets.of(self.in_contact, self.direction).side
-        back = self.slip_length[:, 0] < -_STILL * np.linalg.norm(np.column_stack((self.u_n, self.u_t)), axis=1)
+        back = self.slip_length[:, 0] < -STILL * np.linalg.norm(np.column_stack((self.u_n, self.u_t)), axis=1)
         moving = np.where(back, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
         return np.where(self.bound > 0, side, moving).astype(np.int8)
 
