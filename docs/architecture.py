@@ -30,6 +30,7 @@ LAYERS = (
     "pictures",
     "accuracy",
     "body",
+    "pairs",
     "mesh",
     "effects",
     "scene",

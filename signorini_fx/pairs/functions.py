@@ -1,0 +1,85 @@
+"""Test functions of the contact points on the covered part of the slave side.
+
+Dual functions psi = A_e N with A_e = diag(int N) (int N N^T)^-1 on the covered part of each facet: (psi_i, N_k) =
+delta_ik (1, N_k), and they sum to one (Wohlmuth 2000; of partly covered facets Popp et al. 2013).  Integrals of
+quadratic functions over a part of a facet may be negative: functions that keep too little of their weight, or that
+belong to nodes that cannot carry a point, are added to their neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from signorini_fx.pairs.overlap import Overlap
+from signorini_fx.pairs.surface import Surface
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Eigenvalues of the products of functions below this share of the largest one are those of functions that vanish.
+_SINGULAR = 1e-10
+# Share of its weight that a function must keep to carry a point.
+_KEPT = 0.03
+
+
+def dual_coefficients(side: Surface, overlap: Overlap) -> Array:
+    """A_e of each facet, shape (f, t, t); zero where it is not covered."""
+    tests = side.tests.values(overlap.at)
+    products = np.einsum("pq,pqi,pqj->pij", overlap.weight, tests, tests)
+    mass = np.zeros((len(side.nodes), *products.shape[1:]))
+    np.add.at(mass, overlap.slave, products)
+    covered = np.zeros(len(mass), dtype=bool)
+    covered[overlap.slave] = True
+    found = np.zeros_like(mass)
+    inverse = np.linalg.pinv(mass[covered], rcond=_SINGULAR, hermitian=True)
+    found[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
+    return found
+
+
+def hats(side: Surface) -> Array:
+    """The functions themselves, as coefficients for each facet, shape (f, t, t)."""
+    count = len(side.tests.places)
+    return np.tile(np.eye(count), (len(side.nodes), 1, 1))
+
+
+def carried(
+    side: Surface, overlap: Overlap, weight: Array, unable: npt.NDArray[np.bool_]
+) -> tuple[Indices, sp.csr_array]:
+    """Which nodes carry a point, and how these take over the functions of the others.
+
+    Args:
+        side: the slave.
+        overlap: of both.
+        weight: the integral of the function of each node, shape (N,).
+        unable: nodes that cannot carry a point, shape (N,).
+
+    Returns:
+        The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
+        sparse, shape (n, N).
+    """
+    covered = np.unique(overlap.slave)
+    there = np.zeros(len(weight), dtype=bool)
+    there[side.points[covered]] = True
+    able = there & ~unable & (weight > _KEPT * side.area)
+    able = able if able.any() else there & ~unable & (weight > 0)
+    nodes = np.flatnonzero(able)
+    count, tests = len(weight), side.points[covered]
+    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
+    columns = np.tile(tests, (1, tests.shape[1])).ravel()
+    beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+    beside.data[:] = 1.0
+    shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
+    done, left = able.copy(), there & ~able
+    while left.any():  # ring by ring
+        known = sp.diags_array(done.astype(np.float64))
+        known_beside = sp.csr_array(known @ beside @ sp.diags_array(left.astype(np.float64)))
+        number = np.asarray(known_beside.sum(axis=0)).ravel()
+        reached = left & (number > 0)
+        if not reached.any():
+            break
+        mean = sp.diags_array(np.divide(1.0, number, out=np.zeros(count), where=reached))
+        shares = sp.csr_array(shares + shares @ known_beside @ mean)
+        done, left = done | reached, left & ~reached
+    return nodes, shares

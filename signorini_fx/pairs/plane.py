@@ -1,0 +1,120 @@
+"""The overlap of two sides in the plane: projection along the continuous normal of the slave side.
+
+The normal n(s) interpolates the nodal normals.  The slave point under a master point x has (x - x_s(s)) x n(s) = 0.
+Between the images of the ends of a master facet all integrands are smooth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.pairs.overlap import Overlap
+from signorini_fx.pairs.search import Patches, candidates
+from signorini_fx.pairs.surface import Surface
+
+Array = npt.NDArray[np.float64]
+
+# The continuous normal and that of a facet enclose an angle with at most this tangent.
+_TURNING = 1.0
+# Points of a segment of the overlap: integrands are rational where the normal turns.
+_POINTS = 8
+# Bisections, then steps of Newton's method that polish the root.
+_BISECTIONS, _STEPS = 30, 3
+# Share of a facet below which an overlap is round-off.
+_NOTHING = 1e-10
+
+
+def plane_overlap(slave: Surface, master: Surface, reach: float) -> Overlap:
+    """The overlap, one piece for each pair of facets that meet.
+
+    Args:
+        slave: the side with the points, d = 2.
+        master: the other one.
+        reach: distance beyond which points are no partners, length.
+    """
+    here, there = candidates(patches(slave), patches(master), reach, _TURNING)
+    normals = slave.nodal_normals[slave.nodes[here]]
+    corners = slave.corners[here]
+    ends = np.stack(
+        [_under(slave, corners, normals, _end(master, there, place)) for place in (0.0, 1.0)], axis=1
+    )  # of each pair: the images of both ends
+    ends.sort(axis=1)
+    kept = ends[:, 1] - ends[:, 0] > _NOTHING
+    here, there = here[kept], there[kept]
+    ends, normals, corners = ends[kept], normals[kept], corners[kept]
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    width = ends[:, 1] - ends[:, 0]
+    at = ends[:, :1] + width[:, None] * (points + 1) / 2
+    shape = slave.functions.values(at[..., None])
+    x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
+    over = _over(master, master.corners[there], x, normal)
+    size = np.linalg.norm(slave.normals(here, at[..., None]), axis=2)
+    weight = size * weights / 2 * width[:, None]
+    found = Overlap(here, there, at[..., None], over[..., None], weight)
+    near = np.linalg.norm(found.distance(slave, master), axis=2).min(axis=1) <= reach
+    return Overlap(here[near], there[near], found.at[near], found.over[near], weight[near])
+
+
+def patches(side: Surface) -> Patches:
+    """The facets of a side as straight patches."""
+    every = np.arange(len(side.nodes))
+    middle = side.normals(every, np.full((len(every), 1, 1), 0.5))[:, 0]
+    return Patches(side.corners, middle / np.linalg.norm(middle, axis=1, keepdims=True))
+
+
+def _end(side: Surface, facets: npt.NDArray[np.int64], place: float) -> Array:
+    return side.positions(facets, np.full((len(facets), 1, 1), place))[:, 0]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _at(shape: Array, values: Array) -> Array:
+    """Nodal values of each pair, shape (m, k, d), at one point of each with functions of shape (m, k)."""
+    return np.einsum("mk,mkd->md", shape, values)
+
+
+def _under(side: Surface, corners: Array, normals: Array, x: Array) -> Array:
+    """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
+
+    def miss(s: Array) -> Array:
+        shape = side.functions.values(s[:, None])
+        return _cross(x - _at(shape, corners), _at(shape, normals))
+
+    def slope(s: Array) -> Array:
+        shape, along = side.functions.values(s[:, None]), side.functions.slopes(s[:, None])[0]
+        moved = _cross(_at(along, corners), _at(shape, normals))
+        return _cross(x - _at(shape, corners), _at(along, normals)) - moved
+
+    low: Array = np.zeros(len(x))
+    high: Array = np.ones(len(x))
+    first, last = (_at(side.functions.values(s[:, None]), corners) for s in (low, high))
+    # Along the facet the misses fall or rise, as its normal is on its right or left.
+    way = np.sign(_cross(last - first, normals.mean(axis=1)))
+    before, after = way * miss(low) > 0, way * miss(high) < 0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        right = way * miss(middle) > 0
+        low, high = np.where(right, middle, low), np.where(right, high, middle)
+    root: Array = (low + high) / 2
+    for _ in range(_STEPS):
+        gradient = slope(root)
+        step = np.divide(miss(root), gradient, out=np.zeros(len(x)), where=gradient != 0)
+        root = np.clip(root - step, 0.0, 1.0)
+    return np.where(before & after, root, np.where(before, 1.0, 0.0))
+
+
+def _over(side: Surface, corners: Array, x: Array, normal: Array) -> Array:
+    """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
+    at = np.full(x.shape[:2], 0.5)
+    for _ in range(_BISECTIONS):
+        shape, along = side.functions.values(at[..., None]), side.functions.slopes(at[..., None])[0]
+        miss = _cross(np.einsum("mqk,mkd->mqd", shape, corners) - x, normal)
+        slope = _cross(np.einsum("mqk,mkd->mqd", along, corners), normal)
+        step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
+        at = np.clip(at - step, 0.0, 1.0)
+        if np.abs(step).max(initial=0.0) < 1e-15:
+            break
+    return at

@@ -1,0 +1,208 @@
+"""The overlap of two sides in space (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629).
+
+Each linear part of a slave facet has a plane through its centroid.  Both parts are projected onto it, the polygon that
+they share is found by clipping, and a fan of triangles around its centre carries the quadrature.  Points are mapped
+back into both facets; weights are areas of the true slave surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.pairs.overlap import Overlap
+from signorini_fx.pairs.search import Patches, candidates
+from signorini_fx.pairs.surface import Surface
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Degree of the quadrature on each triangle, by the degree of the functions; rational integrands on quadrilaterals.
+_DEGREES = {1: 2, 2: 4}
+_RATIONAL = 8
+# Share of the area of a part below which an overlap is round-off.
+_NOTHING = 1e-10
+# Steps of Newton's method that invert a map, at most.
+_STEPS = 12
+# A step of a place in a reference facet that is round-off.
+_PLACE = 1e-14
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The linear parts of a side, p of them.
+
+    Attributes:
+        facet: of which facet, shape (p,).
+        reference: their corners in its reference facet, shape (p, c, 2).
+        patches: where they are.
+    """
+
+    facet: Indices
+    reference: Array
+    patches: Patches
+
+    @classmethod
+    def of(cls, side: Surface) -> Parts:
+        """Those of all facets."""
+        parts = side.functions.parts
+        every, count = np.arange(len(side.nodes)), len(parts)
+        facet = np.repeat(every, count)
+        reference = np.tile(parts, (len(every), 1, 1))
+        corners = side.positions(facet, reference)
+        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
+        if corners.shape[1] == 4:  # both diagonals
+            first, last = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        normal = np.asarray(np.cross(first, last), dtype=np.float64)
+        normal *= side.sign[facet][:, None] / np.linalg.norm(normal, axis=1, keepdims=True)
+        return cls(facet, reference, Patches(corners, normal))
+
+
+def space_overlap(slave: Surface, master: Surface, reach: float) -> Overlap:
+    """The overlap, some triangles for each pair of parts that meet.
+
+    Args:
+        slave: the side with the points, d = 3.
+        master: the other one.
+        reach: distance beyond which parts are no partners, length.
+    """
+    own, other = Parts.of(slave), Parts.of(master)
+    here, there = candidates(own.patches, other.patches, reach, 0.0)
+    normal, centre = own.patches.normal[here], own.patches.centre[here]
+    axes = _axes(normal)
+    flat, flat_master = (
+        np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
+        for corners in (own.patches.corners[here], other.patches.corners[there])
+    )
+    polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
+    kept = _areas(polygon, count) > _NOTHING * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
+    here, there, count = here[kept], there[kept], count[kept]
+    flat, flat_master, polygon, centre, axes = (one[kept] for one in (flat, flat_master, polygon, centre, axes))
+    triangles, pair = _fan(polygon, count)
+    both = slave.functions, master.functions
+    degree = max(_DEGREES[one.degree] for one in both) if all(one.simplex for one in both) else _RATIONAL
+    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
+    first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
+    p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
+    area = np.abs(_cross(first, second))[:, None] * weights
+    here, there = here[pair], there[pair]
+    at, projected = _back(flat[pair], own.reference[here], p)
+    over, _ = _back(flat_master[pair], other.reference[there], p)
+    true = np.linalg.norm(slave.normals(own.facet[here], at), axis=2)
+    if max(one.degree for one in both) > 1:
+        p = np.einsum("mqd,mkd->mqk", slave.positions(own.facet[here], at) - centre[pair][:, None], axes[pair])
+        over = _projected(master, other.facet[there], over, p, centre[pair], axes[pair])
+    return Overlap(own.facet[here], other.facet[there], at, over, area * true / projected)
+
+
+def _projected(side: Surface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
+    """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
+    for _ in range(_STEPS):
+        left = p - np.einsum("mqd,mkd->mqk", side.positions(facets, at) - centre[:, None], axes)
+        along = np.einsum("smqk,mkd->smqd", side.functions.slopes(at), side.corners[facets])
+        first, second = np.einsum("smqd,mkd->smqk", along, axes)
+        step = np.stack((_cross(left, second), _cross(first, left)), axis=-1) / _cross(first, second)[..., None]
+        at = at + step
+        if np.abs(step).max(initial=0.0) < _PLACE:
+            break
+    return at
+
+
+def _axes(normal: Array) -> Array:
+    """Two unit vectors across each normal, shape (m, 2, 3), a right-handed frame with it."""
+    least = np.abs(normal).argmin(axis=1)
+    first = np.cross(normal, np.eye(3)[least])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack((first, np.cross(normal, first)), axis=1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _areas(polygon: Array, count: Indices) -> Array:
+    """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there, shape (m,)."""
+    there = np.arange(polygon.shape[1]) < count[:, None]
+    arms = np.where(there[..., None], polygon - polygon[:, :1], 0.0)
+    return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
+
+
+def _counterclockwise(polygon: Array) -> Array:
+    area = _areas(polygon, np.full(len(polygon), polygon.shape[1]))
+    return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
+
+
+def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
+    """Convex polygons cut by convex windows (Sutherland and Hodgman), both counterclockwise.
+
+    Args:
+        subject: shape (m, a, 2).
+        window: shape (m, b, 2).
+
+    Returns:
+        Corners of what is left, shape (m, v, 2), and how many of them are there, shape (m,).
+    """
+    polygon, count = subject, np.full(len(subject), subject.shape[1])
+    for edge in range(window.shape[1]):
+        start = window[:, edge, None]
+        along = window[:, (edge + 1) % window.shape[1], None] - start
+        size = polygon.shape[1]
+        there = np.arange(size) < count[:, None]
+        following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
+        after = np.take_along_axis(polygon, following[..., None], axis=1)
+        height, height_after = _cross(along, polygon - start), _cross(along, after - start)
+        inside, crosses = there & (height >= 0), there & ((height >= 0) != (height_after >= 0))
+        share = np.divide(height, height - height_after, out=np.zeros_like(height), where=crosses)
+        cut = polygon + share[..., None] * (after - polygon)
+        # Of each side first the corner that stays, then where it crosses the edge.
+        every = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
+        stays = np.stack((inside, crosses), axis=2).reshape(len(polygon), 2 * size)
+        order = np.argsort(~stays, axis=1, kind="stable")[:, : size + 1]
+        count = np.minimum(stays.sum(axis=1), size + 1)
+        polygon = np.take_along_axis(every, order[..., None], axis=1)
+    return polygon, count
+
+
+def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
+    """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of, shape (t,)."""
+    size = polygon.shape[1]
+    there = np.arange(size) < count[:, None]
+    centre = np.where(there[..., None], polygon, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
+    following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
+    after = np.take_along_axis(polygon, following[..., None], axis=1)
+    middle = np.broadcast_to(centre[:, None], polygon.shape)
+    triangles = np.stack((middle, polygon, after), axis=2)
+    return triangles[there], np.nonzero(there)[0]
+
+
+def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
+    """Where points of the plane are in the reference facet.
+
+    Args:
+        flat: corners of the projected parts, shape (m, c, 2).
+        reference: their corners in the reference facet, shape (m, c, 2).
+        p: the points, shape (m, q, 2).
+
+    Returns:
+        Places, shape (m, q, 2), and the projected area of a unit of the reference facet there, shape (m, q).
+    """
+    s = np.full(p.shape, 0.5)
+
+    def maps(corners: Array) -> tuple[Array, Array, Array]:
+        first, second = corners[:, None, 1] - corners[:, None, 0], corners[:, None, -1] - corners[:, None, 0]
+        mixed = np.zeros_like(first)
+        if corners.shape[1] == 4:
+            mixed = corners[:, None, 2] - corners[:, None, 1] - second
+        a, b = s[..., :1], s[..., 1:]
+        return corners[:, None, 0] + a * first + b * second + a * b * mixed, first + b * mixed, second + a * mixed
+
+    for _ in range(_STEPS if flat.shape[1] == 4 else 1):
+        place, first, second = maps(flat)
+        left, determinant = p - place, _cross(first, second)
+        s = s + np.stack((_cross(left, second), _cross(first, left)), axis=-1) / determinant[..., None]
+    _, first, second = maps(flat)
+    inside, own_first, own_second = maps(reference)
+    return inside, np.abs(_cross(first, second) / _cross(own_first, own_second))

@@ -1,0 +1,182 @@
+"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals.
+
+A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0), (1, 0), (0, 1), or
+in [0, 1]^2, in any order: what the functions are follows from the places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import basix
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Degrees of quadrature for integrals over one side alone, by the nodes of a facet: exact on affine facets.
+_DEGREE = 8
+
+
+@dataclass(frozen=True)
+class Lagrange:
+    """The Lagrange functions of k places in the reference facet, shape (k, d - 1)."""
+
+    places: Array
+
+    @property
+    def simplex(self) -> bool:
+        """Whether the facet is an interval or a triangle."""
+        return self.places.shape[1] == 1 or len(self.places) in (3, 6)
+
+    @cached_property
+    def degree(self) -> int:
+        """Of the functions along a side, 1 or 2."""
+        return 2 if (self.places.shape[1], len(self.places)) in ((1, 3), (2, 6), (2, 9)) else 1
+
+    @cached_property
+    def _exponents(self) -> npt.NDArray[np.int64]:
+        steps = range(self.degree + 1)
+        if self.places.shape[1] == 1:
+            return np.array([[i] for i in steps])
+        every = [[i, j] for j in steps for i in steps]
+        return np.array([pair for pair in every if not self.simplex or sum(pair) <= self.degree])
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        return np.asarray(np.linalg.inv(self._monomials(self.places)), dtype=np.float64)
+
+    def _monomials(self, at: Array, along: int | None = None) -> Array:
+        """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
+        factors = []
+        for axis, power in enumerate(self._exponents.T):
+            s = at[..., axis, None]
+            factors.append(power * s ** np.maximum(power - 1, 0) if axis == along else s**power)
+        return np.asarray(np.prod(factors, axis=0))
+
+    def values(self, at: Array) -> Array:
+        """At points of shape (..., d - 1), shape (..., k)."""
+        return np.asarray(self._monomials(at) @ self._coefficients)
+
+    def slopes(self, at: Array) -> Array:
+        """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
+        return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
+
+    def rule(self, degree: int) -> tuple[Array, Array]:
+        """Points, shape (q, d - 1), and weights of a quadrature on the reference facet."""
+        kind = basix.CellType.interval
+        if self.places.shape[1] == 2:
+            kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
+        points, weights = basix.make_quadrature(kind, degree)
+        return np.asarray(points), np.asarray(weights)
+
+    @property
+    def parts(self) -> Array:
+        """Corners of the linear parts of the reference facet, in order around each, shape (parts, corners, d - 1)."""
+        if self.places.shape[1] == 1:
+            return np.array([[[0.0], [1.0]]])
+        square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        triangle = square[[0, 1, 3]]
+        whole = triangle if self.simplex else square
+        if self.degree == 1:
+            return whole[None]
+        corners = [whole / 2 + shift for shift in whole / 2]
+        return np.array([*corners, (1.0 - triangle) / 2] if self.simplex else corners)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The facets of one side, f of them.
+
+    Attributes:
+        nodes: numbers of the k nodes of each facet, shape (f, k).
+        x: positions of all nodes, length, shape (N, d).
+        functions: of each facet.
+        sign: +1 where the outward normal is (dx/ds x dx/dt), in the plane dx/ds turned clockwise; else -1, shape (f,).
+    """
+
+    nodes: Indices
+    x: Array
+    functions: Lagrange
+    sign: Array
+
+    @property
+    def dimension(self) -> int:
+        """D."""
+        return int(self.x.shape[1])
+
+    @cached_property
+    def corners(self) -> Array:
+        """Positions of the nodes of each facet, shape (f, k, d)."""
+        return np.asarray(self.x[self.nodes])
+
+    @cached_property
+    def tests(self) -> Lagrange:
+        """The functions that the test functions are dual to: on quadratic triangles the hats of the vertices, which
+        come first; else the functions themselves.
+        """
+        if self.dimension == 3 and len(self.functions.places) == 6:
+            return Lagrange(self.functions.places[:3])
+        return self.functions
+
+    @property
+    def points(self) -> Indices:
+        """Numbers of the nodes of each facet that test functions belong to, shape (f, t)."""
+        return self.nodes[:, : len(self.tests.places)]
+
+    def normals(self, facets: Indices, at: Array) -> Array:
+        """Outward normals times the area (in the plane: length) of a unit of the reference facet.
+
+        Args:
+            facets: shape (m,).
+            at: points of each of them, shape (m, q, d - 1).
+
+        Returns:
+            Shape (m, q, d).
+        """
+        along = np.einsum("smqk,mkd->smqd", self.functions.slopes(at), self.corners[facets])
+        if self.dimension == 2:
+            crossed = np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
+        else:
+            crossed = np.cross(along[0], along[1])
+        return crossed * self.sign[facets][:, None, None]
+
+    def positions(self, facets: Indices, at: Array) -> Array:
+        """Positions of points of each facet, length, shapes as in ``normals``."""
+        return np.asarray(self.functions.values(at) @ self.corners[facets])
+
+    @cached_property
+    def _integrals(self) -> tuple[Array, Array]:
+        """Of test functions and of these times the normal, shapes (N,) and (N, d)."""
+        points, weights = self.functions.rule(_DEGREE)
+        every = np.arange(len(self.nodes))
+        normals = self.normals(every, np.broadcast_to(points, (len(every), *points.shape)))
+        tests = self.tests.values(points) * weights[:, None]
+        area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
+        np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, np.linalg.norm(normals, axis=2)))
+        np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
+        return area, moment
+
+    @property
+    def area(self) -> Array:
+        """The area (in the plane: length) of each node, the integral of its test function, shape (N,)."""
+        return self._integrals[0]
+
+    @cached_property
+    def nodal_normals(self) -> Array:
+        """Outward unit normals at the nodes with test functions, means of those around them, shape (N, d); zero
+        elsewhere.
+        """
+        moment = self._integrals[1]
+        size = np.linalg.norm(moment, axis=1, keepdims=True)
+        return np.divide(moment, size, out=np.zeros_like(moment), where=size > 0)
+
+    @cached_property
+    def facet_areas(self) -> Array:
+        """Area (in the plane: length) of each facet, shape (f,)."""
+        points, weights = self.functions.rule(_DEGREE)
+        every = np.arange(len(self.nodes))
+        normals = self.normals(every, np.broadcast_to(points, (len(every), *points.shape)))
+        return np.asarray(np.linalg.norm(normals, axis=2) @ weights)
