@@ -15,6 +15,7 @@ _PUBLIC = {
     "effects.contact": ("BilateralContact", "CoulombFriction", "NoFriction", "TrescaFriction", "UnilateralContact"),
     "effects.displacement": ("PrescribedDisplacement",),
     "effects.material": ("LinearElastic",),
+    "effects.springs": ("Springs",),
     "effects.traction": ("SurfaceTraction",),
     "errors": (
         "FormError",

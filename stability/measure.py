@@ -45,7 +45,7 @@ def solved_from(
     timings = Timings()
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
     assert discretisation.boundary is not None
-    task = contact_task(discretisation, discretisation.boundary, History())
+    task = contact_task(discretisation, History())
     begin = task.start
     if sets is not None:
         begin = replace(begin, sets=sets(discretisation.boundary), iteration=1)

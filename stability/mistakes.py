@@ -1057,9 +1057,9 @@ MUTANTS = (
         tests=("restart",),
     ),
     Mutant(
-        "solving/load_steps",
-        "discretisation.motions.displacement(rest.motion)",
-        "discretisation.motions.displacement(rest.motion * ([1.0, 1.0, 0.0] * (rest.motion.size // 3)))",
+        "body/elastic",
+        "self.motions.displacement(rest.motion)",
+        "self.motions.displacement(rest.motion * ([1.0, 1.0, 0.0] * (rest.motion.size // 3)))",
         "displacement from rest without its rotation",
         tests=(
             "certificate::test_faults_of_the_solver_are_refused",
@@ -1276,7 +1276,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/one_mesh",
-        "start.axpy(-1.0, discretisation.elastic.vector(discretisation.motions.displacement(task.rest.motion)))",
+        "start.axpy(-1.0, discretisation.vector(discretisation.motions.displacement(task.rest.motion)))",
         "pass",
         "the coarser displacement from another resting place",
         tests=("mesh_levels::test_the_coarser_displacement_is_the_start",),
@@ -1341,7 +1341,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/solver",
-        "coarser = solution.discretisation.elastic.level(coarser, solution.displacement)",
+        "coarser = solution.discretisation.level(coarser, solution.displacement)",
         "coarser = None",
         "nested meshes are no levels of multigrid",
         tests=("mesh_levels::test_steps_do_not_grow_with_the_mesh",),
@@ -1385,7 +1385,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/elastic",
-        "motions.held_by(everywhere, everywhere)",
+        "self.at_contact.held_by(everywhere, everywhere)",
         "True",
         "condenses a loose piece",
         tests=("pieces",),
@@ -3268,7 +3268,7 @@ MUTANTS = (
     Mutant(
         "solving/one_mesh",
         "d.scales.gamma",
-        "scene.young",
+        "d.scene.young",
         "natural gamma without its length",
         tests=("strategy::test_path_following_has_no_unit",),
     ),
@@ -3305,7 +3305,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/elastic",
-        "parallel.global_max(space.mesh.comm, parallel.local_max(values)) or 1.0",
+        "parallel.global_max(self.comm, parallel.local_max(values)) or 1.0",
         "1.0",
         "units: prescribed rows have a one on the diagonal",
         tests=("units::test_the_size_of_the_forces",),

@@ -20,7 +20,7 @@ from signorini_fx.solving.one_mesh import contact_task
 def solved_task(scene):
     """A task that has been run, for a look inside, and its contact boundary."""
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     return task, d.boundary
 

@@ -149,7 +149,7 @@ def test_a_contact_node_with_a_support_across_its_normal(angle, coefficient, loa
 def begun(scene, comm=MPI.COMM_SELF):
     """The contact problem of a scene, solved once without shifts."""
     d = discretise(scene, load_mesh(scene, comm), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
     return task, d.boundary
 

@@ -11,6 +11,7 @@ from spaces import block as block_in_space
 
 from signorini_fx import compat
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
@@ -18,7 +19,7 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import load_steps, one_mesh
+from signorini_fx.solving import one_mesh
 
 
 def wedge(**solver):
@@ -382,7 +383,7 @@ def stiffer(right):
 
     def spoilt(*arguments):
         found = right(*arguments)
-        stiffness = found.elastic.stiffness
+        stiffness = found.stiffness
         row = stiffness.getSize()[0] // 2
         value = stiffness.getValue(row, row)
         stiffness.setValue(row, row, 1.001 * value)
@@ -446,8 +447,8 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no resting place": (load_steps, "from_rest", without_resting_place),
-    "rotation dropped": (load_steps, "from_rest", with_turned_rest),
+    "no resting place": (ElasticBody, "from_rest", without_resting_place),
+    "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
     "wrong weight": (one_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
     "wrong normals": (one_mesh, "discretise", of_its("boundary", normal=tilted)),

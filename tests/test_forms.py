@@ -102,7 +102,7 @@ def problem_at_random_state(discretisation, seed):
     values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
     values["mu_hat"] = values["mu_hat"][:, None]
     data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
-    system = FullSystem.of(discretisation.elastic.elasticity(discretisation.cases))
+    system = FullSystem.of(discretisation.elasticity(discretisation.cases))
     problem = RegularisedProblem(system, discretisation.at_contact)
     problem.set_data(data)
     problem.sets = ActiveSets.of(rng.random(boundary.size) < 0.5, rng.integers(-1, 2, (boundary.size, 1)).astype(float))

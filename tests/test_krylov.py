@@ -176,7 +176,7 @@ def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
     monkeypatch.setattr(krylov, "ContactPreconditioner", create)
     scene = block(6, "tetrahedra", bound=1.5, gamma=gamma, linear_algebra="krylov")
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     (found,) = made
     held, soft = found._truncated_at
@@ -243,7 +243,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
     def kind(scene):
         cost = check_scene(scene, MPI.COMM_SELF).cost
         d = assembled(scene)
-        chosen = choice.choose_system(d.elastic.elasticity(d.cases), d.system_size, scene.solver.linear_algebra)
+        chosen = choice.choose_system(d.elasticity(d.cases), d.system_size, scene.solver.linear_algebra)
         assert cost.linear_algebra == chosen[1]
         return cost.linear_algebra.partition(":")[0]
 

@@ -16,7 +16,6 @@ from signorini_fx.linalg import multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import _begin_at_coarse, contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
 from signorini_fx.solving.sweep import _coarser, sweep
@@ -26,7 +25,7 @@ WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
 def level(scene, comm, coarser=None):
     """The level of a scene's mesh over a coarser one."""
-    return discretise(scene, load_mesh(scene, comm), Timings()).elastic.level(coarser)
+    return discretise(scene, load_mesh(scene, comm), Timings()).level(coarser)
 
 
 def generated(name, parameters, **solver):
@@ -103,12 +102,12 @@ def test_levels_in_between():
     coarse, same, fine, finest = (level(block(n), SELF) for n in (6, 9, 12, 27))
     d = discretise(block(12), load_mesh(block(12), SELF), Timings())
     same.coarser = coarse
-    assert d.elastic.level(same).coarser is coarse
-    assert d.elastic.level(coarse).coarser is coarse
-    assert d.elastic.level(finest).coarser is None
-    assert d.elastic.level(fine).coarser is None
+    assert d.level(same).coarser is coarse
+    assert d.level(coarse).coarser is coarse
+    assert d.level(finest).coarser is None
+    assert d.level(fine).coarser is None
     d = discretise(block(27), load_mesh(block(27), SELF), Timings())
-    assert d.elastic.level(coarse).coarser is None
+    assert d.level(coarse).coarser is None
 
 
 def test_another_body_is_no_coarser_mesh():
@@ -180,7 +179,7 @@ def between_walls(n, **solver):
 def test_skew_supports(steps):  # noqa: F811
     """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
     ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
-    assert ours.discretisation.elastic.rotation is not None
+    assert ours.discretisation.rotation is not None
     agree(ours, theirs)
     assert max(count for *_, count in steps) <= 12
 
@@ -209,11 +208,11 @@ def test_the_coarser_displacement_is_the_start(cells):
     coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
     scene = block(12, cells, bound=1.5, linear_algebra="krylov")
     d = discretise(scene, load_mesh(scene, SELF), Timings())
-    below = coarse.discretisation.elastic.level(None, coarse.displacement)
-    task = contact_task(d, d.boundary, History(), below)
+    below = coarse.discretisation.level(None, coarse.displacement)
+    task = contact_task(d, History(), below)
     assert task.rest is not None
     _begin_at_coarse(task, below, d)
-    found = from_rest(d, task.rest, task.iterate.x).x.array.reshape(-1, 3)
+    found = d.from_rest(task.rest, task.iterate.x).x.array.reshape(-1, 3)
     wanted = coarse.displacement.x.array.reshape(-1, 3)
     distance, node = cKDTree(d.space.tabulate_dof_coordinates()).query(
         coarse.discretisation.space.tabulate_dof_coordinates()

@@ -159,7 +159,7 @@ def test_in_the_form_of_fclib(kind, tmp_path):
     solution = alone(cube(algorithm="exact"))
     body, boundary = solution.discretisation, solution.discretisation.boundary
     # The free unknowns of the cube, from PETSc's matrix; supports are part of the load.
-    indptr, indices, data = body.elastic.stiffness.getValuesCSR()
+    indptr, indices, data = body.stiffness.getValuesCSR()
     every = sp.csr_array((data, indices, indptr))
     free = np.flatnonzero(~body.fixed)
     case = body.cases[0]

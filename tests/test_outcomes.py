@@ -275,7 +275,7 @@ def test_when_a_residual_is_lost_to_round_off():
     """Where one unit in the last place of gamma times a length is more force than the tolerance allows."""
     scene = example1(bound=1.5, gamma=1e6, patch=PATCH, **SMALL)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     newton = task.iterate.newton
     assert newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
     problem, data = newton.problem, task.start.data

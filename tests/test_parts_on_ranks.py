@@ -63,7 +63,7 @@ def field(discretisation, a, b):
     """A smooth displacement as a vector, zero where it is prescribed."""
     d = discretisation
     x = d.space.tabulate_dof_coordinates()[: d.space.dofmap.index_map.size_local]
-    vector = d.elastic.stiffness.createVecRight()
+    vector = d.stiffness.createVecRight()
     values = 1e-2 * np.column_stack((np.sin(a * x[:, 0] + x[:, 1]), np.cos(b * x[:, 0] - 2 * x[:, 1])))
     vector.getArray()[:] = np.where(d.fixed, 0.0, values.ravel())
     return vector
@@ -86,11 +86,11 @@ def test_slope_of_the_energy(t):
     """dJ/dt of the line search."""
 
     def slope(d):
-        task = contact_task(d, d.boundary, History())
+        task = contact_task(d, History())
         return _Line.of(task.iterate.newton, task.start.data, field(d, 1.0, 2.0), field(d, -3.0, 1.0)).slope(t)
 
     def work_of_the_residual(d):
-        task = contact_task(d, d.boundary, History())
+        task = contact_task(d, History())
         problem, p = task.iterate.newton.problem, field(d, -3.0, 1.0)
         x = field(d, 1.0, 2.0)
         x.axpy(t, p)
@@ -120,7 +120,7 @@ def test_resultant(step, factor):
     steps = FREE.model_copy(update={"traction": (FREE.traction[0].model_copy(update={"factors": (1.0, 0.5)}),)})
 
     def resultant(d):
-        system = contact_task(d, d.boundary, History()).system
+        system = contact_task(d, History()).system
         system.set_load(d.factors(step))
         return np.round(system.resultant, 9).tolist()
 
@@ -132,7 +132,7 @@ def test_resultant(step, factor):
 def test_condensing_is_for_one_rank():
     """A mesh that one rank condenses, several do not."""
     d = discretised(example1(bound=1.5, nx=120, ny=20), WORLD)
-    kind = contact_task(d, d.boundary, History()).linear_algebra
+    kind = contact_task(d, History()).linear_algebra
     assert same_on_all_ranks(kind).startswith("condensed" if WORLD.size == 1 else "full: more than one rank")
 
 

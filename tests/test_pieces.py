@@ -19,7 +19,6 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve
 
@@ -136,7 +135,7 @@ def test_motions_are_the_null_space_of_the_stiffness(seed):
     mesh = boxes_mesh(MPI.COMM_SELF, boxes, joined=joined, quadrilaterals=bool(seed % 2))
     d = discretise(scene_on(mesh, displacement=supports), mesh, Timings())
     rows, columns = (np.arange(d.dofs, dtype=np.int32),) * 2
-    dense = d.elastic.stiffness.getValues(rows, columns)
+    dense = d.stiffness.getValues(rows, columns)
     values = np.linalg.eigvalsh(dense)
     motions = np.reshape(
         [d.motions.displacement(one).ravel() for one in np.eye(d.motions.free.shape[1])], (-1, d.dofs)
@@ -274,10 +273,10 @@ def test_each_piece_comes_to_rest_by_itself():
         traction=[{"boundary": f"top b{k}", "y": -1.0} for k in range(4)],
     )
     d = discretise(scene, mesh, Timings())
-    rest = contact_task(d, d.boundary, History()).rest
+    rest = contact_task(d, History()).rest
     np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
     np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
-    field = from_rest(d, rest, d.elastic.unknowns(fem.Function(d.space)))
+    field = d.from_rest(rest, d.unknowns(fem.Function(d.space)))
     lowest = d.boundary.traces(field.x.array.reshape(-1, 2)[d.boundary.nodes])[0]
     np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
 
@@ -320,7 +319,7 @@ def test_gaps_of_each_piece(loose):
     ]
     supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
     d = discretise(scene_on(mesh, displacement=supports, contact=contact), mesh, Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     lost = no_balance(None, None, task.motions, np.zeros(d.motions.free.shape[1]), task.start.data.gap)
     members = task.motions.of_point[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
     assert (lost.status, {lost.assembly}) == (Status.OPEN, set(members))
@@ -391,7 +390,7 @@ def test_a_chain_on_a_foundation(seed):
 def dense_of(d, law):
     """The stiffness of the whole body, and rows that contact adds: normals, and tangents where there is friction."""
     rows = np.arange(d.dofs, dtype=np.int32)
-    matrix, boundary = d.elastic.stiffness.getValues(rows, rows), d.boundary
+    matrix, boundary = d.stiffness.getValues(rows, rows), d.boundary
     held = [boundary.normal, boundary.tangents[:, :, 0]] if law else [boundary.normal]
     traces = np.zeros((len(held) * boundary.size, d.dofs))
     for number, direction in enumerate(held):

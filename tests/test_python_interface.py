@@ -3,6 +3,9 @@
 import inspect
 import pydoc
 import tempfile
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,7 +16,7 @@ from scipy.spatial import cKDTree
 from spaces import block
 
 import signorini_fx as sfx
-from signorini_fx import SceneError
+from signorini_fx import SceneError, effects
 from signorini_fx.results import plot
 
 COMM = MPI.COMM_SELF
@@ -49,6 +52,14 @@ def test_public_names_are_shown():
     text = pydoc.render_doc(sfx, renderer=pydoc.plaintext)
     missing = [name for name in sfx.__all__ if name not in text]
     assert not missing
+
+
+def test_every_effect_is_public():
+    """Each class that an entry of a scene is an object of."""
+    entries = [import_module(f"signorini_fx.effects.{module.name}").Entry for module in iter_modules(effects.__path__)]
+    kinds = [kind for entry in entries for kind in (get_args(entry.__origin__) if get_args(entry) else [entry])]
+    classes = {getattr(kind, "__origin__", kind).__name__ for kind in kinds}
+    assert {"Springs", "BilateralContact"} <= classes <= set(sfx.__all__)
 
 
 @pytest.mark.parametrize("name", sfx.__all__)

@@ -281,7 +281,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     """Data, sets, iterate and what is known of the outcome come back, each by itself."""
     given, rng = scene(text), np.random.default_rng(0)
     d = discretise(given, load_mesh(given, MPI.COMM_SELF), Timings())
-    tasks = [contact_task(d, d.boundary, History()) for _ in range(2)]
+    tasks = [contact_task(d, History()) for _ in range(2)]
     task = tasks[0]
     count, tangents = task.start.data.mu_hat.shape
     task.iterate.begin_step(task.start)
@@ -299,7 +299,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     newton.x.getArray()[free] = 1e-3 * rng.normal(size=np.count_nonzero(free))
     newton.pose(solved, sets)
     outcome = Outcome(Status.CONVERGED, newton, regularised, monolithic=True, augmented=True, regularisation_error=0.25)
-    result = SimpleNamespace(displacement=load_steps.from_rest(d, task.rest, outcome.displacement()))
+    result = SimpleNamespace(displacement=d.from_rest(task.rest, outcome.displacement()))
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
     Kept(stored, 0).store(d, task, start, outcome, result, LoadPath(given), Timings(), (0, 0, 0))

@@ -96,7 +96,7 @@ def test_table_1(turn, monkeypatch):
     monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
     scene = askew() if turn == "askew" else extruded(turn)
     discretisation = discretise(scene, scene.mesh, Timings())
-    task = contact_task(discretisation, discretisation.boundary, History())
+    task = contact_task(discretisation, History())
     found = []
     for gamma_n in TABLE["gamma_1"]:
         found.append([])

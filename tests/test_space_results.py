@@ -115,8 +115,8 @@ def test_where_forces_act_on_curved_facets():
     boundary = body.boundary
     rng = np.random.default_rng(3)
     pressure, shear = rng.uniform(size=boundary.size), rng.normal(size=(boundary.size, 2))
-    at_nodes = body.elastic.vector(np.zeros(body.fixed.size))
-    body.elastic.contact.add_forces(pressure, shear, at_nodes)
+    at_nodes = body.vector(np.zeros(body.fixed.size))
+    body.contact.add_forces(pressure, shear, at_nodes)
     forces = at_nodes.getArray().reshape(-1, 3)
     x = body.space.tabulate_dof_coordinates()
     expected = np.cross(x, forces).sum(axis=0)

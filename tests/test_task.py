@@ -20,7 +20,7 @@ from signorini_fx.solving.one_mesh import contact_task
 def task():
     scene = by_force(0.5, nx=9)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    return contact_task(d, d.boundary, History())
+    return contact_task(d, History())
 
 
 def outcome_of(task, start, **changes):

@@ -211,7 +211,7 @@ def disturbed(element, law, shake, length, force):
     scene = block(element, law, length, force)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     rng, stress = np.random.default_rng(3), force / length**2
-    y = d.elastic.function(d.elastic.stiffness.createVecRight())
+    y = d.function(d.stiffness.createVecRight())
     y.x.array[:] = length * shake(rng, y.x.array.shape)
     n = d.boundary.size
     tractions = (
@@ -259,7 +259,7 @@ def test_the_size_of_the_forces(element, linear_algebra):
     for length, force in [(1.0, 1.0), *UNITS]:
         scene = block(element, "none", length, force, linear_algebra=linear_algebra)
         d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-        task = contact_task(d, d.boundary, History())
+        task = contact_task(d, History())
         problem = task.iterate.newton.problem
         assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
         system, work = task.system, task.iterate.x.duplicate()
@@ -270,7 +270,7 @@ def test_the_size_of_the_forces(element, linear_algebra):
         forces = [(vector - lifted).getArray()[~system.fixed] for vector in (work, system.load)]
         forces = [np.linalg.norm(part) for part in forces]
         assert problem.force_scale == pytest.approx(max(forces), rel=1e-6)
-        diagonal = d.elastic.stiffness.getDiagonal().getArray()
+        diagonal = d.stiffness.getDiagonal().getArray()
         assert set(diagonal[d.fixed]) == {diagonal[~d.fixed].max()}
         found.append(
             (
@@ -371,7 +371,7 @@ def test_not_a_number_in_an_iterate(element):
     """
     scene = block(element)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     newton = task.iterate.newton
     newton.pose(task.start.data, task.start.sets)
     assert newton.problem.sets.contact.all()
@@ -393,7 +393,7 @@ def test_what_a_solve_cannot_do(linear_algebra, spoil, status):
     """A matrix that breaks down is told from numbers that were not finite before."""
     scene = example1(nx=6, ny=2, linear_algebra=linear_algebra)
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     spoil(task.system)
     with np.errstate(all="ignore"):
         assert task.iterate.newton.solve(task.start.data) is status
@@ -404,7 +404,7 @@ def test_what_a_solve_gives(value, status):
     """No number, of a matrix whose factorisation breaks down without a word; or more than forces can be computed of."""
     scene = example1(nx=6, ny=2, linear_algebra="full")
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, d.boundary, History())
+    task = contact_task(d, History())
     newton = task.iterate.newton
     newton.snes.getKSP().setPostSolve(lambda ksp, b, x: x.set(value))
     with np.errstate(all="ignore"):

@@ -131,7 +131,7 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[Inexa
     problem with the sets that follow from its last iterate.
     """
     discretisation = discretise(scene, load_mesh(scene, COMM), Timings())
-    task = contact_task(discretisation, discretisation.boundary, History())
+    task = contact_task(discretisation, History())
     newton, data, sets = task.iterate.newton, task.start.data, task.start.sets
     while True:
         status = newton.solve(data, sets, max_iterations=most_solves)

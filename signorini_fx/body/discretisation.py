@@ -12,12 +12,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.elastic import ElasticBody, system_size, vector_like
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
@@ -30,16 +27,12 @@ from signorini_fx.body.loads import (
     load_groups,
 )
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid import RigidMotions, rigid_motions, without_energy
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
-from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import FormError, MeshError, SceneError, together
-from signorini_fx.linalg.choice import SystemSize
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
@@ -52,100 +45,45 @@ from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
 
-@dataclass(frozen=True)
-class Discretisation:
-    """A scene on its mesh: all data of the body, and its elastic system, which is assembled when it is first needed.
+@dataclass(frozen=True, kw_only=True)
+class Discretisation(ElasticBody):
+    """A scene on its mesh: the elastic body that its effects make, and all data of it.
 
     Attributes:
         scene: the scene.
         tagged: the mesh.
-        space: vector Lagrange space Y_h of the displacement.
         lame: Lame parameters as coefficients of the forms.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
-        supports: the prescribed displacements, one component each.
-        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
+        supports: the prescribed displacements, one component each; ``bcs`` with their effects.
         applied: the loads, by their load factors.
-        boundary: the contact nodes; None for a scene without contact.
-        data: the regularised problem at these nodes, without shifts; None for a scene without contact.
+        data: the regularised problem at the contact points, without shifts; None for a scene without contact.
         law: the friction law; None where no law can act.
-        motions: motions without strain that the supports leave free.
-        inventory: what was compiled and assembled.
         resistance: what resists the displacement on the boundary.
-        turned: nodes with supports along no axis, for which ``fixed`` is told in their own frames; None: none.
     """
 
     scene: Scene
     tagged: TaggedMesh
-    space: fem.FunctionSpace
     lame: tuple[Any, Any]
     reduced: int | None
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]]
-    fixed: npt.NDArray[np.bool_]
     applied: tuple[AppliedLoad, ...]
-    boundary: ContactBoundary | None
     data: RegularisedData | None
     law: FrictionLaw | None
-    motions: RigidMotions
-    inventory: Inventory
     resistance: ResistanceForm
-    turned: TurnedNodes | None
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """The ranks that share the body."""
-        comm: MPI.Comm = self.tagged.mesh.comm
-        return comm
 
     @property
     def scales(self) -> Scales:
         """What its lengths and stresses are compared with."""
         return Scales(self.tagged.dimension, self.scene.young, self.tagged.size)
 
-    @property
-    def dofs(self) -> int:
-        """Global number of displacement unknowns."""
-        index_map = self.space.dofmap.index_map
-        return int(index_map.size_global * self.space.dofmap.index_map_bs)
-
     def factors(self, place: float) -> npt.NDArray[np.float64]:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
         return np.array([factor_at(load.factors, place) for load in self.applied])
 
     @cached_property
-    def at_contact(self) -> FreeMotions | None:
-        """The free motions at the contact nodes; None for a scene without contact."""
-        return None if self.boundary is None else self.motions.at(self.boundary)
-
-    @property
-    def system_size(self) -> SystemSize:
-        """The figures that decide which kind of elastic system it gets; collective."""
-        compressible = max(material.poisson for material in self.scene.material) <= LARGEST_MULTIGRID_POISSON
-        return system_size(self.space, self.boundary, self.at_contact, compressible=compressible)
-
-    @cached_property
-    def forms(self) -> tuple[fem.Form, ...]:
-        """The terms of a(., .), compiled when they are first needed; collective."""
-        y, z, mesh = ufl.TrialFunction(self.space), ufl.TestFunction(self.space), self.space.mesh
-        degree = elastic_degree(mesh.topology.cell_name(), self.scene.element.degree, compat.geometry_degree(mesh))
-        terms = elastic_forms(y, z, *self.lame, degree, self.reduced)
-        compiled = self.inventory.compile
-        found = [compiled(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
-        return (*found, *([] if self.resistance.form is None else [self.resistance.form]))
-
-    @cached_property
-    def elastic(self) -> ElasticBody:
-        """The elastic system, assembled when it is first needed; collective."""
-        self.inventory.matrices.append("stiffness")
-        bcs = [support for _, support in self.supports]
-        aligned = self.scene.solver.algorithm == "exact"
-        return ElasticBody.assembled(
-            self.space, self.forms, bcs, self.fixed, self.motions, self.boundary, self.turned, aligned=aligned
-        )
-
-    @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
         """The right-hand sides of the applied loads, in their order; collective."""
-        return tuple(self.elastic.case(load.forces, load.prescribed) for load in self.applied)
+        return tuple(self.case(load.forces, load.prescribed) for load in self.applied)
 
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
@@ -207,11 +145,6 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         boundary = foundations.boundary(shapes, fixed, turned) if on else None
-        motions = rigid_motions(space, fixed.reshape(-1, tagged.dimension), pieces, turned)
-        if resistance.form is not None and motions.free.shape[1]:
-            matrix = fem_petsc.assemble_matrix(resistance.form)
-            matrix.assemble()
-            motions = without_energy(motions, matrix, partial(vector_like, matrix))
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, scene, tagged),
@@ -223,10 +156,39 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             boundary.aligned()
         natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
+    resists = () if resistance.form is None else (resistance.form,)
     return Discretisation(
-        *(scene, tagged, space, lame, reduced, supports, fixed, tuple(applied)),
-        *(boundary, data, law, motions, inventory, resistance, turned),
+        space=space,
+        terms=lambda: (*_elastic(space, lame, reduced, inventory), *resists),
+        resists=resists,
+        bcs=[support for _, support in supports],
+        turned=turned,
+        fixed=fixed,
+        pieces=pieces,
+        boundary=boundary,
+        settings=scene.solver,
+        inventory=inventory,
+        compressible=max(material.poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
+        scene=scene,
+        tagged=tagged,
+        lame=lame,
+        reduced=reduced,
+        supports=supports,
+        applied=tuple(applied),
+        data=data,
+        law=law,
+        resistance=resistance,
     )
+
+
+def _elastic(
+    space: fem.FunctionSpace, lame: tuple[Any, Any], reduced: int | None, inventory: Inventory
+) -> list[fem.Form]:
+    """The terms of a(., .) of the material, compiled; collective."""
+    y, z, mesh = ufl.TrialFunction(space), ufl.TestFunction(space), space.mesh
+    cell, element = mesh.topology.cell_name(), space.element.basix_element.degree
+    terms = elastic_forms(y, z, *lame, elastic_degree(cell, element, compat.geometry_degree(mesh)), reduced)
+    return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
 
 
 def foundations_of(scene: Scene, facets: Sequence[npt.NDArray[np.int32]]) -> list[Foundation]:

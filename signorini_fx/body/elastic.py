@@ -1,123 +1,175 @@
-"""The elastic system of a symmetric form with supports and contact points: stiffness, load cases and contact map.
+"""The elastic body: a symmetric form with supports and contact points, assembled and made a contact problem.
 
-It is the same for the forms of a scene and for those of a user.
+The forms of a scene and those of a user take this one way into the core.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import action
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.body.rigid import RigidMotions, nearest_motion
+from signorini_fx.body.pieces import Pieces
+from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
+from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.linalg.choice import SystemSize
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.method import Settings
+from signorini_fx.records import History, Inventory
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.tuned import FINER_LEVELS
 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ElasticBody:
     """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
 
+    Each of its parts is compiled and assembled when it is first needed, which is collective.
+
     Attributes:
         space: Y_h, of the displacement.
-        forms: the compiled terms of a(., .).
-        fixed: which unknowns of this rank are prescribed, shape (owned dofs,).
-        motions: the rigid motions that are free.
+        terms: gives the compiled terms of a(., .).
+        resists: the terms that may resist rigid motions; None: any of them may.
+        bcs: the supports along the axes.
+        turned: nodes with supports along no axis, for which ``fixed`` is given in their own frames; None: there are
+            none.
+        fixed: which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,).
+        pieces: into which the mesh falls.
         boundary: the contact points; None: there are none.
-        turned: nodes with supports along no axis; None: there are none.
-        stiffness: a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on
-            their diagonal.
-        rotation: Q from the unknowns of the stiffness to displacements; None: they are the same.
+        settings: how it is to be solved.
+        inventory: what was compiled and assembled.
+        compressible: whether the material is far enough from incompressible for multigrid.
     """
 
     space: fem.FunctionSpace
-    forms: tuple[fem.Form, ...]
-    fixed: npt.NDArray[np.bool_]
-    motions: RigidMotions
-    boundary: ContactBoundary | None
+    terms: Callable[[], Sequence[fem.Form]]
+    resists: Sequence[fem.Form] | None
+    bcs: Sequence[fem.DirichletBC]
     turned: TurnedNodes | None
-    stiffness: PETSc.Mat
-    rotation: PETSc.Mat | None
+    fixed: npt.NDArray[np.bool_]
+    pieces: Pieces
+    boundary: ContactBoundary | None
+    settings: SolverSettings
+    inventory: Inventory
+    compressible: bool = True
 
-    @classmethod
-    def assembled(
-        cls,
-        space: fem.FunctionSpace,
-        forms: tuple[fem.Form, ...],
-        bcs: Sequence[fem.DirichletBC],
-        fixed: npt.NDArray[np.bool_],
-        motions: RigidMotions,
-        boundary: ContactBoundary | None = None,
-        turned: TurnedNodes | None = None,
-        *,
-        aligned: bool = False,
-    ) -> ElasticBody:
-        """Assemble the stiffness; collective.
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
 
-        Args:
-            space: see above.
-            forms: see above.
-            bcs: the supports along the axes.
-            fixed: what these and those of ``turned`` prescribe.
-            motions: see above.
-            boundary: see above.
-            turned: see above.
-            aligned: whether each component of a relative displacement must be an unknown, as without regularisation.
+    @property
+    def dimension(self) -> int:
+        """D, of space."""
+        return int(self.space.mesh.geometry.dim)
 
-        Raises:
-            SceneError: that is impossible, see ``ContactBoundary.aligned``.
-        """
-        owned = space.dofmap.index_map.size_local
+    @property
+    def dofs(self) -> int:
+        """Global number of displacement unknowns."""
+        return int(self.space.dofmap.index_map.size_global) * self.dimension
+
+    @cached_property
+    def forms(self) -> tuple[fem.Form, ...]:
+        """The compiled terms of a(., .)."""
+        return tuple(self.terms())
+
+    @cached_property
+    def motions(self) -> RigidMotions:
+        """The motions without strain that supports, and what else resists them, leave free."""
+        motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
+        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
+            return motions
+        if self.resists is None:
+            return without_energy(motions, self.stiffness, self.vector)
+        matrix = _sum_of(self.resists, [])
+        return without_energy(motions, matrix, partial(vector_like, matrix))
+
+    @cached_property
+    def at_contact(self) -> FreeMotions | None:
+        """The free motions at the contact points; None: there are none."""
+        return None if self.boundary is None else self.motions.at(self.boundary)
+
+    @property
+    def system_size(self) -> SystemSize:
+        """The figures that decide which kind of elastic system it gets."""
+        retained, held = 0, False
+        if self.boundary is not None and self.at_contact is not None:
+            reached = np.array(np.unique(self.boundary.reached).size)
+            retained = self.dimension * int(parallel.global_sum(self.comm, reached))
+            everywhere: Any = self.boundary.points.everywhere
+            held = self.at_contact.held_by(everywhere, everywhere)
+        return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible)
+
+    @cached_property
+    def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
+        """``stiffness`` and ``rotation``."""
+        self.inventory.matrices.append("stiffness")
+        owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[own := turned.nodes < owned], turned.frames[own])]
+        aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
         if aligned and boundary is not None and (found := boundary.aligned()) is not None:
             frames.append(found)
-        conditions = [] if frames else list(bcs)
-        stiffness = fem_petsc.assemble_matrix(forms[0], conditions, 0.0)
-        for form in forms[1:]:
-            stiffness.assemble()
-            fem_petsc.assemble_matrix(stiffness, form, conditions, 0.0)  # type: ignore[arg-type]
-        stiffness.assemble()
+        stiffness = _sum_of(self.forms, [] if frames else self.bcs)
         rotation = None
         if frames:
             rotation = block_rotation(stiffness, frames)
             stiffness = stiffness.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]
-            stiffness.zeroRowsColumns((first + np.flatnonzero(fixed)).astype(PETSc.IntType), diag=0.0)
+            stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
-        values[fixed] = parallel.global_max(space.mesh.comm, parallel.local_max(values)) or 1.0
+        values[self.fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
         stiffness.setDiagonal(diagonal)
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
-        return cls(space, forms, fixed, motions, boundary, turned, stiffness, rotation)
+        return stiffness, rotation
+
+    @property
+    def stiffness(self) -> PETSc.Mat:
+        """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
+        diagonal.
+
+        Raises:
+            SceneError: ``exact`` cannot be used, see ``ContactBoundary.aligned``.
+        """
+        return self._assembled[0]
+
+    @property
+    def rotation(self) -> PETSc.Mat | None:
+        """Q from the unknowns of the stiffness to displacements; None: they are the same."""
+        return self._assembled[1]
 
     @cached_property
     def contact(self) -> ContactMap:
-        """B from the unknowns of the stiffness; collective."""
-        return contact_map(self.boundary, self.fixed, self.stiffness, self.rotation, self.space.mesh.geometry.dim)
+        """B from the unknowns of the stiffness."""
+        return contact_map(self.boundary, self.fixed, self.stiffness, self.rotation, self.dimension)
 
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
-        dimension, (least, most) = self.space.mesh.geometry.dim, FINER_LEVELS
+        dimension, (least, most) = self.dimension, FINER_LEVELS
         found = MeshLevel(self.space, self.fixed, self.rotation, self.motions, coarser, solved)
         while found.coarser is not None and found.dofs < least**dimension * found.coarser.dofs:
             found.coarser = found.coarser.coarser
@@ -137,7 +189,7 @@ class ElasticBody:
             forces: L at the owned dofs, shape (owned dofs,).
             prescribed: zero, with the prescribed displacements put in.
         """
-        comm, dim = self.space.mesh.comm, self.space.mesh.geometry.dim
+        comm, dim = self.comm, self.dimension
         given, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
         lifted, start = forces, self.vector(given)
         if parallel.any_rank(comm, bool(moved.any())):
@@ -152,6 +204,68 @@ class ElasticBody:
         load.getArray()[self.fixed] = (diagonal * start.getArray(readonly=True))[self.fixed]
         return LoadCase(load, start, self.motions.load_of(forces, comm))
 
+    def task(
+        self,
+        cases: Sequence[LoadCase],
+        factors: Array,
+        data: RegularisedData,
+        law: FrictionLaw | None,
+        natural_gamma: float,
+        history: History,
+        *,
+        has_coulomb: bool,
+        coarser: MeshLevel | None = None,
+        allowed: Callable[[fem.Function], float] | None = None,
+    ) -> Task:
+        """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
+
+        Args:
+            cases: loads and prescribed displacements.
+            factors: of each of them to begin with.
+            data: gap and bilateral contact at the contact points.
+            law: of friction; None: there is none.
+            natural_gamma: see ``Task``.
+            history: records.
+            has_coulomb: see ``Task``.
+            coarser: coarser meshes for multigrid.
+            allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
+                that of the settings, relative to the energy norm of the displacement.
+        """
+        assert self.at_contact is not None
+        system, reason = choose_system(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
+        system.set_load(factors)
+        share = self.settings.regularisation_error
+
+        def goal(x: PETSc.Vec) -> float:
+            y = system.displacement(x)
+            return float(share) * self.energy_norm(y) if allowed is None else allowed(self.function(y))
+
+        return Task.of(
+            system,
+            self.at_contact,
+            data.gap,
+            law,
+            bilateral=data.bilateral,
+            settings=Settings.of(self.settings),
+            natural_gamma=natural_gamma,
+            has_coulomb=has_coulomb,
+            history=history,
+            linear_algebra=reason,
+            goal=goal,
+        )
+
+    def state(self, task: Task, outcome: Outcome, start: Start) -> ContactState:
+        """The contact points in a result of ``task``, see ``Task.contact``."""
+        assert self.boundary is not None
+        return ContactState.of(task.contact(outcome, start), self.boundary)
+
+    def from_rest(self, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
+        """A displacement that is counted from the resting place, converted to one from the initial position."""
+        function = self.function(displacement)
+        if rest is not None:
+            function.x.array[:] += self.motions.displacement(rest.motion).ravel()
+        return function
+
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
         if self.rotation is not None:
@@ -165,9 +279,9 @@ class ElasticBody:
 
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
-        y, dim = self.function(x), self.space.mesh.geometry.dim
-        forces = action(self.forms, y, np.arange(y.x.array.size // dim, dtype=np.int32))
-        twice = float(parallel.global_sum(self.space.mesh.comm, forces @ y.x.array[: forces.size]))
+        y = self.function(x)
+        forces = action(self.forms, y, np.arange(y.x.array.size // self.dimension, dtype=np.int32))
+        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
         return float(np.sqrt(max(0.0, twice)))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
@@ -191,21 +305,11 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
     return x
 
 
-def system_size(
-    space: fem.FunctionSpace, boundary: ContactBoundary | None, motions: FreeMotions | None, *, compressible: bool
-) -> SystemSize:
-    """The figures that decide which kind of elastic system a body gets; collective.
-
-    Args:
-        space: the displacements.
-        boundary: the contact points; None: there are none.
-        motions: the free rigid motions at these.
-        compressible: whether the material is far enough from incompressible for multigrid.
-    """
-    comm, dim = space.mesh.comm, int(space.dofmap.index_map_bs)
-    retained, held = 0, False
-    if boundary is not None and motions is not None:
-        retained = dim * int(parallel.global_sum(comm, np.array(np.unique(boundary.reached).size)))
-        everywhere: Any = boundary.points.everywhere
-        held = motions.held_by(everywhere, everywhere)
-    return SystemSize(comm, dim * int(space.dofmap.index_map.size_global), dim, retained, held, compressible)
+def _sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
+    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective."""
+    matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)
+    for form in forms[1:]:
+        matrix.assemble()
+        fem_petsc.assemble_matrix(matrix, form, list(bcs), 0.0)  # type: ignore[arg-type]
+    matrix.assemble()
+    return matrix

@@ -19,7 +19,7 @@ from signorini_fx.body.assembly import assemble
 from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.elastic import ElasticBody, system_size
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation
 from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.body.supports import prescribed
@@ -31,7 +31,6 @@ from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_o
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
-from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
@@ -232,7 +231,7 @@ class ContactProblem:
         if self._task.rest is not None:
             self.u.x.array[:] += self._fallen
         self._outcome = outcome
-        state = self._state = ContactState.of(self._task.contact(outcome, self._begun), self._boundary)
+        state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
         self.certificate = certify(
             self._a,
@@ -287,27 +286,15 @@ class ContactProblem:
                 self._start, rest = replace(self._start, data=data), None
             self._start, rest = carried(self._start, rest, self._boundary, boundary)
         self._boundary = boundary
-        elastic = self._elastic = elastic_body(
-            space, self._a, self.bcs, fixed[:owned], boundary, aligned=self.settings.algorithm == "exact"
-        )
+        elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
-        motions = elastic.motions.at(boundary)
-        size = system_size(space, boundary, motions, compressible=True)
-        elasticity = elastic.elasticity([self._case(values)])
-        system, reason = choose_system(elasticity, size, self.settings.linear_algebra)
-        data, law = self._point_data(shapes)
-        task = Task.of(
-            system,
-            motions,
-            data.gap,
-            law,
-            bilateral=data.bilateral,
-            settings=Settings.of(self.settings),
-            natural_gamma=self._scales.gamma,
+        task = elastic.task(
+            [self._case(values)],
+            np.ones(1),
+            *self._point_data(shapes),
+            self._scales.gamma,
+            self.history,
             has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
-            history=self.history,
-            linear_algebra=reason,
-            goal=self._goal,
         )
         if self._start is None:
             rest = task.rest
@@ -331,10 +318,6 @@ class ContactProblem:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self._data = self._foundations.data(shapes)
         return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)
-
-    def _goal(self, x: PETSc.Vec) -> float:
-        """The error allowed to path-following at an iterate, in the energy norm; collective."""
-        return float(self.settings.regularisation_error) * self._elastic.energy_norm(self._task.system.displacement(x))
 
 
 def carried(

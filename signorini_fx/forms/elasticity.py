@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from hashlib import blake2b
 from typing import Any
 
@@ -18,9 +17,10 @@ from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid import rigid_motions, without_energy
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
+from signorini_fx.scene.settings import SolverSettings
 
 Array = npt.NDArray[np.float64]
 # The part of a form that is not symmetric is round-off below this share of it.
@@ -43,21 +43,31 @@ def elastic_body(
     bcs: Sequence[fem.DirichletBC],
     fixed: npt.NDArray[np.bool_],
     boundary: ContactBoundary,
-    *,
-    aligned: bool,
+    settings: SolverSettings,
 ) -> ElasticBody:
-    """The elastic system of a user's form, see ``ElasticBody.assembled``; collective.
+    """The elastic body of a user's form, assembled, see ``ElasticBody``; collective.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
     """
-    motions = rigid_motions(space, fixed.reshape(-1, space.mesh.geometry.dim), find_pieces(space.mesh))
+    body = ElasticBody(
+        space=space,
+        terms=lambda: (a,),
+        resists=None,
+        bcs=bcs,
+        turned=None,
+        fixed=fixed,
+        pieces=find_pieces(space.mesh),
+        boundary=boundary,
+        settings=settings,
+        inventory=Inventory(),
+    )
     try:
-        body = ElasticBody.assembled(space, (a,), bcs, fixed, motions, boundary, aligned=aligned)
+        stiffness = body.stiffness
     except SceneError as error:
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
-    check_energy(body.stiffness)
-    return replace(body, motions=without_energy(motions, body.stiffness, body.vector))
+    check_energy(stiffness)
+    return body
 
 
 def check_energy(matrix: PETSc.Mat) -> None:
@@ -114,5 +124,5 @@ def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    bounds = body.motions.pieces.bounds.reshape(-1, dim)
+    bounds = body.pieces.bounds.reshape(-1, dim)
     return Scales(dim, float(weights / compliance), float(np.linalg.norm(np.ptp(bounds, axis=0))))

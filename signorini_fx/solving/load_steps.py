@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from dolfinx import fem
-from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
@@ -14,7 +13,6 @@ from signorini_fx.attempts import HALF, METHOD, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.resting_place import Rest
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
@@ -119,9 +117,8 @@ def _certified(
     """The result of a load step, with the certificate's verdict; its linear solves are not counted yet."""
     scene = discretisation.scene
     with timings.phase("certify"):
-        displacement = from_rest(discretisation, task.rest, outcome.displacement())
-        assert discretisation.boundary is not None
-        contact = ContactState.of(task.contact(outcome, start), discretisation.boundary)
+        displacement = discretisation.from_rest(task.rest, outcome.displacement())
+        contact = discretisation.state(task, outcome, start)
         certificate = certify(
             scene,
             discretisation.tagged,
@@ -173,11 +170,3 @@ def judged(status: Status, certificate: Certificate, deformation: Deformation, s
     if deformation.largest > scene.solver.largest_deformation:
         return Status.TOO_LARGE
     return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
-
-
-def from_rest(discretisation: Discretisation, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
-    """A displacement that is counted from the resting place, converted to one from the initial position."""
-    function = discretisation.elastic.function(displacement)
-    if rest is not None:
-        function.x.array[:] += discretisation.motions.displacement(rest.motion).ravel()
-    return function

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -15,7 +16,6 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import AGAIN, WITHOUT, Attempt
-from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
@@ -25,11 +25,10 @@ from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.state import functionals
-from signorini_fx.linalg import ElasticSystem, finite, options
+from signorini_fx.linalg import finite, options
 from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.method import Settings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
@@ -71,7 +70,7 @@ def solve_mesh(
     if discretisation.boundary is None:
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
-        task = contact_task(discretisation, discretisation.boundary, history, coarser)
+        task = contact_task(discretisation, history, coarser)
     start = task.start
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
@@ -90,7 +89,7 @@ def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisat
     start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
     if start is not None:
         if task.rest is not None:
-            start.axpy(-1.0, discretisation.elastic.vector(discretisation.motions.displacement(task.rest.motion)))
+            start.axpy(-1.0, discretisation.vector(discretisation.motions.displacement(task.rest.motion)))
         task.iterate.x.getArray()[free] = start.getArray(readonly=True)[free]
 
 
@@ -245,7 +244,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     steps: list[StepResult] = []
     with timings.phase("iterate"):
         requested = discretisation.scene.solver.linear_algebra
-        elasticity = discretisation.elastic.elasticity(discretisation.cases)
+        elasticity = discretisation.elasticity(discretisation.cases)
         system, linear_algebra = choose_system(elasticity, discretisation.system_size, requested)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
@@ -274,7 +273,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 if not finite(system.matrix) or not finite(system.load):
                     status = Status.NOT_FINITE
         with timings.phase("certify"):
-            displacement = discretisation.elastic.function(x)
+            displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=place)
             deformation = deformation_of(discretisation, displacement)
             status = judged(status, certificate, deformation, scene)
@@ -290,31 +289,23 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
     return replace(_solution(discretisation, steps, history, timings), linear_algebra=linear_algebra)
 
 
-def contact_task(
-    discretisation: Discretisation, boundary: ContactBoundary, history: History, coarser: MeshLevel | None = None
-) -> Task:
+def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None = None) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
-    d, scene, motions = discretisation, discretisation.scene, discretisation.at_contact
-    assert motions is not None and d.data is not None  # noqa: PT018
-    factors = d.factors(0)
-    sets, first_iteration = first_sets(scene, boundary)
-    elasticity = d.elastic.elasticity(d.cases, coarser)
-    system, reason = choose_system(elasticity, d.system_size, scene.solver.linear_algebra)
-    system.set_load(factors)
-    task = Task.of(
-        system,
-        motions,
-        d.data.gap,
+    assert d.boundary is not None
+    assert d.data is not None
+    factors, (sets, iteration) = d.factors(0), first_sets(d.scene, d.boundary)
+    task = d.task(
+        d.cases,
+        factors,
+        d.data,
         d.law,
-        bilateral=d.data.bilateral,
-        settings=Settings.of(scene.solver),
-        natural_gamma=d.scales.gamma,
-        has_coulomb=scene.has_coulomb,
-        history=history,
-        linear_algebra=reason,
-        goal=_goal(d, system),
+        d.scales.gamma,
+        history,
+        has_coulomb=d.scene.has_coulomb,
+        coarser=coarser,
+        allowed=_allowed(d),
     )
-    return replace(task, start=replace(task.start, sets=sets, iteration=first_iteration, factors=factors))
+    return replace(task, start=replace(task.start, sets=sets, iteration=iteration, factors=factors))
 
 
 def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
@@ -337,16 +328,10 @@ def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-def _goal(discretisation: Discretisation, system: ElasticSystem) -> Callable[[PETSc.Vec], float]:
-    """The regularisation error allowed for path-following at an iterate of the system, in the energy norm."""
-    requested = discretisation.scene.solver.regularisation_error
-    if discretisation.scene.solver.algorithm == "path-following" and requested == "auto":
-        recovery = StressRecovery(discretisation)
-        allowed = PATH_ERROR_SHARE[discretisation.scene.element.degree]
-
-        def error(x: PETSc.Vec) -> float:
-            return allowed * recovery.error(discretisation.elastic.function(system.displacement(x)).x.array)
-
-        return error
-
-    return lambda x: float(requested) * discretisation.elastic.energy_norm(system.displacement(x))
+def _allowed(d: Discretisation) -> Callable[[fem.Function], float] | None:
+    """The regularisation error allowed for path-following where it follows the estimated discretisation error."""
+    settings = d.scene.solver
+    if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
+        return None
+    recovery, share = StressRecovery(d), PATH_ERROR_SHARE[d.scene.element.degree]
+    return lambda y: share * recovery.error(y.x.array)

@@ -154,7 +154,7 @@ class Kept:
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        x, tangents = task.system.unknowns(d.elastic.unknowns(displacement)), d.boundary.tangents
+        x, tangents = task.system.unknowns(d.unknowns(displacement)), d.boundary.tangents
         direction = _along(nodal["direction"], tangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)

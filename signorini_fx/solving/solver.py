@@ -114,7 +114,7 @@ def _solved(
             nonlocal coarser
             history.move(mesh=level + 1, meshes=None, dofs=0)
             solved = solve_level(scene, comm, history, state, level, coarser)
-            coarser = solved.solution.discretisation.elastic.level(coarser)
+            coarser = solved.solution.discretisation.level(coarser)
             return solved
 
         return solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
@@ -184,7 +184,7 @@ def _solve_nested(
         kept = None if stored is None else Kept(stored, number)
         solved = solve_level(scene, comm, history, state, number, coarser, kept)
         solution, state = solved.solution, None
-        coarser = solution.discretisation.elastic.level(coarser, solution.displacement)
+        coarser = solution.discretisation.level(coarser, solution.displacement)
         if solution.converged:
             state = solution.steps[0].contact  # the next mesh begins with the same load step
             if number + 1 < len(scenes):
@@ -220,7 +220,7 @@ def solve_level(
         compliance = 0.0 if _is_shifted(data, comm) else 1 / data.gamma_n
         found.append(
             estimate_errors(
-                d, d.elastic.function(outcome.displacement()).x.array, step.strain_energy, table, step.place, compliance
+                d, d.function(outcome.displacement()).x.array, step.strain_energy, table, step.place, compliance
             )
         )
 

@@ -28,7 +28,6 @@ from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import as_scene
-from signorini_fx.solving.load_steps import from_rest
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
 
@@ -65,7 +64,7 @@ class SweepPoint:
         """The displacement of the whole body; collective, one back substitution."""
         system = self._problem.system
         system.set_load(self._load * self._discretisation.factors(0))
-        return from_rest(self._discretisation, self._rest, system.displacement(self._x))
+        return self._discretisation.from_rest(self._rest, system.displacement(self._x))
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
@@ -80,7 +79,7 @@ def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
     if large and isinstance(scene.mesh, MeshGenerator):
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
-            coarser = body.elastic.level(coarser)
+            coarser = body.level(coarser)
     return coarser
 
 
@@ -116,9 +115,8 @@ def sweep(
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
-    boundary, history = discretisation.boundary, History()
-    assert boundary is not None
-    task = contact_task(discretisation, boundary, history, _coarser(scene, discretisation))
+    history = History()
+    task = contact_task(discretisation, history, _coarser(scene, discretisation))
     begin, law = task.start, task.start.law
     points: list[SweepPoint] = []
     for value in (coefficients if coefficients is not None else loads) or ():
@@ -127,7 +125,7 @@ def sweep(
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
         outcome = solve_task(task, start)
-        contact, promised = ContactState.of(task.contact(outcome, start), boundary), Law(*task.promised(outcome))
+        contact, promised = discretisation.state(task, outcome, start), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
         own = scene if coefficients is None else _with_coefficient(scene, value)
