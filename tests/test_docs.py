@@ -271,6 +271,19 @@ def test_one_version():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     assert "version" not in project["project"]
     assert project["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "signorini_fx.__version__"
+    assert f'\n  version: "{version}"\n' in (ROOT / "conda-recipe" / "recipe.yaml").read_text(encoding="utf-8")
+
+
+def test_recipe_for_conda():
+    """It needs what pyproject.toml needs."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = [f"python {project['requires-python']}"]
+    extras = project["optional-dependencies"]
+    for one in project["dependencies"] + extras["meshes"] + extras["pictures"] + extras["completion"]:
+        needed.append(one.replace("matplotlib", "matplotlib-base").replace(">=", " >="))
+    recipe = (ROOT / "conda-recipe" / "recipe.yaml").read_text(encoding="utf-8")
+    run = recipe.partition("  run:\n")[2].partition("\n\n")[0]
+    assert set(needed) <= {line.removeprefix("    - ") for line in run.split("\n")}
 
 
 def test_everything_is_shipped():
