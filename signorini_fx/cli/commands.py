@@ -202,6 +202,10 @@ def check(options: argparse.Namespace) -> int:
         from signorini_fx.check.text import render
 
         found = check_scene(scene, comm)
+        if options.picture is not None:
+            from signorini_fx.check.setup import draw_setup
+
+            draw_setup(scene, comm, options.picture)
     except SignoriniError as error:
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
@@ -283,6 +287,13 @@ def mesh_file(options: argparse.Namespace) -> str:
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))
     info = mesh_info(read_file(options.file, size=options.size))
+    if options.picture is not None:
+        from mpi4py import MPI
+
+        from signorini_fx.check.setup import draw_mesh
+        from signorini_fx.scene.model import MeshFile
+
+        draw_mesh(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 

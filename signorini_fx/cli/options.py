@@ -136,6 +136,9 @@ def parser() -> argparse.ArgumentParser:
     for command in (convert, info):
         command.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
+    for command, what in drawn.items():
+        command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {what}: .png, .pdf or .svg")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
     completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")

@@ -1,0 +1,156 @@
+"""What a scene prescribes and where, as plain arrays for a picture, before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.errors import OutputError, cannot_be_written
+from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
+from signorini_fx.pictures.setup import Boundary, Setup
+from signorini_fx.scene.effect import Effect, Force
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.units import names_of
+
+_SUFFIXES = (".png", ".pdf", ".svg")
+Floats = npt.NDArray[np.float64]
+
+
+def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = "") -> Setup:
+    """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective.
+
+    Args:
+        tagged: its mesh.
+        scene: what acts; None: nothing.
+        title: of the picture.
+    """
+    mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
+    mesh.topology.create_connectivity(dim - 1, dim)
+    if dim == 2:
+        shown = _corners(tagged, 2, np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32))
+    else:
+        shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
+    acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
+    for one in () if scene is None else scene.of(Effect):
+        if one.where is not None and (one.acts or one.label == "contact"):
+            acting[one.where].append(one)
+    return Setup(
+        title,
+        parallel.rows_on_root(comm, shown),
+        tuple(_boundary(tagged, name, effects) for name, effects in acting.items()),
+        {} if scene is None else names_of(scene.model_dump(include={"units"}), dim),
+    )
+
+
+def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
+    """Draw a scene before it is solved, into a file whose suffix is .png, .pdf or .svg; collective.
+
+    Raises:
+        SceneError: the scene does not fit its mesh.
+        MeshError: the mesh cannot be read or generated.
+        OutputError: the file cannot be written.
+        PictureError: in space, PyVista is missing.
+    """
+    _draw(lambda: gather_setup(load_mesh(scene, comm), scene, scene.title), comm, file)
+
+
+def draw_mesh(mesh: MeshFile, comm: MPI.Comm, file: Path) -> None:
+    """Draw the mesh of a file with the names of its boundaries, see ``draw_setup``; collective."""
+    _draw(lambda: gather_setup(load_file(mesh, comm), title=Path(mesh.file).name), comm, file)
+
+
+def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
+    if file.suffix not in _SUFFIXES:
+        raise OutputError(f"{file}: a picture is .png, .pdf or .svg")
+    setup = gather()
+
+    def draw() -> None:
+        try:
+            setup.draw(file.with_suffix(""), (file.suffix,))
+        except OSError as error:
+            raise cannot_be_written(file, error) from None
+
+    parallel.on_root(comm, draw)
+
+
+def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> Floats:
+    """Corners of sides or cells along their perimeters, shape (n, k, d)."""
+    x, mesh = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64), tagged.mesh
+    cell = mesh.topology.cell_name()
+    order = [0, 1] if dim == 1 else [0, 1, 3, 2] if cell in ("quadrilateral", "hexahedron") else [0, 1, 2]
+    if not entities.size:  # dolfinx divides by their number
+        return np.empty((0, len(order), tagged.dimension))
+    return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
+
+
+@dataclass(frozen=True)
+class _Middles:
+    """The middles of facets as points of quadrature, one on each, see ``scene.effect.Points``."""
+
+    at: Floats
+    normal: Floats
+
+    @property
+    def displacement(self) -> Floats:
+        """None before the solve."""
+        return np.zeros_like(self.normal)
+
+    def value(self, value: Any) -> Floats:
+        """Shape (f, 1); UFL expressions, which only a compiled form could evaluate, count as nought."""
+        if hasattr(value, "ufl_shape"):
+            return np.zeros((len(self.at), 1))
+        return sample(value, in_space(self.at))[:, None]
+
+    def vector(self, values: tuple[Any, ...]) -> Floats:
+        """Shape (f, 1, d)."""
+        return np.stack([self.value(value) for value in values[: self.at.shape[1]]], axis=2)
+
+
+def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect]) -> Boundary:
+    """A boundary with what acts on it, on the first rank; collective."""
+    corners, normals = _sides(tagged, tagged.facets(name))
+    middles = corners.mean(axis=1)
+    on = _Middles(middles, normals[:, None])
+    load, moved = np.zeros_like(middles), np.zeros_like(middles)
+    held: dict[str, None] = {}
+    for one in acting:
+        if isinstance(one, Force):
+            load += one.density_at(on)[:, 0]
+        elif isinstance(one, PrescribedDisplacement):
+            held |= dict.fromkeys(one.given)
+            moved += on.vector(tuple(value or 0.0 for value in one.components))[:, 0]
+            moved += on.value(one.normal or 0.0) * normals
+    kinds = tuple(dict.fromkeys(one.label for one in acting))
+    corners, normals, load, moved = (
+        parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
+    )
+    return Boundary(name, kinds, corners, normals, load, moved, tuple(held))
+
+
+def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Corners of facets, in space counterclockwise as seen from outside, shape (f, k, d), and outward unit normals of
+    the plane through the first of them, shape (f, d).
+    """
+    mesh, dim = tagged.mesh, tagged.dimension
+    corners = _corners(tagged, dim - 1, facets)
+    along = corners[:, 1] - corners[:, 0]
+    if dim == 2:
+        normals = np.column_stack((along[:, 1], -along[:, 0]))
+    else:
+        normals = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+    inside = mesh.geometry.x[mesh.geometry.dofmap[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
+    inwards = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - inside) < 0
+    corners[inwards] = corners[inwards, ::-1]
+    normals[inwards] *= -1
+    return corners, np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])

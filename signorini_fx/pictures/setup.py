@@ -1,0 +1,333 @@
+"""What a scene prescribes and where: the mesh, boundaries with their names, loads, supports and contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import ListedColormap, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from signorini_fx.pictures.marks import draw_lengths
+from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, STYLE, Floats, finish, math_number, plain
+from signorini_fx.pictures.tones import thinned
+from signorini_fx.units import bracketed, labelled, unit
+
+_BODY, _NAMED, _OTHER = "#e4e4e4", "#8a8a8a", "#cc79a7"
+# By the label of an effect; another effect has the last colour above.
+_COLOURS = {"contact": ORANGE, "traction": BLUE, "displacement": "#009e73"}
+_LARGEST = 6.0  # width and height of the picture, inches
+_PIXELS = 240.0  # per inch, of a body in space
+_LONGEST = 0.13  # of an arrow, over the larger side of the picture
+_BESIDE = 0.02  # of the size of the body: arrows along the boundary are so far beside it
+_ARROWS, _SUPPORTS, _STROKES = 22.0, 34.0, 50.0  # at most so many of each along the larger side of the picture
+_FEW = 12  # facets of a boundary: each has an arrow
+_LIGHTER = 0.55  # share of white in the colours of facets, on which arrows are to be seen
+_VISIBLE = 0.02  # a load of less than this share of the largest one has no arrow
+_ABOVE = 5e-4  # of the size of the body: colours are so far in front of it
+_MOST_EDGES = 60_000  # of cells: more would be a black body
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A named boundary; it may have no facets.
+
+    Attributes:
+        name: in the mesh.
+        kinds: labels of the effects that act on it, such as ``traction``.
+        corners: of each facet, along its perimeter, length, shape (f, k, d).
+        normals: outward unit normals, shape (f, d).
+        load: force per area at the middle of each facet, with a load factor of 1, shape (f, d).
+        moved: the same of the prescribed displacement, length; nought where it is free.
+        held: names of the components of the displacement that are prescribed: x, y, z or normal.
+    """
+
+    name: str
+    kinds: tuple[str, ...]
+    corners: Floats
+    normals: Floats
+    load: Floats
+    moved: Floats
+    held: tuple[str, ...] = ()
+
+    @property
+    def middles(self) -> Floats:
+        """Of its facets, shape (f, d)."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @property
+    def colour(self) -> str:
+        """Of the effect that says most about it."""
+        first = [_COLOURS[kind] for kind in _COLOURS if kind in self.kinds]
+        return (first or [_OTHER if self.kinds else _NAMED])[0]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A body with its boundaries, as a scene or a mesh file has them.
+
+    Attributes:
+        title: any text.
+        polygons: corners of cells in the plane, or of facets of the outer surface in space, counterclockwise as seen
+            from outside, shape (m, k, d).
+        boundaries: those with a name.
+        units: for labels, see ``signorini_fx.units``.
+    """
+
+    title: str
+    polygons: Floats
+    boundaries: Sequence[Boundary]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return int(self.polygons.shape[2])
+
+    def draw(self, path_stem: str | Path, suffixes: Sequence[str] = BOTH) -> None:
+        """Write the picture.
+
+        Boundaries have the colour of what acts on them: orange contact, blue loads, green supports.  Arrows are loads
+        by their size, and prescribed displacements that are not nought; triangles point along the components
+        that are held, and strokes say that all are.
+
+        Args:
+            path_stem: where to write, without suffix.
+            suffixes: of the files to write.
+
+        Raises:
+            PictureError: in space, PyVista is missing.
+        """
+        with labelled(self.units), mpl.rc_context(STYLE):
+            figure, axes, flat, toward = self._plane() if self.dimension == 2 else self._space()
+            self._marks(axes, flat, toward)
+            self._legend(figure)
+            finish(figure, path_stem, plain(self.title), suffixes)
+
+    # --- the body ----------------------------------------------------------------------------------------------------
+
+    def _plane(self) -> tuple[Figure, Axes, Callable[[Any], Any], None]:
+        points = self.polygons.reshape(-1, 2)
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = high - low
+        aside = (0.17 if any(one.kinds for one in self.boundaries) else 0.05) * float(size.max())
+        low, high = low - aside, high + aside
+        width, height = (high - low) * _LARGEST / float((high - low).max())
+        figure = Figure(figsize=(max(width, 3.4), height + 0.8), layout="constrained")
+        axes = figure.subplots()
+        thin = 0.3 if len(self.polygons) <= _MOST_EDGES else 0.0
+        axes.add_collection(
+            PolyCollection(list(self.polygons), facecolor=_BODY, edgecolor="white" if thin else _BODY, linewidth=thin)
+        )
+        for one in self.boundaries:
+            if one.kinds:
+                axes.add_collection(LineCollection(list(one.corners), colors=one.colour, linewidths=2.2, zorder=4))
+            else:
+                axes.add_collection(LineCollection(list(one.corners), colors=_NAMED, linewidths=1.2, zorder=3))
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set(xlabel=f"$x${bracketed('length')}", ylabel=f"$y${bracketed('length')}")
+        axes.spines[:].set_visible(False)
+        return figure, axes, np.asarray, None
+
+    def _space(self) -> tuple[Figure, Axes, Callable[[Any], Any], Floats]:
+        """In perspective; the colours of the boundaries are those of their facets."""
+        from signorini_fx.pictures import offscreen, view
+        from signorini_fx.pictures.solid import Solid
+
+        colours = list(dict.fromkeys((_BODY, *(one.colour for one in self.boundaries if one.kinds))))
+        size = float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
+        patches = [(self.polygons, 0)]
+        patches += [
+            (one.corners + _ABOVE * size * one.normals[:, None], colours.index(one.colour))
+            for one in self.boundaries
+            if one.kinds
+        ]
+        points = np.concatenate([corners for corners, _ in patches])
+        k = points.shape[1]
+        polygons = np.arange(points.shape[0] * k).reshape(-1, k)
+        fan = np.concatenate([polygons[:, [0, j, j + 1]] for j in range(1, k - 1)])
+        colour = np.concatenate([np.full(len(corners), number) for corners, number in patches])
+        points = points.reshape(-1, 3)
+        body = Solid(
+            points,
+            fan,
+            np.repeat(np.tile(colour, k - 2)[:, None], 3, axis=1).astype(np.float64),
+            ListedColormap([_BODY, *(_lighter(one) for one in colours[1:]), _BODY]),
+            (-0.5, len(colours) + 0.5),
+            np.stack((polygons, np.roll(polygons, -1, axis=1)), axis=2).reshape(-1, 2)
+            if len(polygons) <= _MOST_EDGES
+            else np.empty((0, 2), dtype=np.int64),
+        )
+        seen = view.oblique()
+        around = 0.1 * np.ptp(self.polygons.reshape(-1, 3), axis=0).max()
+        shown = np.concatenate([points + around * step for step in (*np.eye(3), *-np.eye(3))])
+        camera = view.Camera.on(seen, shown)
+        inch = _LARGEST / (2 * float(camera.half.max()))
+        figure = Figure(figsize=(2 * inch * camera.half[0], 2 * inch * camera.half[1] + 0.8), layout="constrained")
+        axes = figure.subplots()
+        picture = offscreen.drawn(body, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
+        right, top = camera.half
+        axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
+        axes.set_axis_off()
+        draw_lengths(axes, self.polygons.reshape(-1, 3), camera.flat)
+        return figure, axes, camera.flat, seen.toward
+
+    # --- what is on it -----------------------------------------------------------------------------------------------
+
+    def _marks(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:
+        """Arrows, supports and names, on the sides that face the viewer."""
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        side = max(right - left, top - bottom)
+        points = self.polygons.reshape(-1, self.dimension)
+        size = float(np.ptp(points, axis=0).max())
+        largest = max((float(np.linalg.norm(one.load, axis=1).max(initial=0.0)) for one in self.boundaries), default=0)
+        farthest = max(
+            (float(np.linalg.norm(one.moved, axis=1).max(initial=0.0)) for one in self.boundaries), default=0
+        )
+        middle = flat(0.5 * (points.min(axis=0) + points.max(axis=0)))
+        self._hatch(axes, size)
+        for one in self.boundaries:
+            front = np.full(len(one.corners), True) if toward is None else one.normals @ toward > 0
+            hidden = not front.any()
+            front |= hidden
+            at, normals = one.middles[front], one.normals[front]
+            if not len(at):
+                continue
+            rows = thinned(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
+            for vectors, most, colour in ((one.load, largest, BLUE), (one.moved, farthest, _COLOURS["displacement"])):
+                if most > 0:
+                    self._arrows(
+                        axes, flat, at[rows], normals[rows], np.asarray(vectors[front][rows] / most), size, colour
+                    )
+            if one.held and not hidden and not one.moved.any():
+                rows = thinned(flat(at), side / _SUPPORTS)
+                _supports(axes, flat, at[rows], normals[rows], one.held, size)
+            color, line = INK if one.kinds else MUTED, ":" if hidden else "-"
+            self._name(axes, flat, one.name, at, normals, middle, side, color=color, linestyle=line)
+
+    def _arrows(
+        self,
+        axes: Axes,
+        flat: Callable[[Any], Any],
+        at: Floats,
+        normals: Floats,
+        vectors: Floats,
+        size: float,
+        colour: str,
+    ) -> None:
+        """Of vectors of length 1 at most; those into the body end at it, and the others begin there."""
+        into = np.einsum("ij,ij->i", vectors, normals) < -1e-12
+        along = np.abs(np.einsum("ij,ij->i", vectors, normals)) < 0.3 * np.linalg.norm(vectors, axis=1)
+        at = at + _BESIDE * size * along[:, None] * normals
+        for place, vector, inwards in zip(at, _LONGEST * size * vectors, into, strict=True):
+            if np.linalg.norm(vector) < _VISIBLE * _LONGEST * size:
+                continue
+            start, end = (place - vector, place) if inwards else (place, place + vector)
+            style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
+            arrow = {**style, "mutation_scale": 8}
+            axes.annotate("", flat(end), flat(start), arrowprops=arrow, annotation_clip=False, zorder=6)
+
+    def _name(
+        self,
+        axes: Axes,
+        flat: Callable[[Any], Any],
+        name: str,
+        at: Floats,
+        normals: Floats,
+        middle: Floats,
+        side: float,
+        *,
+        color: str,
+        linestyle: str,
+    ) -> None:
+        """Next to the facet in the middle of the boundary: in the plane within the body, where there are no arrows."""
+        places = flat(at)
+        row = int(np.argmin(np.linalg.norm(at - at.mean(axis=0), axis=1)))
+        away = flat(at[row] + 1e-3 * normals[row] * side) - places[row]
+        if np.linalg.norm(away) < 3e-4 * side:
+            away = places[row] - middle
+        away = away / (float(np.linalg.norm(away)) or 1.0) * (-1 if self.dimension == 2 else 1)
+        line = {"color": MUTED, "linewidth": 0.6, "linestyle": linestyle, "shrinkA": 1, "shrinkB": 0}
+        axes.annotate(
+            plain(name),
+            places[row],
+            (8.0 if self.dimension == 2 else 30.0) * away,
+            textcoords="offset points",
+            ha="right" if away[0] < -0.5 else "left" if away[0] > 0.5 else "center",
+            va="top" if away[1] < -0.5 else "bottom" if away[1] > 0.5 else "center",
+            fontsize=8.5,
+            color=color,
+            arrowprops={"arrowstyle": "-", **line} if self.dimension == 3 else None,
+            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
+            annotation_clip=False,
+            zorder=8,
+        )
+
+    def _hatch(self, axes: Axes, size: float) -> None:
+        """In the plane, strokes on the outer side of contact boundaries, where the foundation is."""
+        for one in self.boundaries:
+            if self.dimension == 3 or "contact" not in one.kinds or not len(one.corners):
+                continue
+            rows = thinned(one.middles, size / _STROKES) if len(one.corners) > _FEW else np.arange(len(one.corners))
+            start, out = one.middles[rows], one.normals[rows]
+            end = start + 0.025 * size * (out + 0.8 * np.column_stack((out[:, 1], -out[:, 0])))
+            strokes = LineCollection(list(np.stack((start, end), axis=1)), colors=ORANGE, linewidths=0.8, zorder=4)
+            axes.add_collection(strokes)
+
+    def _largest(self, vectors: str) -> float:
+        """The length of the largest of all vectors."""
+        sizes = [np.linalg.norm(getattr(one, vectors), axis=1).max(initial=0.0) for one in self.boundaries]
+        return float(max(sizes, default=0.0))
+
+    def _legend(self, figure: Figure) -> None:
+        """What the colours mean, and how large the longest arrows are."""
+        told = {}
+        for one in self.boundaries:
+            for kind in one.kinds:
+                told[kind] = _COLOURS.get(kind, _OTHER)
+        handles: list[Any] = [Line2D([], [], color=colour, linewidth=2.2, label=kind) for kind, colour in told.items()]
+        for vectors, kind, quantity in (("load", "traction", "stress"), ("moved", "displacement", "length")):
+            if largest := self._largest(vectors):
+                text = f"longest arrow: ${math_number(float(f'{largest:.3g}'))}$ {plain(unit(quantity))}".rstrip()
+                line = Line2D([], [], color=_COLOURS[kind], linewidth=1.1, marker=">", markersize=4, label=text)
+                handles.append(line)
+        if handles:
+            figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 3))
+
+
+def _lighter(colour: str) -> tuple[float, ...]:
+    return tuple(_LIGHTER + (1 - _LIGHTER) * share for share in to_rgb(colour))
+
+
+def _supports(
+    axes: Axes, flat: Callable[[Any], Any], at: Floats, normals: Floats, held: Sequence[str], size: float
+) -> None:
+    """A triangle along each component that is held, outside of the body; strokes where all are."""
+    long, wide = 0.028 * size, 0.011 * size
+    clamped = len(held) == at.shape[1]
+    place: Any
+    normal: Any
+    for place, normal in zip(at, normals, strict=True):
+        for name in held[:1] if clamped else held:
+            along = -normal if clamped or name == "normal" else np.eye(len(normal))["xyz".index(name)]
+            if along @ normal > 0:
+                along = -along
+            ends = np.stack([flat(place), flat(place - long * along)])
+            back = ends[1] - ends[0]
+            across = np.array([-back[1], back[0]])
+            if not (far := float(np.linalg.norm(across))) > 0:
+                continue
+            across *= wide / far
+            if clamped:
+                ends[1] += 2.0 * across
+                axes.plot(*ends.T, color=_COLOURS["displacement"], linewidth=0.9, zorder=5)
+            else:
+                triangle = np.stack((ends[0], ends[1] + across, ends[1] - across))
+                axes.fill(*triangle.T, facecolor="white", edgecolor=_COLOURS["displacement"], linewidth=0.9, zorder=5)

@@ -1,0 +1,140 @@
+"""Pictures of a scene before it is solved: what acts where, on any number of ranks."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import example1
+
+from signorini_fx import cli
+from signorini_fx.check.setup import gather_setup
+from signorini_fx.mesh.tagged import generate_mesh, load_mesh
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+BOX = {
+    "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "hexahedron"}},
+    "material": {"young": 1.0, "poisson": 0.3},
+    "traction": [{"boundary": "top", "pressure": 2.0, "x": "x[1]"}, {"boundary": "right", "x": 0.0}],
+    "displacement": [
+        {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        {"boundary": "back", "normal": 0.0},
+        {"boundary": "front", "y": 0.5},
+    ],
+    "springs": [{"boundary": "right", "normal": 3.0}],
+    "contact": [{"boundary": "bottom"}],
+}
+
+
+def areas(corners):
+    """Of straight segments, or of plane facets."""
+    if corners.shape[2] == 2:
+        return np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    around = corners - corners.mean(axis=1, keepdims=True)
+    return np.linalg.norm(np.cross(around, np.roll(around, -1, axis=1)).sum(axis=1) / 2, axis=1)
+
+
+@pytest.mark.mpi
+def test_in_the_plane():
+    """Forces, normals and supports of Example 1; what is nought does not act."""
+    scene = parse_scene(example1(bound=1.5))
+    setup = gather_setup(load_mesh(scene, COMM), scene, "Example 1")
+    if COMM.rank > 0:
+        assert not len(setup.polygons)
+        return
+    assert areas_of_cells(setup.polygons) == pytest.approx(3.0)
+    by_name = {one.name: one for one in setup.boundaries}
+    assert {name: one.kinds for name, one in by_name.items()} == {
+        "left": ("displacement",),
+        "right": ("displacement",),
+        "top": ("traction",),
+        "bottom": ("contact",),
+    }
+    assert by_name["left"].held == ("x",)
+    assert not by_name["left"].moved.any()
+    top = by_name["top"]
+    np.testing.assert_allclose(top.normals, np.broadcast_to([0, 1], top.normals.shape), atol=1e-15)
+    np.testing.assert_allclose(areas(top.corners) @ top.load, [0, -20], atol=1e-12)
+
+
+def areas_of_cells(polygons):
+    """The area of polygons of the plane, whose corners are in order."""
+    x, y = np.moveaxis(polygons, 2, 0)
+    return np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2).sum()
+
+
+@pytest.mark.mpi
+def test_in_space():
+    """Loads of several entries add up; the surface is seen from outside."""
+    scene = parse_scene(BOX)
+    setup = gather_setup(load_mesh(scene, COMM), scene)
+    if COMM.rank > 0:
+        return
+    by_name = {one.name: one for one in setup.boundaries}
+    assert by_name["right"].kinds == ("springs",)
+    assert by_name["left"].held == ("x", "y", "z")
+    assert by_name["back"].held == ("normal",)
+    np.testing.assert_array_equal(by_name["front"].moved, np.broadcast_to([0, 0.5, 0], by_name["front"].moved.shape))
+    top = by_name["top"]
+    np.testing.assert_allclose(
+        top.load, np.column_stack((top.middles[:, 1], 0 * top.load[:, 0], 0 * top.load[:, 0] - 2))
+    )
+    low, high = setup.polygons.min(axis=(0, 1)), setup.polygons.max(axis=(0, 1))
+    # The volume by the divergence theorem: counterclockwise from outside.
+    around = setup.polygons - setup.polygons.mean(axis=1, keepdims=True)
+    moments = np.cross(around, np.roll(around, -1, axis=1)).sum(axis=1) / 2
+    volume = np.einsum("ij,ij->", moments, setup.polygons.mean(axis=1)) / 3
+    assert volume == pytest.approx(np.prod(high - low))
+
+
+def test_curved_and_in_pieces():
+    """Normals point away from the body wherever it is curved, inwards at a hole."""
+    tagged = generate_mesh("plate_with_hole", {}, MPI.COMM_SELF)
+    hole = next(one for one in gather_setup(tagged).boundaries if one.name == "hole")
+    middles = hole.middles
+    assert (np.einsum("ij,ij->i", hole.normals, middles) < -0.9 * np.linalg.norm(middles, axis=1)).all()
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_commands(tmp_path, capsys, suffix):
+    """``check`` and ``mesh-info`` draw, and their text is what it is without a picture."""
+    body = tmp_path / "body.geo"
+    body.write_text(
+        "Point(1) = {0,0,0}; Point(2) = {2,0,0}; Point(3) = {0,1,0}; Line(1) = {1,2}; Line(2) = {2,3}; Line(3) = {3,1};"
+        'Curve Loop(1) = {1:3}; Plane Surface(1) = {1}; Physical Curve("$foot") = {1}; Physical Curve("back") = {3};'
+    )
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'title = "costs $5"\n[mesh]\nfile = "body.geo"\n[material]\nyoung = 1.0\npoisson = 0.3\n'
+        '[[displacement]]\nboundary = "back"\nx = 0.0\ny = 0.0\n[[contact]]\nboundary = "$foot"\n'
+        '[units]\nlength = "mm"\n'
+    )
+    for command in (["check", str(scene)], ["mesh-info", str(body)]):
+        picture = tmp_path / f"{command[0]}.{suffix}"
+        assert cli.main(command) == 0
+        text = capsys.readouterr().out
+        assert cli.main([*command, "--picture", str(picture)]) == 0
+        assert capsys.readouterr().out == text
+        assert picture.stat().st_size > 5000
+    if suffix == "svg":
+        drawn = (tmp_path / "check.svg").read_text()
+        assert all(f"<!-- {name} -->" in drawn for name in ("contact", "displacement", "back", "$x$ (mm)"))
+    assert cli.main([*command, "--picture", str(tmp_path / "mesh.bmp")]) == 2
+    assert "mesh.bmp: a picture is .png, .pdf or .svg" in capsys.readouterr().err
+    assert cli.main([*command, "--picture", str(tmp_path / "body.geo" / "mesh.png")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_body_in_space_is_drawn(tmp_path):
+    """With hidden boundaries, names and arrows."""
+    from matplotlib.image import imread
+
+    setup = gather_setup(load_mesh(parse_scene(BOX), MPI.COMM_SELF), parse_scene(BOX))
+    setup.draw(tmp_path / "box", (".png",))
+    seen = imread(tmp_path / "box.png")[..., :3].reshape(-1, 3)
+
+    def share(colour):
+        return (np.abs(seen - np.array(colour)).max(axis=1) < 0.08).mean()
+
+    assert share((0.0, 0.447, 0.698)) > 1e-3  # arrows
+    assert share((0.0, 0.62, 0.45)) > 2e-4  # supports
+    assert share((1.0, 1.0, 1.0)) < 0.9
