@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pydantic
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from myst_parser.parsers.sphinx_ import MystParser
@@ -50,6 +51,8 @@ autodoc_member_order = "bysource"
 autodoc_class_signature = "separated"
 autodoc_typehints = "none"
 napoleon_use_ivar = True
+# Without mpi4py the arguments of a generator cannot be validated.
+pydantic.validate_call = lambda **_: lambda function: function
 # Pygments does not know gmsh's language; a link to a folder is for readers of the repository. The tests check links.
 suppress_warnings = ["misc.highlighting_failure", "myst.xref_missing"]
 nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstrings
@@ -64,7 +67,8 @@ class DemoParser(MystParser):
         """Parse the Markdown that the script makes."""
         name = Path(document["source"]).stem
         gallery = _ROOT / "docs" / "images" / "gallery"
-        drawn = [one for one in (f"{name}_body.png", f"{name}.png") if (gallery / one).exists()]
+        shown = (f"{name}_body.png", f"{name}.png") if Path(document["source"]).parent == _ROOT / "demos" else ()
+        drawn = [one for one in shown if (gallery / one).exists()]
         pictures = "".join(f"\n![Result](../docs/images/gallery/{one})\n" for one in drawn)
         super().parse(as_markdown(inputstring) + pictures, document)
 
