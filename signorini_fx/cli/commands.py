@@ -19,6 +19,7 @@ from signorini_fx.errors import InstallationError, OutputError, SceneError, Sign
 from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
+    from signorini_fx.mesh.files.arrays import MeshArrays
     from signorini_fx.results.solution import Solution
     from signorini_fx.scene.model import Scene
 
@@ -284,6 +285,8 @@ def mesh_file(options: argparse.Namespace) -> str:
             if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
                 raise OutputError(f"{target}: already exists: give another name, or remove it")
         mesh = read_file(options.source, size=options.size)
+        if options.target.suffix.lower() == ".toml":
+            return _scene_draft(options.source, mesh, options.target)
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))
     info = mesh_info(read_file(options.file, size=options.size))
@@ -295,6 +298,21 @@ def mesh_file(options: argparse.Namespace) -> str:
 
         draw_mesh(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
+
+
+def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> str:
+    """Write the draft of a scene from an Abaqus deck; what it has and what it has not."""
+    from signorini_fx.mesh.files.abaqus_scene import draft
+
+    if source.suffix.lower() != ".inp":
+        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
+    text, left_out = draft(source, mesh, target)
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise cannot_be_written(target, error) from None
+    lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
+    return "\n".join([*lines, *(f"left out: {one}" for one in left_out)])
 
 
 def completion(options: argparse.Namespace) -> str:

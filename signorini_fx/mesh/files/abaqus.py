@@ -24,6 +24,7 @@ _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
+_WITHOUT_STIFFNESS = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT")
 _KIND_IN_SPACE = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
 # Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
 _FACES: dict[str, tuple[Corners, ...]] = {
@@ -61,7 +62,7 @@ def _kind(element: str) -> tuple[str, int]:
 
 
 @dataclass
-class _Block:
+class Block:
     """A keyword with its parameters, its line in the file, and its data lines split at commas."""
 
     keyword: str
@@ -70,9 +71,9 @@ class _Block:
     rows: list[list[str]] = field(default_factory=list)
 
 
-def _blocks(text: str) -> Iterator[_Block]:
+def blocks(text: str) -> Iterator[Block]:
     """The keywords one after the other."""
-    block: _Block | None = None
+    block: Block | None = None
     joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that is continued
     following = 1
     for whole in joined.split("\n"):
@@ -86,7 +87,7 @@ def _blocks(text: str) -> Iterator[_Block]:
             first, *others = (word.strip() for word in line[1:].split(","))
             pairs = (word.partition("=") for word in others)
             parameters = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
-            block = _Block(" ".join(first.upper().split()), parameters, number)
+            block = Block(" ".join(first.upper().split()), parameters, number)
         elif block is not None:
             block.rows.append([word for word in (part.strip().strip('"') for part in line.split(",")) if word])
     if block is not None:
@@ -110,6 +111,7 @@ class _Reader:
         self.points: dict[int, list[float]] = {}
         self.blocks: list[tuple[str, list[list[int]]]] = []
         self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
+        self.passed_over: set[int] = set()  # elements that do not deform
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
@@ -137,6 +139,11 @@ class _Reader:
                 raise ValueError("*INSTANCE moves its part: write the mesh in its final position")
 
     def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
+        if _WITHOUT_STIFFNESS.match(parameters["TYPE"].upper()):
+            self.passed_over.update(int(row[0]) for row in rows)
+            if "ELSET" in parameters:
+                self.element_sets.setdefault(parameters["ELSET"], [])
+            return
         kind, count = _kind(parameters["TYPE"].upper())
         words = [int(word) for row in rows for word in row]
         if len(words) % (count + 1):
@@ -228,6 +235,8 @@ class _Reader:
     def _rows(self, members: list[int], count: int) -> list[Ints]:
         found: list[list[int]] = [[] for _ in range(count)]
         for member in members:
+            if member in self.passed_over:
+                continue
             block, row = self.elements[member]
             found[block].append(row)
         return [np.array(rows, dtype=np.int64) for rows in found]
@@ -255,7 +264,7 @@ def read(file: Path) -> RawMesh:
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
     reader = _Reader(len(text))
-    for block in _blocks(text):
+    for block in blocks(text):
         with _named(file, f"line {block.line}, *{block.keyword}"):
             reader.read(block.keyword, block.parameters, block.rows)
     with _named(file, "sets and elements"):

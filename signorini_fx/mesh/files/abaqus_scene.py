@@ -1,0 +1,190 @@
+"""The draft of a scene from an Abaqus input file.  No dolfinx here."""
+
+from __future__ import annotations
+
+import json
+import os
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mesh.files.abaqus_deck import Deck, plain_name, read_deck
+from signorini_fx.mesh.files.arrays import MeshArrays
+from signorini_fx.mesh.files.shape import Floats
+
+_FLAT = 1e-6  # of its size: a rigid surface that deviates by less from a plane is one
+
+
+def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str]]:
+    """A scene file, and what it leaves out of the deck.
+
+    Args:
+        file: the input file.
+        mesh: what was read from it.
+        target: where the scene will be, from which it refers to the file.
+
+    Raises:
+        MeshError: a number is none, or a line has too few of them.
+    """
+    deck = read_deck(file, mesh)
+    try:
+        return _written(deck, file, target), deck.left_out
+    except (ValueError, IndexError) as error:
+        raise MeshError(f"{file}: a rigid surface: {error}") from None
+
+
+def _written(deck: Deck, file: Path, target: Path) -> str:
+    steps = max(1, len(deck.steps))
+    tables = [*_materials(deck), *_tables(deck, steps)]
+    tables += [("[[contact]]", lines) for lines in _contacts(deck)]
+    if len(deck.steps) > 1:
+        tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]"]))
+    lines = [f"# A draft from {file.name}: read it, and complete what it leaves out."]
+    lines += [f"# Left out: {one}" for one in deck.left_out]
+    lines += [f"title = {_quoted(deck.title or file.stem)}", "", "[mesh]"]
+    lines += [f"file = {_quoted(os.path.relpath(file, target.parent))}"]
+    for heading, own in tables:
+        lines += ["", heading, *own]
+    return "\n".join(lines) + "\n"
+
+
+def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
+    hypothesis = ['hypothesis = "plane stress"'] if deck.stress and deck.mesh.dim == 2 else []
+    used = [(deck.region(region), deck.materials.get(name, {}), name) for region, name in deck.sections]
+    known: list[tuple[str | None, dict[str, float]]] = [(region, own) for region, own, _ in used if "young" in own]
+    for region, own, name in used:
+        if "young" not in own:
+            deck.left_out.append(f"material {name!r}" + (f" of {region!r}" if region else "") + ": it has no *ELASTIC")
+    if not known:
+        known += [(None, own) for own in deck.materials.values() if "young" in own][:1]
+    if not known:
+        deck.left_out.append("the material: there is none with *ELASTIC, and steel in mm and MPa stands in its place")
+        known += [(None, {"young": 210000.0, "poisson": 0.3})]
+    alike = len({(own["young"], own["poisson"]) for _, own in known}) == 1
+    shown = known[:1] if alike else known
+    several = len(shown) > 1
+    return [
+        (
+            "[[material]]" if several else "[material]",
+            [
+                *([f"region = {_quoted(region or '')}"] if several else []),
+                *(f"{key} = {own[key]!r}" for key in ("young", "poisson")),
+                *hypothesis,
+            ],
+        )
+        for region, own in shown
+    ]
+
+
+def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+    """Supports and loads; those of a boundary that have the same course over the steps share a table."""
+    merged: dict[tuple[Any, ...], dict[str, float]] = {}
+    for load in deck.loads.values():
+        values = load.by_step(steps)
+        largest = max(values, key=abs)
+        if largest == 0 and load.table != "displacement":
+            continue
+        factors = tuple(value / largest for value in values) if largest else ()
+        own = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
+        where = (load.table, load.target, () if set(factors) <= {1.0} else factors)
+        # Two loads with the same component are two entries, which add up.
+        entry = next(n for n in count() if not own.keys() & merged.get((*where, n), {}).keys())
+        merged.setdefault((*where, entry), {}).update(own)
+    found, weights = [], 0
+    for (table, target, course, _), own in merged.items():
+        weights += table == "body_force"
+        if table == "body_force" and weights > 1:
+            deck.left_out.append("several body forces: a scene has one, the first is taken")
+            continue
+        lines = [f"boundary = {_quoted(target)}"] if target else []
+        lines += [f"{key} = {value!r}" for key, value in own.items()]
+        lines += [f"factors = {list(course)}"] if course else []
+        found.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
+    return found
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _contacts(deck: Deck) -> list[list[str]]:
+    """The lines of each [[contact]]."""
+    found = []
+    for one, other, interaction in deck.pairs:
+        names = [name for name in (one, other) if plain_name(name) in deck.rigid]
+        body = next((name for name in (one, other) if name not in names), one)
+        where = deck.boundary(body)
+        pair = f"contact of {one!r} with {other!r}"
+        if not names:
+            deck.left_out.append(f"{pair}: neither is rigid")
+            continue
+        if where is None:
+            deck.left_out.append(f"{pair}: {body!r} is no boundary of the body")
+            continue
+        lines = [f"boundary = {_quoted(where)}", *_gap(deck, where, names[0])]
+        own = deck.frictions.get(interaction, {})
+        if interaction in deck.rough:
+            deck.left_out.append(f"{pair}: rough friction, which never slides: give a coefficient")
+        elif own.get("coefficient"):
+            cap = f", cap = {own['cap']!r}" if "cap" in own else ""
+            lines.append(f'friction = {{ law = "coulomb", coefficient = {own["coefficient"]!r}{cap} }}')
+        found.append(lines)
+    return found
+
+
+def _gap(deck: Deck, where: str, rigid: str) -> list[str]:
+    """The distance to a rigid surface: of a plane one by a formula."""
+    points = _points_of_surface(deck, plain_name(rigid))
+    body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
+    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
+    if plane is None:
+        deck.left_out.append(f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
+        return ["gap = 0.0  # the distance to the foundation, which is not known here"]
+    middle, normal = plane
+    side = float(np.mean(body, axis=0) @ normal - middle @ normal)
+    toward = -normal if side > 0 else normal
+    if abs(side) <= _FLAT * float(np.ptp(deck.mesh.points, axis=0).max()):
+        toward = _outwards(deck, where, normal)
+    at = float(middle @ toward)
+    terms = "".join(
+        f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
+        for k, share in enumerate(map(float, toward))
+        if share
+    )
+    return [f'gap = "{at!r}{terms}"', f"direction = {toward.tolist()}"]
+
+
+def _outwards(deck: Deck, where: str, normal: Floats) -> Floats:
+    """The direction of a plane's normal that leads out of the body at a boundary that lies in it."""
+    inside = deck.mesh.points.mean(axis=0)
+    there = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])].mean(axis=0)
+    return normal if (there - inside) @ normal > 0 else -normal
+
+
+def _points_of_surface(deck: Deck, name: str) -> Floats | None:
+    """Points of a rigid surface that consists of elements or of one straight line."""
+    if (rows := deck.drawn.get(name)) is not None:
+        if deck.mesh.dim == 3 or [row[0].upper() for row in rows] != ["START", "LINE"]:
+            return None
+        return np.array([[float(word) for word in row[1:3]] for row in rows])
+    own = {name, *deck.parts.get(name, ())}
+    nodes = [
+        block[rows].ravel()
+        for label, members in deck.raw.sets.items()
+        if label.upper() in own
+        for (_, block), rows in zip(deck.raw.blocks, members, strict=True)
+    ]
+    return np.asarray(deck.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
+
+
+def _plane(points: Floats) -> tuple[Floats, Floats] | None:
+    """A point and the unit normal of the plane (in the plane: of the line) through points; None: there is none."""
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    if len(points) < points.shape[1] or sizes[-2] <= _FLAT * sizes[0] or sizes[-1] > _FLAT * sizes[0]:
+        return None
+    normal = np.where(np.abs(axes[-1]) < 1e-12, 0.0, axes[-1])
+    return middle, np.asarray(normal / np.linalg.norm(normal))
