@@ -28,7 +28,7 @@ _PUBLIC = {
         "SignoriniError",
     ),
     "forms.contact_problem": ("ContactProblem",),
-    "body.foundation": ("Coulomb", "Foundation", "Tresca"),
+    "body.foundation": ("Coulomb", "Foundation", "Pair", "Tresca"),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "records": ("Status",),
     "results.files": ("write_results",),

@@ -47,19 +47,45 @@ class Averages:
         nodes: global numbers of the nodes, shape (m,); a node of two contact boundaries is there twice.
         x: their positions, length, shape (m, d).
         fixed: which displacement components are prescribed at them, shape (m, d).
+        turning: what the displacements of the nodes add to this in other directions, scipy sparse, shape (n d, m d);
+            None: nothing, as at points of one body.
+        centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
+            of the nodes.
     """
 
     shares: Any
     nodes: npt.NDArray[np.int64]
     x: _Floats
     fixed: npt.NDArray[np.bool_]
+    turning: Any = None
+    centre: _Floats | None = None
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
         """Those of several contact boundaries."""
         shares = sp.block_diag([part.shares for part in parts], format="csr")
-        rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "x", "fixed"))
-        return cls(shares, *rest)
+        nodes, x, fixed = (np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "x", "fixed"))
+        if all(part.turning is None for part in parts):
+            return cls(shares, nodes, x, fixed)
+        dim = x.shape[1]
+        shapes = [(dim * part.shares.shape[0], dim * part.shares.shape[1]) for part in parts]
+        turning = [
+            sp.csr_array(shape) if part.turning is None else part.turning
+            for part, shape in zip(parts, shapes, strict=True)
+        ]
+        centre = np.concatenate([part.arm for part in parts])
+        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre)
+
+    @property
+    def arm(self) -> _Floats:
+        """Where the force of each point acts on the body of its node, length, shape (n, d)."""
+        return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
+
+    @property
+    def operator(self) -> Any:
+        """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
+        every = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
+        return every if self.turning is None else sp.csr_array(every + self.turning)
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

@@ -16,6 +16,7 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
@@ -75,7 +76,12 @@ class ContactBoundary:
     @cached_property
     def centre(self) -> Nodal:
         """Where the force of each point acts on a rigid body, length, shape (n, d)."""
-        return self.x if self.averages is None else np.asarray(self.averages.shares @ self.averages.x)
+        return self.x if self.averages is None else self.averages.arm
+
+    @property
+    def selection(self) -> Averages:
+        """Each point takes the displacement of its node: what others average, said alike."""
+        return Averages(sp.eye_array(self.size, format="csr"), self.global_nodes, self.x, ~self.free)
 
     @property
     def reached(self) -> npt.NDArray[np.int64]:
@@ -137,6 +143,10 @@ class ContactBoundary:
         across = 1.0 - sizes.max(axis=2) >= _ALONG_AXIS
         for reason, here in (
             (
+                "contact of two bodies ties several unknowns to each other",
+                self.averages is not None and self.averages.turning is not None,
+            ),
+            (
                 "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
                 self.averages is not None,
             ),
@@ -155,9 +165,11 @@ class ContactBoundary:
 
     @property
     def _shared(self) -> SharedNodes:
-        """The points that share a node with another one; none where points average."""
-        order = np.argsort(self.nodes, kind="stable")
-        nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1) if self.averages is None else []
+        """The points that share a node with another one; none of those that average."""
+        reaches = np.ones(self.size) if self.averages is None else np.diff(self.averages.shares.indptr)
+        alone = np.flatnonzero(reaches == 1)
+        order = alone[np.argsort(self.nodes[alone], kind="stable")]
+        nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for same in nodes for pair in permutations((int(point) for point in same), 2)]
         here, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         return SharedNodes(here, beside, np.einsum("nji,nj->ni", self.frames[here], self.normal[beside]))
@@ -196,12 +208,14 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
-    averages = [part.averages for part in parts if part.averages is not None]
+    averages = [part.averages for part in parts]
+    if any(averages):  # the others take the displacement of their nodes
+        averages = [part.selection if part.averages is None else part.averages for part in parts]
     axes = [part.axes for part in parts if part.axes is not None]
     return ContactBoundary(
         parts[0].comm,
         **fields,
-        averages=Averages.joined(averages) if averages else None,
+        averages=Averages.joined([one for one in averages if one is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
     )
 
@@ -248,14 +262,14 @@ def contact_part(
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
         free=free,
-        segments=_segments(space, facets, index, vertices=averages is not None),
+        segments=segments_of(space, facets, index, vertices=averages is not None),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
         axes=None if turned is None else turned.frames_at(nodes),
     )
 
 
-def _segments(
+def segments_of(
     space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
 ) -> npt.NDArray[np.int64]:
     """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see

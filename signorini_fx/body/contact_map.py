@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from petsc4py import PETSc
 
 from signorini_fx.body.contact_boundary import ContactBoundary
@@ -39,9 +40,9 @@ def contact_map(
     point, values = np.arange(count), boundary.frames.transpose(0, 2, 1)
     room: Any = (dim, 0)
     if boundary.averages is not None:
-        shares = boundary.averages.shares.tocoo()
-        point, nodes = shares.row, nodes[shares.col]
-        values = shares.data[:, None, None] * values[point]
+        blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
+        point, nodes = np.repeat(point, np.diff(blocks.indptr)), nodes[blocks.indices]
+        values = values[point] @ blocks.data
         most = dim * int(np.bincount(point, minlength=count).max(initial=1))
         room = (min(most, columns), most)
     operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)

@@ -97,7 +97,13 @@ class ElasticBody:
 
     @cached_property
     def motions(self) -> RigidMotions:
-        """The motions without strain that supports, and what else resists them, leave free."""
+        """The motions without strain that supports, and what else resists them, leave free; bodies that can touch each
+        other are one assembly.
+        """
+        return self._free if self.boundary is None else self._free.joined(self.boundary)
+
+    @cached_property
+    def _free(self) -> RigidMotions:
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
         if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
             return motions

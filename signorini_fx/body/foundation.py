@@ -1,4 +1,4 @@
-"""What a rigid foundation does to a part of the boundary: the inputs of ``ContactProblem``, plain data."""
+"""What a part of the boundary may touch, a rigid foundation or another body: plain data for ``ContactProblem``."""
 
 from __future__ import annotations
 
@@ -54,3 +54,32 @@ class Foundation:
     friction: Coulomb | Tresca | None = None
     bilateral: bool = False
     measure: Any = None
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Contact of two deformable bodies, or of two parts of the boundary of one, across meshes that need not match.
+
+    The contact points are on the first side, the slave: take the softer body, of equal ones that with the finer mesh.
+    The relative displacement of both sides keeps to the gap; the pressure pushes them apart, friction acts between
+    them, with opposite forces and moments on both.
+
+    Attributes:
+        facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one tag or several.
+        against: those of the other side, the master.
+        gap: "geometry": the distance of both sides along the normal of the slave as the meshes lie, negative where they
+            overlap; or a distance of sides that are nominally in contact, length: a number, a callable f(x) of points
+            of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
+        friction: ``Coulomb``, ``Tresca``, or None.
+        bilateral: whether the contact cannot open; the pressure then has any sign.
+        bonded: whether both sides are tied as they lie, whatever gap and friction are.
+        reach: distance beyond which facets are no partners, length; None: a default from the sizes of both sides.
+    """
+
+    facets: Any
+    against: Any
+    gap: Any = "geometry"
+    friction: Coulomb | Tresca | None = None
+    bilateral: bool = False
+    bonded: bool = False
+    reach: float | None = None

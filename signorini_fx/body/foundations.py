@@ -1,11 +1,11 @@
-"""The foundations of a problem on their contact points: weights, frames, gap and friction."""
+"""The foundations and pairs of a problem on their contact points: weights, frames, gap and friction."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +15,16 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.errors import FormError
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
 # A weight below this share of the largest one is the round-off of a measure that is zero there.
@@ -53,6 +56,7 @@ class Data:
         coefficient: Coulomb's F; zero without.
         cap: the largest friction bound, stress; infinite without.
         bilateral: whether the contact cannot open.
+        pair: both sides, where another body is the foundation; None: it is rigid.
     """
 
     facets: npt.NDArray[np.int32]
@@ -62,6 +66,7 @@ class Data:
     coefficient: Array
     cap: Array
     bilateral: bool
+    pair: PairedSides | None = None
 
 
 class Foundations:
@@ -69,31 +74,40 @@ class Foundations:
 
     Args:
         space: the displacements.
-        contact: the foundations.
-        facets: of each foundation, owned, local numbers.
+        contact: the foundations, and pairs, whose slave sides have the points.
+        facets: of each foundation or slave, owned, local numbers.
         names: of its form.
         inventory: where the forms are compiled.
+        masters: facets of the other side of each pair, by its number among the contacts; None: there are no pairs.
     """
 
     def __init__(
         self,
         space: fem.FunctionSpace,
-        contact: Sequence[Foundation],
+        contact: Sequence[Foundation | Pair],
         facets: Sequence[npt.NDArray[np.int32]],
         names: Sequence[str],
         inventory: Inventory,
+        masters: Mapping[int, npt.NDArray[np.int32]] | None = None,
     ) -> None:
         self._space, self._contact, self.facets = space, contact, facets
+        self._masters = dict(masters or {})
+        self._pairs: dict[int, PairedSides] = {}
         self._names, self._inventory = names, inventory
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
 
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
-        """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure."""
-        space, found = self._space, []
+        """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
+        has none.
+        """
+        space, found = self._space, list[tuple[Any, fem.Function | None]]()
         z = ufl.TestFunction(space)
         for one, facets, name in zip(self._contact, self.facets, self._names, strict=True):
+            if isinstance(one, Pair):
+                found.append((None, None))
+                continue
             function = None if one.measure is None else fem.Function(space)
             factor = None if function is None else function[0]
             form: Any
@@ -113,6 +127,9 @@ class Foundations:
         found = []
         for k, (one, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor = direction = None
+            if isinstance(one, Pair):
+                found.append(Shape(None, None))
+                continue
             if one.measure is not None:
                 factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.global_max(self._space.mesh.comm, parallel.local_max(np.nan_to_num(factor)))
@@ -138,6 +155,9 @@ class Foundations:
         """
         parts = []
         for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
+            if k in self._masters:
+                parts.append(self._paired(k, fixed))
+                continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned)
@@ -145,6 +165,31 @@ class Foundations:
                 part = replace(part, normal=shape.direction[part.nodes])
             parts.append(part)
         return join(parts)
+
+    def _paired(self, number: int, fixed: npt.NDArray[np.bool_]) -> ContactBoundary:
+        """The points of a pair; of a node that two contacts share an earlier pair, or a foundation, has the point."""
+        from signorini_fx.body.paired_points import PairedSides
+
+        pair, space = self._contact[number], self._space
+        assert isinstance(pair, Pair)
+        first = [k for k, one in enumerate(self._contact) if k < number or isinstance(one, Foundation)]
+        taken = [self.facets[k] for k in first if k != number]
+        sides = self.facets[number], self._masters[number]
+        flags = fixed.reshape(-1, self._dimension)
+        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken)
+        self._pairs[number] = found
+        return found.boundary(space, self.facets[number], number, flags)
+
+    def _gap_of(self, number: int) -> Array:
+        """The gap of one contact at all nodes of this rank, of a pair also by its geometry; collective."""
+        one, at = self._contact[number], self._values[number]
+        if not isinstance(one, Pair):
+            return at(one.gap, f"contact[{number}].gap")
+        pair = self._pairs[number]
+        found = at(0.0 if one.bonded or pair.by_geometry else one.gap, f"contact[{number}].gap")
+        if pair.by_geometry:
+            found[pair.slave.nodes[pair.coupling.nodes]] = pair.coupling.gap
+        return found
 
     def data(self, shapes: Sequence[Shape]) -> list[Data]:
         """Gaps and friction, as they are now.
@@ -154,7 +199,7 @@ class Foundations:
         """
         found = []
         for k, (one, at, shape) in enumerate(zip(self._contact, self._values, shapes, strict=True)):
-            gap, path = at(one.gap, f"contact[{k}].gap"), f"contact[{k}].friction"
+            gap, path = self._gap_of(k), f"contact[{k}].friction"
             given, coefficient, cap = np.zeros_like(gap), np.zeros_like(gap), np.full_like(gap, np.inf)
             if isinstance(one.friction, Tresca):
                 given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
@@ -162,7 +207,10 @@ class Foundations:
                 coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
                 if one.friction.cap is not None:
                     cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
-            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, one.bilateral))
+            bilateral = one.bilateral
+            if isinstance(one, Pair) and one.bonded:
+                given, bilateral = np.full_like(gap, np.inf), True
+            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, bilateral, self._pairs.get(k)))
         return found
 
     def problem(
@@ -177,7 +225,7 @@ class Foundations:
             natural_gamma: the unit of gamma, stress per length.
         """
         kinds, law = [one.friction for one in self._contact], None
-        if any(kinds):
+        if any(kinds) or any(isinstance(one, Pair) and one.bonded for one in self._contact):
             given, coefficient, cap = (
                 self._at_points(boundary, data, name) for name in ("given", "coefficient", "cap")
             )
@@ -203,6 +251,9 @@ class Foundations:
         found = np.zeros(boundary.size)
         for k, one in enumerate(data):
             here = boundary.part == k
+            if one.pair is not None or not averaging(self._space):
+                found[here] = one.gap[boundary.nodes[here]]
+                continue
             known = np.nan_to_num(one.gap[: self._space.dofmap.index_map.size_local, None])
             reached = from_owners(known, boundary.averages.nodes, boundary.comm)[:, 0]
             found[here] = boundary.averages.shares[here] @ reached

@@ -16,6 +16,8 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
@@ -68,10 +70,29 @@ class RigidMotions:
         What is prescribed at a point does not move but for round-off.
         """
         piece = self.piece[boundary.nodes]
-        own = self.free.reshape(self.pieces.count, self.each, -1)[piece]
-        moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ own
+        own = self.free.reshape(self.pieces.count, self.each, -1)
+        if boundary.averages is None or boundary.averages.turning is None:
+            moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ own[piece]
+        else:
+            nodes = boundary.averages.nodes
+            at_nodes = self._modes(nodes) @ own[self.piece[nodes]]
+            dim, count = self.x.shape[1], self.free.shape[1]
+            flat = at_nodes.reshape(dim * nodes.size, count)
+            moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
         return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece])
+
+    def joined(self, boundary: ContactBoundary) -> RigidMotions:
+        """The same with bodies that can come into contact with each other as one assembly; one rank."""
+        if boundary.averages is None or boundary.averages.turning is None:
+            return self
+        shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly[self.piece]
+        links = of[boundary.nodes[shares.row]], of[boundary.averages.nodes[shares.col]]
+        count = int(of.max()) + 1
+        graph = coo_array((np.ones(len(links[0])), links), shape=(count, count))
+        number = connected_components(graph, directed=False)[1].astype(np.int64)
+        pieces = replace(self.pieces, assembly=number[self.pieces.assembly])
+        return replace(self, pieces=pieces, assembly=number[self.assembly])
 
     def displacement(self, motion: _Floats) -> _Floats:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""

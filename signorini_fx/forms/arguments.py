@@ -13,7 +13,7 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.scene.values import kind_of
@@ -107,18 +107,20 @@ def settings_of(given: dict[str, Any]) -> SolverSettings:
     return found
 
 
-def foundations_of(contact: Any) -> tuple[Foundation, ...]:
-    """The foundations, their own arguments checked as far as they need no mesh.
+def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
+    """The foundations and pairs, their own arguments checked as far as they need no mesh.
 
     Raises:
         FormError: with all errors.
     """
-    given = [contact] if isinstance(contact, Foundation) else list(contact or [])
+    given = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
     problems: list[tuple[str, str]] = [] if given else [("contact", "is empty: a problem without contact is linear")]
     for k, one in enumerate(given):
-        if not isinstance(one, Foundation):
-            problems.append((f"contact[{k}]", f"must be a Foundation, not {kind_of(one)}"))
+        if not isinstance(one, Foundation | Pair):
+            problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(one)}"))
             continue
+        if isinstance(one, Pair) and isinstance(one.gap, str) and one.gap != "geometry":
+            problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {one.gap!r}'))
         if not isinstance(one.friction, Coulomb | Tresca | None):
             wrong = f"must be Coulomb(...), Tresca(...) or None, not {kind_of(one.friction)}"
             problems.append((f"contact[{k}].friction", wrong))
@@ -127,8 +129,9 @@ def foundations_of(contact: Any) -> tuple[Foundation, ...]:
     return tuple(given)
 
 
-def facets_of(contact: Sequence[Foundation], mesh: dmesh.Mesh) -> list[Facets]:
-    """The exterior facets of each foundation that this rank owns, ascending; collective.
+def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[list[Facets], dict[int, Facets]]:
+    """The exterior facets of each contact that this rank owns, ascending, and those of the masters of pairs by the
+    number of the contact; collective.
 
     A facet may be given on any rank that has it.
 
@@ -141,14 +144,19 @@ def facets_of(contact: Sequence[Foundation], mesh: dmesh.Mesh) -> list[Facets]:
     exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
     own = slice(facet_map.size_local)
+    pairs = [k for k, one in enumerate(contact) if isinstance(one, Pair)]
+    if pairs and mesh.comm.size > 1:
+        raise FormError([(f"contact[{pairs[0]}]", "contact of two bodies is solved on one rank only")])
+    listed = [(f"contact[{k}].facets", one.facets) for k, one in enumerate(contact)]
+    listed += [(f"contact[{k}].against", one.against) for k, one in enumerate(contact) if isinstance(one, Pair)]
     problems, marks = [], []
-    for k, one in enumerate(contact):
+    for name, given in listed:
         mark = la.vector(facet_map, 1, dtype=np.int32)
         marks.append(mark)
         try:
-            local = _listed(one.facets, mesh, dim, exterior.size)
+            local = _listed(given, mesh, dim, exterior.size)
         except (ValueError, TypeError) as error:
-            problems.append((f"contact[{k}].facets", str(error)))
+            problems.append((name, str(error)))
             continue
         mark.array[local] = 1
     parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
@@ -159,17 +167,19 @@ def facets_of(contact: Sequence[Foundation], mesh: dmesh.Mesh) -> list[Facets]:
         there = mark.array[own] > 0
         counts.append([there.sum(), (there & ~exterior[own]).sum(), (there & (taken > 0)).sum()])
         taken += there
-    for k, (count, inside, twice) in enumerate(parallel.global_sum(mesh.comm, np.array(counts))):
-        name = f"contact[{k}].facets"
+    totals = parallel.global_sum(mesh.comm, np.array(counts))
+    for (name, _), (count, inside, twice) in zip(listed, totals, strict=True):
         if not count:
             problems.append((name, "there are none"))
         if inside:
             problems.append((name, f"{inside} of its {count} facets are not on the boundary of the mesh"))
         if twice:
-            problems.append((name, f"shares {twice} facets with another contact: a facet has one foundation"))
+            what = "foundation" if name.endswith("facets") and not pairs else "partner"
+            problems.append((name, f"shares {twice} facets with another contact: a facet has one {what}"))
     if problems:
         raise FormError(problems)
-    return [np.flatnonzero(mark.array[own] > 0).astype(np.int32) for mark in marks]
+    facets = [np.flatnonzero(mark.array[own] > 0).astype(np.int32) for mark in marks]
+    return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
 
 
 def _listed(given: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:

@@ -65,15 +65,20 @@ def certify(
     )
     external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
     balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
-    return judged(displacement, balance, [_side(one) for one in data], Tractions.of(state), law=law, before=before)
+    sides = [_side(one, space) for one in data]
+    return judged(displacement, balance, sides, Tractions.of(state), law=law, before=before)
 
 
-def _side(data: Data) -> ContactSide:
+def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         found = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
         return np.minimum(found, data.cap[nodes])
 
-    along = data.shape.direction
+    claim, along = None, data.shape.direction
+    if data.pair is not None:
+        from signorini_fx.forms.paired_claim import claim_of
+
+        claim = claim_of(data.pair, space)
     return ContactSide(
         data.facets,
         lambda nodes: data.gap[nodes],
@@ -81,4 +86,6 @@ def _side(data: Data) -> ContactSide:
         data.bilateral,
         None if along is None else lambda nodes: along[nodes],
         data.shape.factor,
+        claim,
+        data.pair is not None and data.pair.by_geometry,
     )

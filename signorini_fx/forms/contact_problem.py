@@ -20,7 +20,7 @@ from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Coulomb, Foundation
+from signorini_fx.body.foundation import Coulomb, Foundation, Pair
 from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
@@ -56,7 +56,7 @@ class ContactProblem:
         a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled.
         L: a linear form on the same space.
         bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
-        contact: the foundations.
+        contact: the foundations, and the pairs of bodies that can touch.
         u: the Function that takes the solution; None: a new one.
         petsc_options_prefix: of the options of this problem in PETSc's database.
         petsc_options: options without that prefix, for the SNES, its KSP and PC.
@@ -84,7 +84,7 @@ class ContactProblem:
         a: Any,
         L: Any,
         bcs: Sequence[fem.DirichletBC] = (),
-        contact: Sequence[Foundation] | Foundation = (),
+        contact: Sequence[Foundation | Pair] | Foundation | Pair = (),
         u: fem.Function | None = None,
         *,
         petsc_options_prefix: str = "sfx_",
@@ -98,7 +98,7 @@ class ContactProblem:
         self.settings = settings_of(settings)
         self.contact = foundations_of(contact)
         self.bcs = conditions_of(bcs, space)
-        facets = facets_of(self.contact, space.mesh)
+        facets, masters = facets_of(self.contact, space.mesh)
         with compiling():
             self._a, self._L = (
                 form
@@ -110,7 +110,7 @@ class ContactProblem:
         self._options = petsc_options_prefix, dict(petsc_options or {})
         self._stress = stress(self.u) if callable(stress) and not hasattr(stress, "ufl_shape") else stress
         names = [f"contact {k}" for k in range(len(facets))]
-        self._foundations = Foundations(space, self.contact, facets, names, Inventory())
+        self._foundations = Foundations(space, self.contact, facets, names, Inventory(), masters)
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self.history = History()

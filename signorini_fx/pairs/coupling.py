@@ -53,6 +53,9 @@ class Coupling:
         master: M, sparse, shape (n, nodes of the master).
         turning: omega_i(u_m) x d_i, sparse, shape (n d, d nodes of the master).
         overlap: where both sides meet.
+        alone: points that have taken over no function of another node, shape (n,).
+        hats: whether the functions are hats, not dual ones.
+        reach: distance beyond which facets were no partners, length.
     """
 
     nodes: Indices
@@ -63,6 +66,9 @@ class Coupling:
     master: sp.csr_array
     turning: sp.csr_array
     overlap: Overlap
+    alone: npt.NDArray[np.bool_]
+    hats: bool
+    reach: float
 
     @property
     def gap(self) -> Array:
@@ -119,7 +125,10 @@ def couple(
     distance = (shares @ distance) / weight[:, None]
     own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in (own, others))
     turning = _turning(sp.csr_array(shares @ arms), master.x, distance)
-    return Coupling(nodes, weight, slave.nodal_normals[nodes], distance, own, others, turning, overlap)
+    alone = np.diff(shares.indptr) == 1
+    return Coupling(
+        nodes, weight, slave.nodal_normals[nodes], distance, own, others, turning, overlap, alone, whole, reach
+    )
 
 
 def _check(slave: Surface, overlap: Overlap, reach: float) -> None:

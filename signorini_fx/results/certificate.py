@@ -51,6 +51,7 @@ JUDGED = (
     "entered",
     "pressure_at_distance",
     "slip_below_bound",
+    "coupling",
 )
 # The others give the regularisation error, and how far the body moves.
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
@@ -81,6 +82,8 @@ class Certificate:
         pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
             bound.
+        coupling: largest error of the map that joins pairs of bodies, in its identities and in integrals at some of its
+            points.
         displacement: largest displacement, relative to the size of the body.
         penetration: largest tau_N y - d; lambda / gamma by the regularisation.
         complementarity: largest |lambda (tau_N y - d)|.
@@ -98,6 +101,7 @@ class Certificate:
     entered: float = 0.0
     pressure_at_distance: float = 0.0
     slip_below_bound: float = 0.0
+    coupling: float = 0.0
     displacement: float = 0.0
     penetration: float = 0.0
     complementarity: float = 0.0
@@ -243,6 +247,7 @@ def judged(
     if tractions is None:
         return Certificate(equilibrium=equilibrium(balance, y, None, _Units(length, far, 0.0)), **found)
     nodes = ContactNodes.of(forces, sides, tractions)
+    found["coupling"] = nodes.coupling_error()
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * scales.stress(strain_energy)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))

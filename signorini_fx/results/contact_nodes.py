@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.results.paired_sides import Claim
 
 Nodal = npt.NDArray[np.float64]
 
@@ -38,6 +41,8 @@ class ContactSide:
         bilateral: whether contact cannot open.
         direction: nodes -> the direction of contact, of length one, shape (n, d); None: the outward normal.
         factor: of the measure, see ``SurfaceQuadrature.moments``.
+        claim: what the solver says of both sides of a pair; None: the foundation is rigid.
+        by_geometry: whether the gap of a pair is the distance of both sides along the normal.
     """
 
     boundary: Any
@@ -46,6 +51,8 @@ class ContactSide:
     bilateral: bool
     direction: Callable[[npt.NDArray[np.integer[Any]]], Nodal] | None = None
     factor: Nodal | None = None
+    claim: Claim | None = None
+    by_geometry: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,9 +69,10 @@ class ContactNodes:
         bilateral: whether contact cannot open.
         pressure: lambda.
         shear: mu, shape (n, d).
-        spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``;
-            None where points do not average.
+        spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``,
+            None for a pair; None where points do not average.
         counts: number of points of each contact boundary.
+        claims: of each contact boundary, see ``ContactSide``; None where all foundations are rigid.
     """
 
     evaluation: SurfaceQuadrature
@@ -78,6 +86,7 @@ class ContactNodes:
     shear: Nodal
     spread: list[Any] | None
     counts: list[int]
+    claims: list[Claim | None] | None = None
 
     @classmethod
     def of(cls, forces: SurfaceQuadrature, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
@@ -98,9 +107,12 @@ class ContactNodes:
             moment = forces.moments(side.boundary, side.factor)
             weight = np.linalg.norm(moment, axis=1)
             outward = moment / np.maximum(weight, 1e-300)[:, None]
+            if side.claim is not None:
+                weight = np.zeros_like(weight)
+                weight[side.claim.points] = side.claim.weight
             if forces.averaging:
-                spread.append(forces.products(side.boundary, side.factor))
-                weight = _sums(forces, spread[-1].sum(axis=1))
+                spread.append(None if side.claim is not None else forces.products(side.boundary, side.factor))
+                weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
             nodes = np.flatnonzero(weight > 0)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
             here = np.flatnonzero(np.asarray(tractions.part) == part)
@@ -110,7 +122,10 @@ class ContactNodes:
                 (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
-            gap = side.gap(nodes) if not spread else _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
+            if side.claim is not None:
+                gap = side.claim.gap(normal) if side.by_geometry else side.gap(nodes)
+            else:
+                gap = side.gap(nodes) if not spread else _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
@@ -119,7 +134,8 @@ class ContactNodes:
         nodes, *rest = (np.concatenate(column) for column in zip(*columns, strict=True))
         weight, normal, gap, bound, bilateral, pressure, shear = rest
         held = spread or None
-        return cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts)
+        claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
+        return cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
 
     @property
     def traction(self) -> Nodal:
@@ -129,10 +145,14 @@ class ContactNodes:
     def traces(self, every: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d); the latter as a vector, shape (n, d)."""
         if self.spread is None:
-            here = every[self.nodes]
+            here = np.array(every[self.nodes])
         else:
-            sums = [self.evaluation.over_ranks(products @ every) for products in self.spread]
+            sums = [
+                every if products is None else self.evaluation.over_ranks(products @ every) for products in self.spread
+            ]
             here = self._at_points(sums) / self.weight[:, None]
+        for claim, part in self._paired():
+            here[part] = claim.relative(every)
         normal = np.sum(here * self.normal, axis=1)
         return normal, here - normal[:, None] * self.normal
 
@@ -141,10 +161,13 @@ class ContactNodes:
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
         traction = self.traction
+        found = [claim.forces(traction[part]) for claim, part in self._paired()]
         if self.spread is None:
-            return self.nodes, self.weight[:, None] * traction, self.weight
-        found = []
-        for products, here in zip(self.spread, self._parts(), strict=True):
+            alone = self._of_one_body()
+            found.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
+        for products, here in zip(self.spread or [], self._parts() if self.spread else [], strict=True):
+            if products is None:
+                continue
             at_nodes = np.zeros((self.evaluation.owned, traction.shape[1]))
             at_nodes[self.nodes[here]] = traction[here]
             force = self.evaluation.over_ranks(products.T @ self.evaluation.with_ghosts(at_nodes))
@@ -172,16 +195,42 @@ class ContactNodes:
 
     def _movable(self, vectors: Nodal, supports: Supports) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""
-        if self.spread is None:
-            return supports.left(vectors, self.nodes)
-        return vectors * self._any_of(supports.movable())
+        found = (
+            supports.left(vectors, self.nodes) if self.spread is None else vectors * self._any_of(supports.movable())
+        )
+        for claim, part in self._paired():
+            found[part] = vectors[part] * claim.moved(supports.movable())
+        return found
+
+    def coupling_error(self) -> float:
+        """The largest error of what the solver says of pairs of bodies."""
+        if self.claims is None:
+            return 0.0
+        from signorini_fx.results.paired_sides import defect
+
+        return max(defect(claim, self.evaluation.space) for claim, _ in self._paired())
+
+    def _paired(self) -> list[tuple[Claim, slice]]:
+        """The pairs of bodies, and which points are theirs."""
+        listed = zip(self.claims or [], self._parts(), strict=False)
+        return [(claim, part) for claim, part in listed if claim is not None]
+
+    def _of_one_body(self) -> npt.NDArray[np.bool_]:
+        """The points on a rigid foundation, shape (n,)."""
+        found = np.ones(self.nodes.size, dtype=bool)
+        for _, part in self._paired():
+            found[part] = False
+        return found
 
     def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point averages over has a flag, shape (n, d)."""
         if self.spread is None:
             return flags[self.nodes]
         every = self.evaluation.with_ghosts(flags.astype(np.float64))
-        share = self._at_points([self.evaluation.over_ranks(abs(products) @ every) for products in self.spread])
+        shares = [
+            every if products is None else self.evaluation.over_ranks(abs(products) @ every) for products in self.spread
+        ]
+        share = self._at_points(shares)
         return np.asarray(share > _ROUND_OFF * self.weight[:, None])
 
     def _at_points(self, of_parts: list[Nodal]) -> Nodal:

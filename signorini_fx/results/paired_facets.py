@@ -1,0 +1,336 @@
+"""Facets of both sides of a pair, and their overlap found facet by facet, for the certificate; see ``paired_sides``.
+
+It shares no code with ``pairs``: shape functions are those of the cells, in the plane rays from points of the slave
+meet the master, in space polygons of the slave are cut by those of the master, and rules are collapsed ones.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from scipy.optimize import brentq
+
+Array = npt.NDArray[np.float64]
+
+# Points of a rule along each direction: in the plane; in space for linear and quadratic facets, for quadrilaterals.
+_POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 7}
+# Steps of Newton's method at most, and a place in a reference facet that is round-off.
+_STEPS, _PLACE = 15, 1e-14
+# Facets whose normals have a larger product do not face each other.
+_FACING = -0.2
+# Share of a facet below which an overlap is round-off.
+_NOTHING = 1e-9
+
+
+class Facet:
+    """A facet as the cell that it is of sees it.
+
+    Args:
+        space: the displacements.
+        cell: local number of the cell.
+        number: of the facet in it.
+
+    Attributes:
+        nodes: local nodes on it, shape (k,).
+        points: those with test functions, the vertices on quadratic triangles, shape (t,).
+        kind: interval, triangle or quadrilateral.
+    """
+
+    def __init__(self, space: fem.FunctionSpace, cell: int, number: int) -> None:
+        dim = space.mesh.geometry.dim
+        self._element = space.element.basix_element
+        corner = basix.topology(self._element.cell_type)[dim - 1][number]
+        vertices = basix.geometry(self._element.cell_type)
+        self._start, *ends = vertices[corner[:dim]]
+        self._along = np.array(ends) - self._start
+        self._closure = np.array(space.dofmap.dof_layout.entity_closure_dofs(dim - 1, number))
+        self.nodes = space.dofmap.list[cell][self._closure]
+        self._x = space.tabulate_dof_coordinates()[self.nodes, :dim]
+        self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
+        vertex = len(corner)
+        self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
+        self.points = self.nodes[:vertex] if self._quadratic_triangle else self.nodes
+        self._hats = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
+        self._corner = np.array(corner)
+        every = space.tabulate_dof_coordinates()[space.dofmap.list[cell], :dim]
+        self._inside = every.mean(axis=0)
+
+    def _tabulated(self, at: Array, order: int) -> Array:
+        points = self._start + at @ self._along
+        return np.asarray(self._element.tabulate(order, points)[..., 0][..., self._closure])
+
+    def shape(self, at: Array) -> Array:
+        """Shape functions at places of shape (q, d - 1), shape (q, k)."""
+        return np.asarray(self._tabulated(at, 0)[0])
+
+    def hats(self, at: Array) -> Array:
+        """The functions that test functions are dual to, shape (q, t)."""
+        if not self._quadratic_triangle:
+            return self.shape(at)
+        return np.asarray(self._hats.tabulate(0, self._start + at @ self._along)[0, :, self._corner, 0].T)
+
+    def place(self, at: Array) -> Array:
+        """Positions, length, shape (q, d)."""
+        return np.asarray(self.shape(at) @ self._x)
+
+    def tangents(self, at: Array) -> Array:
+        """Derivatives of the position along the facet, shape (d - 1, q, d)."""
+        slopes = self._tabulated(at, 1)[1:]
+        return np.einsum("st,tqk,kd->sqd", self._along, slopes, self._x)
+
+    def areas(self, at: Array) -> Array:
+        """Area (in the plane: length) of a unit of the reference facet, shape (q,)."""
+        return np.asarray(np.linalg.norm(self._across(at), axis=1))
+
+    def _across(self, at: Array) -> Array:
+        tangents = self.tangents(at)
+        if len(tangents) == 1:
+            return np.stack((tangents[0][:, 1], -tangents[0][:, 0]), axis=1)
+        return np.cross(tangents[0], tangents[1])
+
+    @cached_property
+    def middle(self) -> Array:
+        """The place in the middle of the reference facet, shape (1, d - 1)."""
+        return np.full((1, len(self._along)), 1.0 / 3.0 if self.kind == "triangle" else 0.5)
+
+    def normal(self, at: Array) -> Array:
+        """Outward unit normals, shape (q, d)."""
+        across = self._across(at)
+        sign = np.sign(np.sum(self._across(self.middle)[0] * (self.place(self.middle)[0] - self._inside)))
+        return np.asarray(sign * across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Smallest and largest coordinates of its nodes."""
+        return self._x.min(axis=0), self._x.max(axis=0)
+
+    @property
+    def size(self) -> float:
+        """Length of its diagonal."""
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
+
+    @cached_property
+    def area(self) -> float:
+        """Its area, roughly."""
+        share = 0.5 if self.kind == "triangle" else 1.0
+        return float(share * self.areas(self.middle)[0])
+
+    @property
+    def linear_parts(self) -> list[Array]:
+        """Corners of its linear parts in the reference facet, in order, shape (c, 2) each."""
+        quadratic = len(self.nodes) in (6, 9)
+        if self.kind == "triangle":
+            a, b, c = np.eye(3)[:, 1:]
+            ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+            listed = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)] if quadratic else [(a, b, c)]
+        else:
+            cuts = (0.0, 0.5, 1.0) if quadratic else (0.0, 1.0)
+            spans = list(pairwise(cuts))
+            listed = [((s, t), (S, t), (S, T), (s, T)) for s, S in spans for t, T in spans]  # type: ignore[misc]
+        return [np.array(corners) for corners in listed]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of the overlap.
+
+    Attributes:
+        master: the facet over it.
+        at: points of the slave in its reference facet, shape (q, d - 1).
+        over: those of the master over them, shape (q, d - 1).
+        weight: area that they stand for, shape (q,).
+    """
+
+    master: Facet
+    at: Array
+    over: Array
+    weight: Array
+
+
+def pieces_of(
+    facet: Facet, masters: Sequence[Facet], reach: float, normals: dict[int, Array] | None = None
+) -> list[Piece]:
+    """The overlap of a slave facet with the facets of the other side.
+
+    Args:
+        facet: of the slave.
+        masters: those of the other side that are near.
+        reach: distance beyond which facets are no partners, length.
+        normals: in the plane the normals of the slave at its nodes, which are interpolated.
+    """
+    outward = facet.normal(facet.middle)[0]
+    found: list[Piece] = []
+    for master in masters:
+        if outward @ master.normal(master.middle)[0] >= _FACING:
+            continue
+        if facet.kind == "interval":
+            assert normals is not None
+            at_nodes = np.array([normals[int(node)] for node in facet.nodes])
+            found += _in_plane(facet, master, at_nodes)
+        else:
+            found += _in_space(facet, master)
+    return [piece for piece in found if _near(facet, piece, reach)]
+
+
+def _near(facet: Facet, piece: Piece, reach: float) -> bool:
+    apart = piece.master.place(piece.over) - facet.place(piece.at)
+    return bool(np.linalg.norm(apart, axis=1).min() <= reach)
+
+
+def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
+    """Rays along the continuous normal: the places of the slave from which they meet the master."""
+
+    def met(s: Array) -> Array:
+        """The place on the master that the ray from each place meets, beyond its ends if it must."""
+        at = s[:, None]
+        x, normal = facet.place(at), facet.shape(at) @ normals
+        found: Array = np.full(s.size, 0.5)
+        for _ in range(_STEPS):
+            apart, along = master.place(found[:, None]) - x, master.tangents(found[:, None])[0]
+            miss, slope = (u[:, 0] * normal[:, 1] - u[:, 1] * normal[:, 0] for u in (apart, along))
+            found = found - miss / slope
+            if np.abs(miss / slope).max() < _PLACE:
+                break
+        return found
+
+    ends = met(np.array([0.0, 1.0]))
+    lowest, highest = float(ends.min()), float(ends.max())
+    if lowest >= 1.0 - _NOTHING or highest <= _NOTHING:
+        return []
+
+    def beyond(s: float, value: float) -> float:
+        return float(met(np.array([s]))[0]) - value
+
+    passed = [value for value in (0.0, 1.0) if lowest < value < highest]
+    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=_PLACE)) for value in passed)})
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS["interval"])
+    found = []
+    for first, last in pairwise(cuts):
+        at = first + (last - first) * (nodes + 1) / 2
+        over = met(at)
+        if last - first > _NOTHING and 0.0 <= over[len(over) // 2] <= 1.0:
+            weight = facet.areas(at[:, None]) * weights / 2 * (last - first)
+            found.append(Piece(master, at[:, None], over[:, None], weight))
+    return found
+
+
+def _in_space(facet: Facet, master: Facet) -> list[Piece]:
+    """The linear parts of the slave, each cut by those of the master in its plane."""
+    found = []
+    for part in facet.linear_parts:
+        corners = facet.place(part)
+        centre = corners.mean(axis=0)
+        normal = np.cross(corners[2] - corners[0], corners[-1] - corners[1])  # of a triangle: two of its sides
+        normal /= np.linalg.norm(normal)
+        axes = np.linalg.svd(normal[None])[2][1:]
+        flat = (corners - centre) @ axes.T
+        size = float(np.linalg.norm(np.ptp(flat, axis=0)))
+        for other in master.linear_parts:
+            window = (master.place(other) - centre) @ axes.T
+            if (window.min(axis=0) > flat.max(axis=0)).any() or (window.max(axis=0) < flat.min(axis=0)).any():
+                continue
+            polygon = _cut(_positive(flat), _positive(window))
+            if len(polygon) < 3:
+                continue
+            p, weight = _collapsed(polygon, max(_POINTS[facet.kind], _POINTS[master.kind]))
+            if weight.sum() <= _NOTHING * size**2:
+                continue
+            at, unit = _place_in(part, flat, p)
+            p = (facet.place(at) - centre) @ axes.T
+            over = _under(master, _place_in(other, window, p)[0], p, centre, axes)
+            found.append(Piece(master, at, over, weight * facet.areas(at) / unit))
+    return found
+
+
+def _signed(polygon: Array) -> float:
+    x, y = polygon.T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
+
+
+def _positive(polygon: Array) -> Array:
+    return polygon if _signed(polygon) > 0 else polygon[::-1]
+
+
+def _cut(polygon: Array, window: Array) -> Array:
+    """What of a convex polygon is on the left of all edges of another one, shape (c, 2)."""
+    for edge in range(len(window)):
+        a, along = window[edge], window[(edge + 1) % len(window)] - window[edge]
+        heights = along[0] * (polygon - a)[:, 1] - along[1] * (polygon - a)[:, 0]
+        kept = []
+        for k in range(len(polygon)):
+            p, q, hp, hq = polygon[k - 1], polygon[k], heights[k - 1], heights[k]
+            if (hp < 0) != (hq < 0):
+                kept.append(p + hp / (hp - hq) * (q - p))
+            if hq >= 0:
+                kept.append(q)
+        if len(kept) < 3:
+            return np.zeros((0, 2))
+        polygon = np.array(kept)
+    return polygon
+
+
+def _collapsed(polygon: Array, count: int) -> tuple[Array, Array]:
+    """Points and weights on a polygon: triangles at its first corner, each a collapsed square."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    s, w = (nodes + 1) / 2, weights / 2
+    u, v = (grid.ravel() for grid in np.meshgrid(s, s))
+    both = np.outer(w, w).ravel() * u
+    points, found = [], []
+    for corner in range(1, len(polygon) - 1):
+        first, across = polygon[corner] - polygon[0], polygon[corner + 1] - polygon[corner]
+        points.append(polygon[0] + u[:, None] * (first + v[:, None] * across))
+        found.append(both * abs(first[0] * across[1] - first[1] * across[0]))
+    return np.concatenate(points), np.concatenate(found)
+
+
+def _place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
+    """Where points of the plane are in the reference facet, and the projected area of a unit of it there."""
+    if len(part) == 3:
+        matrix = np.vstack((flat.T, np.ones(3)))
+        shares = np.linalg.solve(matrix, np.vstack((p.T, np.ones(len(p))))).T
+        unit = abs(_signed(flat) / _signed(part))
+        return shares @ part, np.full(len(p), unit)
+    s = np.full(p.shape, 0.5)
+    for _ in range(_STEPS):
+        shares, slopes = _bilinear(s)
+        jacobian = np.einsum("tqc,cd->qdt", slopes, flat)
+        s = s + np.linalg.solve(jacobian, (p - shares @ flat)[:, :, None])[:, :, 0]
+    shares, slopes = _bilinear(s)
+    areas = [np.linalg.det(np.einsum("tqc,cd->qdt", slopes, corners)) for corners in (flat, part)]
+    return shares @ part, np.abs(areas[0] / areas[1])
+
+
+def _bilinear(s: Array) -> tuple[Array, Array]:
+    a, b = s.T
+    shares = np.stack(((1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b), axis=1)
+    first = np.stack((b - 1, 1 - b, b, -b), axis=1)
+    return shares, np.array([first, np.stack((a - 1, -a, a, 1 - a), axis=1)])
+
+
+def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Array:
+    """The places of a facet that lie over points of the plane, by Newton's method."""
+    for _ in range(_STEPS):
+        left = p - (facet.place(at) - centre) @ axes.T
+        jacobian = np.einsum("sqd,kd->qks", facet.tangents(at), axes)
+        at = at + np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+    return at
+
+
+def interpolated_normals(facets: Sequence[Facet]) -> dict[int, Array]:
+    """The means of the normals around each node, of length one, between which the continuous normal interpolates."""
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS["interval"])
+    at = ((nodes + 1) / 2)[:, None]
+    found: dict[int, Array] = defaultdict(lambda: np.zeros(2))
+    for facet in facets:
+        moments = facet.shape(at).T @ (facet.normal(at) * (facet.areas(at) * weights)[:, None])
+        for node, moment in zip(facet.nodes, moments, strict=True):
+            found[int(node)] += moment
+    return {node: moment / np.linalg.norm(moment) for node, moment in found.items()}

@@ -1,0 +1,92 @@
+"""Meshes of several pieces that do not match, for contact of deformable bodies."""
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+# Of a cube with the corners numbered x first, six tetrahedra along a diagonal.
+TETRAHEDRA = ((0, 1, 3, 7), (0, 1, 7, 5), (0, 5, 7, 4), (0, 3, 2, 7), (0, 6, 4, 7), (0, 2, 6, 7))
+TRIANGLES = ((0, 1, 3), (0, 3, 2))
+KINDS = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
+
+
+def grid(kind, counts, low, high, place=None):
+    """Cells and points of a box, moved by ``place``, a function of points of shape (n, d)."""
+    dim = len(counts)
+    axes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dim)
+    strides = np.array([np.prod([n + 1 for n in counts[k + 1 :]], dtype=int) for k in range(dim)])
+    first = np.stack(np.meshgrid(*[np.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(-1, dim) @ strides
+    corners = np.array([[(k >> axis) & 1 for axis in range(dim)] for k in range(2**dim)]) @ strides
+    boxes = first[:, None] + corners
+    simplices = {"triangle": TRIANGLES, "tetrahedron": TETRAHEDRA}.get(kind)
+    cells = boxes if simplices is None else boxes[:, np.array(simplices)].reshape(-1, dim + 1)
+    return cells, x if place is None else np.asarray(place(x))
+
+
+def assembled(kind, *bodies):
+    """One mesh of several pieces, each (cells, points)."""
+    before = np.cumsum([0, *(len(x) for _, x in bodies)])
+    cells = np.concatenate([cells + start for (cells, _), start in zip(bodies, before, strict=False)])
+    x = np.concatenate([points for _, points in bodies])
+    element = basix.ufl.element("Lagrange", kind, 1, shape=(x.shape[1],))
+    return dmesh.create_mesh(MPI.COMM_SELF, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element))
+
+
+def facets(mesh, marker):
+    """Exterior facets of which all vertices have a mark; ``marker``: of points of shape (d, n)."""
+    return dmesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, lambda x: marker(x[: mesh.geometry.dim]))
+
+
+def per_cell(mesh, value):
+    """A number for each cell, from its middle, of shape (d,)."""
+    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    dim = mesh.topology.dim
+    count = mesh.topology.index_map(dim).size_local
+    middles = dmesh.compute_midpoints(mesh, dim, np.arange(count, dtype=np.int32))
+    found.x.array[:] = [value(x) for x in middles]
+    return found
+
+
+def forms(mesh, degree, young, poisson=0.3):
+    """Space, a, and a function from loads (a density) to L."""
+    space = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    stress = stress_of(u, young, poisson)
+    return space, ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx, v
+
+
+def stress_of(u, young, poisson):
+    """Of isotropic elasticity, plane strain or space."""
+    e = ufl.sym(ufl.grad(u))
+    return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
+
+
+def on(mesh, listed):
+    """The measure of some facets."""
+    tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, np.sort(listed), 1)
+    return ufl.ds(domain=mesh, subdomain_data=tags, metadata={"quadrature_degree": 4})(1)
+
+
+def facets_of_piece(mesh, marker, inside):
+    """Those of ``facets`` whose cells have their middles where ``inside`` is true; both of points of shape (d, n)."""
+    dim = mesh.topology.dim
+    found = facets(mesh, marker)
+    mesh.topology.create_connectivity(dim - 1, dim)
+    cells = mesh.topology.connectivity(dim - 1, dim)
+    middles = dmesh.compute_midpoints(mesh, dim, np.array([cells.links(facet)[0] for facet in found], dtype=np.int32))
+    return found[np.asarray(inside(middles.T[:dim]), dtype=bool)]
+
+
+def held(space, listed, component=None, value=0.0):
+    """A Dirichlet condition on facets; ``value``: a number, or of vectors a function of points."""
+    dim = space.mesh.topology.dim
+    if component is not None:
+        part = space.sub(component)
+        return fem.dirichletbc(value, fem.locate_dofs_topological(part, dim - 1, listed), part)
+    function = fem.Function(space)
+    function.interpolate(value)
+    return fem.dirichletbc(function, fem.locate_dofs_topological(space, dim - 1, listed))
