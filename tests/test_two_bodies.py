@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, on, per_cell
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, FormError, Pair, Tresca
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
 
 ELEMENTS = [(kind, degree) for kind in KINDS for degree in (1, 2)]
 COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
@@ -23,6 +23,24 @@ def rotation(dimension, angle=0.4):
     return turn
 
 
+def blocks(kind, turn, counts=None):
+    """Unit blocks on each other, turned about the origin, and the facets of both there, first the upper ones."""
+    dim = KINDS[kind]
+    lower, upper = counts or COUNTS[dim]
+    up = np.eye(dim)[1]
+
+    def place(x):
+        return x @ turn.T
+
+    bodies = grid(kind, lower, -up, np.ones(dim) - up, place), grid(kind, upper, np.zeros(dim), np.ones(dim), place)
+    mesh = assembled(kind, *bodies)
+    both = [
+        facets_of_piece(mesh, lambda x: np.isclose((turn.T @ x)[1], 0), lambda x, s=s: s * (turn.T @ x)[1] > 0)
+        for s in (1, -1)
+    ]
+    return mesh, both
+
+
 @pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
 @pytest.mark.parametrize("law", ["bonded", "stick", "slip"])
 @pytest.mark.parametrize(("kind", "degree"), ELEMENTS)
@@ -30,23 +48,7 @@ def test_patch(kind, degree, law, exchanged):
     """A state of constant stress in two blocks in any direction, with stick, oblique slip, or tied: exact."""
     dim = KINDS[kind]
     turn = rotation(dim)
-    low, high = np.zeros(dim), np.ones(dim)
-    below = high * 1.0
-    below[1] = 0.0
-    start = low.copy()
-    start[1] = -1.0
-    lower, upper = COUNTS[dim]
-    mesh = assembled(
-        kind, grid(kind, lower, start, below, lambda x: x @ turn.T), grid(kind, upper, low, high, lambda x: x @ turn.T)
-    )
-
-    def straight(x):
-        return turn.T @ x
-
-    both = [
-        facets_of_piece(mesh, lambda x: np.isclose(straight(x)[1], 0), lambda x, s=s: s * straight(x)[1] > 0)
-        for s in (1, -1)
-    ]
+    mesh, both = blocks(kind, turn)
     young, poisson = 100.0, 0.3
     normal = turn @ np.eye(dim)[1] * -1.0  # of the upper body
     # Compression with shear across the contact, in the frame of the blocks.
@@ -71,7 +73,7 @@ def test_patch(kind, degree, law, exchanged):
     piece = np.zeros(len(space.tabulate_dof_coordinates()), dtype=bool)
     cells = space.dofmap.list
     middles = space.tabulate_dof_coordinates()[cells].mean(axis=1)[:, :dim]
-    piece[cells[straight(middles.T)[1] > 0]] = True
+    piece[cells[(middles @ turn)[:, 1] > 0]] = True
     exact.x.array.reshape(-1, dim)[piece] += slip
     outside = fem.locate_dofs_topological(space, dim - 1, outer)
     friction = {"bonded": None, "stick": Coulomb(0.9), "slip": Tresca(float(np.linalg.norm(shear)))}[law]
@@ -93,3 +95,178 @@ def test_patch(kind, degree, law, exchanged):
     found = np.einsum("ijk,ik->ij", state.boundary.tangents, state.shear)
     np.testing.assert_allclose(found, np.tile(sign * shear, (len(found), 1)), rtol=0, atol=1e-8 * pressure)
     assert problem.certificate.coupling < 1e-9
+
+
+def nothing(mesh, v):
+    """No load."""
+    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
+
+
+def example1(count, degree=1, stiffer=1.0, rigid=False, **settings):
+    """Example 1 of the paper without friction on a foundation of its own material, which may be stiffer."""
+    bodies = [grid("quadrilateral", (count, count // 3), (0, 0), (3, 1))]
+    if not rigid:
+        bodies.append(grid("quadrilateral", (4 * count // 5, count // 4), (0, -1), (3, 0)))
+    mesh = assembled("quadrilateral", *bodies)
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 5000.0 * (1.0 if x[1] > 0 else stiffer)), 0.4)
+    ends = facets(mesh, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 3))
+    bcs = [held(space, ends, 0), *(held(space, facets(mesh, lambda x: np.isclose(x[1], -1)), k) for k in (0, 1))]
+    slave, master = (facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: s * x[1] > 0) for s in (1, -1))
+    x = ufl.SpatialCoordinate(mesh)
+    load = ufl.as_vector((0.0, ufl.conditional(abs(x[0] - 1.5) < 0.5, -20.0, 0.0)))
+    top = on(mesh, facets(mesh, lambda x: np.isclose(x[1], 1)))
+
+    def gap(x):
+        return 0.003 * (x[0] - 1.5) ** 2 + 0.001
+
+    contact = Foundation(slave, gap=gap) if rigid else Pair(slave, master, gap=gap)
+    problem = ContactProblem(a, ufl.inner(load, v) * top, bcs, contact=contact, **settings)
+    problem.solve()
+    return problem
+
+
+@pytest.mark.parametrize(("count", "degree"), [(60, 1), (30, 2)])
+def test_example_1_on_a_foundation_of_its_own_material(count, degree):
+    """Deflection, largest pressure and zone of contact are those of finer meshes of an independent program."""
+    problem = example1(count, degree)
+    x = problem.u.function_space.tabulate_dof_coordinates()
+    middle = np.isclose(x[:, 0], 1.5) & np.isclose(x[:, 1], 1.0)
+    assert problem.u.x.array.reshape(-1, 2)[middle, 1] == pytest.approx(-0.005332, rel=1e-3)
+    state = problem.state
+    assert state.pressure.max() == pytest.approx(16.268, rel=3e-3)
+    pressed = state.boundary.x[state.pressure > 0, 0]
+    assert (pressed.min(), pressed.max()) == pytest.approx((0.656, 2.344), abs=3.0 / count)
+    assert state.forces[0][1] == pytest.approx(20.0, rel=1e-9)
+
+
+def test_a_foundation_a_million_times_stiffer_is_rigid():
+    """The pressures are those of a rigid foundation."""
+    pair, rigid = (example1(30, rigid=rigid, stiffer=1e6, algorithm="alm", tolerance=1e-10) for rigid in (False, True))
+    size = rigid.state.pressure.max()
+    np.testing.assert_allclose(pair.state.pressure, rigid.state.pressure, rtol=0, atol=1e-5 * size)
+    assert pair.history.linear_solves <= 1.3 * rigid.history.linear_solves
+
+
+def ring(kind, counts, inner, outer):
+    """A quarter of a ring."""
+
+    def place(x):
+        return np.stack((x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1])), axis=1)
+
+    return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
+
+
+@pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
+@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
+def test_fit_of_two_rings(kind, exchanged):
+    """Lame's pressure between rings with an interference; both sides nominally in contact, or slave and master
+    exchanged, within 2 % on facets of 4 degrees.
+    """
+    mesh = assembled(kind, ring(kind, (5, 24), 1.0, 2.0), ring(kind, (5, 33), 2.0, 3.0))
+
+    def inner(x):
+        return np.hypot(*x[:2]) < 2.0
+
+    young, poisson = (per_cell(mesh, lambda x, of=of: of[0] if inner(x) else of[1]) for of in ((100, 300), (0.3, 0.25)))
+    space, a, v = forms(mesh, 1, young, poisson)
+    sides = [
+        facets_of_piece(mesh, lambda x: np.isclose(np.hypot(*x), 2.0), lambda x, s=s: inner(x) == s)
+        for s in (True, False)
+    ]
+    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
+    pair = Pair(*(sides[::-1] if exchanged else sides), gap=-0.002)
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=pair)
+    problem.solve()
+    weight = problem.state.boundary.weight
+    assert problem.state.pressure @ weight / weight.sum() == pytest.approx(0.048940, rel=0.02)
+    assert problem.certificate.coupling < 1e-9
+
+
+def block_on_block(friction=None, push=0.0, lift=0.0, on_both=False, **settings):
+    """A block that nothing holds but another one, which is held at the bottom; ``on_both``: which nothing holds."""
+    mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+    bottom = facets(mesh, lambda x: np.isclose(x[1], -1))
+    bcs = [] if on_both else [held(space, bottom, k) for k in (0, 1)]
+    load = per_cell(mesh, lambda x: 1.0 if x[1] > 0 else 0.0)
+    force = load * ufl.inner(fem.Constant(mesh, (push, -1.0 + lift)), v) * ufl.dx
+    return ContactProblem(a, force, bcs, contact=Pair(*both, friction=friction), **settings)
+
+
+@pytest.mark.parametrize("settings", [{}, {"linear_algebra": "condensed"}, {"algorithm": "alm"}, {"coulomb": "fp"}])
+def test_a_block_held_by_another_one(settings):
+    """Friction holds it: forces and moments of the contact are those of the load, by every algorithm."""
+    problem = block_on_block(Coulomb(0.5), push=0.3, **settings)
+    problem.solve()
+    contact, friction = problem.state.forces
+    assert contact + friction == pytest.approx([-0.3, 1.0], abs=1e-9)
+    state = problem.state
+    forces = -state.boundary.nodal_forces(state.pressure, state.shear)
+    x = state.boundary.centre
+    assert np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0]) == pytest.approx(0.5 + 0.3 * 0.5, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        ({"push": 0.6, "friction": Coulomb(0.5)}, Status.SLIDES),
+        ({"lift": 1.5, "friction": Coulomb(0.5)}, Status.OPEN),
+        ({"push": 1.2, "friction": Coulomb(2.0)}, Status.TIPS),
+        ({"on_both": True, "friction": Coulomb(0.5)}, Status.NOT_HELD),
+        ({"push": 0.1}, Status.NOT_HELD),
+    ],
+)
+def test_bodies_that_nothing_holds(arguments, status):
+    """It is proved before anything is solved."""
+    problem = block_on_block(**arguments)
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.status is status
+    assert problem.history.linear_solves == 0
+
+
+def test_what_is_refused():
+    """Each in one sentence that names the argument."""
+    mesh, (slave, master) = blocks("triangle", np.eye(2))
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 1.0))
+    bcs = [held(space, facets(mesh, lambda x: np.isclose(abs(x[1]), 1)), k) for k in (0, 1)]
+
+    def refused(pair, match, **settings):
+        with pytest.raises(FormError, match=match):
+            ContactProblem(a, nothing(mesh, v), bcs, contact=pair, **settings).solve()
+
+    refused(Pair(slave, slave), r"contact\[0\].against: shares 3 facets")
+    refused(Pair(slave, facets(mesh, lambda x: np.isclose(x[1], 1))), r"contact\[0\]: its facets lie up to 1 behind")
+    refused(Pair(slave, master, gap="nominal"), r'contact\[0\].gap: must be "geometry" or values')
+    refused(Pair(slave, master), "exact cannot be used here: contact of two bodies", algorithm="exact")
+
+
+def test_the_certificate_notices_a_wrong_map(monkeypatch):
+    """A share that is wrong, or integrals over another overlap, are found out."""
+    from dataclasses import replace
+
+    from signorini_fx.body import paired_points
+
+    couple = paired_points.couple
+
+    def spoiled(*sides, **settings):
+        found = couple(*sides, **settings)
+        # Constants and linear fields keep their values; only the integrals know.
+        x = sides[1].x
+        null = np.linalg.svd(np.vstack((np.ones(len(x)), x.T)))[2][-1]
+        wrong = found.master.toarray() + 1e-3 * null
+        return replace(found, master=type(found.master)(wrong))
+
+    mesh, (slave, master) = blocks("triangle", np.eye(2), ((7, 2), (5, 2)))
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 1.0))
+    bcs = [held(space, facets(mesh, lambda x, y=y: np.isclose(x[1], y)), k, -y * 1e-3) for k in (0, 1) for y in (1, -1)]
+    for by in (couple, spoiled):
+        monkeypatch.setattr(paired_points, "couple", by)
+        problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(slave, master))
+        if by is couple:
+            problem.solve()
+            continue
+        with pytest.raises(ConvergenceError):
+            problem.solve()
+        assert problem.status is Status.NOT_CERTIFIED
+        assert problem.certificate.coupling > 1e-5

@@ -119,8 +119,10 @@ class PairedSides:
             taken: facets of other contacts, whose nodes carry no points of this one.
 
         Raises:
-            FormError: the sides do not fit together.
+            FormError: the sides do not fit together, or are curved and the displacement is linear.
         """
+        if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
+            raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
         slave, master = (Side.of(space, here) for here in facets)
         normals = np.abs(slave.surface.nodal_normals)
         unable = np.where(fixed[slave.nodes], 0.0, normals).max(axis=1) <= _ALONG

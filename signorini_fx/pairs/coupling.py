@@ -32,6 +32,8 @@ Indices = npt.NDArray[np.int64]
 _NO_ARM = 1e-12
 # Shares below it are round-off.
 _ROUND_OFF = 1e-14
+# Share of the size of a side by which the bodies may overlap.
+_DEEP = 0.2
 # Share of its area by which a facet may be covered too much by round-off.
 _TWICE = 1e-3
 
@@ -94,7 +96,7 @@ def couple(
         reach: distance beyond which facets are no partners, length; None: a default.
 
     Raises:
-        PairingError: no facet finds a partner, or one finds two sheets of them.
+        PairingError: no facet finds a partner, one finds two sheets of them, or the bodies lie inside each other.
     """
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
@@ -125,10 +127,15 @@ def couple(
     distance = (shares @ distance) / weight[:, None]
     own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in (own, others))
     turning = _turning(sp.csr_array(shares @ arms), master.x, distance)
-    alone = np.diff(shares.indptr) == 1
-    return Coupling(
-        nodes, weight, slave.nodal_normals[nodes], distance, own, others, turning, overlap, alone, whole, reach
-    )
+    normal, alone = slave.nodal_normals[nodes], np.diff(shares.indptr) == 1
+    found = Coupling(nodes, weight, normal, distance, own, others, turning, overlap, alone, whole, reach)
+    size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
+    if (deepest := -float(found.gap.min())) > _DEEP * size:
+        raise PairingError(
+            f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
+            "facets, and that the bodies do not lie inside each other"
+        )
+    return found
 
 
 def _check(slave: Surface, overlap: Overlap, reach: float) -> None:
