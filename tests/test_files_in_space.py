@@ -398,7 +398,6 @@ def test_sizes_that_cannot_be(tmp_path, drawings):
 # --- what is refused -------------------------------------------------------------------------------------------------
 
 TETRA = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-PRISM = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (0, 1))]
 BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
 
 
@@ -410,7 +409,6 @@ BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
             [("hexahedron", [list(range(8))]), ("tetra", [[4, 5, 6, 8], [4, 6, 7, 8]])],
             r"mixes cell types .*\(1 hexahedron, 2 tetra\); use one; .* would not be conforming",
         ),
-        (PRISM, [("wedge", [list(range(6))])], "no element for cells of kind wedge; use one of: tetra, tetra10, hexa"),
         (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
         ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
         (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells occur twice"),
@@ -441,6 +439,13 @@ def test_curved_cells_that_are_folded(tmp_path):
     meshio.write(tmp_path / "odd.vtu", meshio.Mesh(found.points, [("tetra10", found.cells)]))
     with pytest.raises(MeshError, match="1 cells are folded"):
         read_file(tmp_path / "odd.vtu")
+
+
+def test_wedges_with_nodes_on_their_edges(tmp_path):
+    """Only wedges with straight edges are cut into tetrahedra."""
+    file = abaqus(tmp_path, "C3D15", np.random.default_rng(1).random((15, 3)).tolist())
+    with pytest.raises(MeshError, match="no element for cells of kind wedge15; use one of: tetra, tetra10, hexa"):
+        read_file(file)
 
 
 def test_an_abaqus_mesh_without_heights(tmp_path):
@@ -573,9 +578,9 @@ def test_mistakes_on_ranks(tmp_path):
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
     if comm.rank == 0:
-        meshio.write(folder / "odd.vtu", meshio.Mesh(np.array(PRISM, dtype=float), [("wedge", [list(range(6))])]))
+        meshio.write(folder / "odd.vtu", meshio.Mesh(np.array(TETRA, dtype=float), [("tetra", [[0, 1, 2, 3]] * 2)]))
     comm.barrier()
-    with pytest.raises(MeshError, match="cells of kind wedge"):
+    with pytest.raises(MeshError, match="1 cells occur twice"):
         read_mesh(folder / "odd.vtu", comm)
 
 

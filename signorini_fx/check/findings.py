@@ -43,7 +43,9 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     scene, data = body.scene, body.data
-    found = [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
+    note = body.tagged.note
+    found = [Finding("note", "mesh", note)] if note else []
+    found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
     # Without an estimate it only matters whether anything acts at all; what resists is no part of the estimate.
     estimates = estimates and not scene.of(Resistance)
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))

@@ -49,6 +49,7 @@ class TaggedMesh(TaggedMeshBase):
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
         origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
+        note: what was made of the cells of its file; empty if they are as they were.
     """
 
     mesh: dmesh.Mesh
@@ -57,6 +58,7 @@ class TaggedMesh(TaggedMeshBase):
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
 
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dimension).size_global
@@ -298,7 +300,7 @@ def read_mesh(
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def read() -> tuple[str, formats.Tags, formats.Tags]:
+    def read() -> tuple[str, formats.Tags, formats.Tags, str]:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
@@ -308,11 +310,11 @@ def read_mesh(
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts
+        return arrays.kind, sides, parts, arrays.note
 
-    kind, sides, parts = parallel.on_root(comm, read)
+    kind, sides, parts, note = parallel.on_root(comm, read)
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], arrays_on_root.pop() if arrays_on_root else None)
-    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
+    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), note=note)
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:

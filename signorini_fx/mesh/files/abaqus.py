@@ -25,12 +25,22 @@ _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 _WITHOUT_STIFFNESS = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT")
-_KIND_IN_SPACE = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
+_KIND_IN_SPACE = {
+    4: "tetra",
+    5: "pyramid",
+    6: "wedge",
+    8: "hexahedron",
+    10: "tetra10",
+    15: "wedge15",
+    20: "hexahedron20",
+}
 # Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
 _FACES: dict[str, tuple[Corners, ...]] = {
     "triangle": ((0, 1), (1, 2), (2, 0)),
     "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
     "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
     "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
 }
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mesh.files.cutting import cut
 from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
@@ -40,6 +41,7 @@ class MeshArrays:
         facets: nodes of each exterior facet in the order of its kind, shape (f, l).
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
+        note: what was made of the cells of the file; empty if they are as they were.
     """
 
     points: Floats
@@ -48,6 +50,7 @@ class MeshArrays:
     facets: Ints
     boundaries: Mapping[str, Ints]
     regions: Mapping[str, Ints]
+    note: str = ""
 
     @property
     def cell(self) -> Cell:
@@ -89,7 +92,8 @@ def from_raw(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
-    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
+    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Wedges
+    and pyramids are cut into tetrahedra, and so are hexahedra beside them.
 
     Args:
         raw: the mesh as read from its file.
@@ -104,6 +108,7 @@ def from_raw(
             is missing.
         SceneError: a selection is empty.
     """
+    raw, note = cut(raw, name)
     kind, body = _body(raw, name)
     if (whole := completed(kind)) is not None:
         raw, kind = _completed(raw, body, *whole)
@@ -149,7 +154,7 @@ def from_raw(
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, names, names_of_parts)
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts, note)
 
 
 def _corners_of(kind: str) -> int:
