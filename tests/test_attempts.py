@@ -26,7 +26,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 def test_the_table_of_the_documentation():
     """It lists every attempt, in the order of the plan."""
-    text = (DOCS / "outcomes.md").read_text(encoding="utf-8")
+    text = (DOCS / "theory.md").read_text(encoding="utf-8")
     rows = [f"| {what} | {one} | {one.what} |" for what, attempts in PLAN.items() for one in attempts]
     assert "\n".join(rows) in text
 

@@ -1,7 +1,9 @@
 """README and docs: every block runs, every link resolves, every key, default, outcome and result is named.
 
 A fenced block is run unless the line before it says ``<!-- not run: REASON -->``: python is executed; toml is a scene
-that is checked, or a part of one; sh holds commands of signorini-fx.  Blocks of one document share a folder.
+that is checked, or a part of one; sh holds commands of signorini-fx.  A text that follows one of these without a word
+between is what it prints, or some of these lines, with ``...`` for what differs from run to run.  Blocks of one document
+share a folder.
 """
 
 import csv
@@ -19,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
-import gmsh
 import pytest
 from pydantic import BaseModel
 from scenes import alone, example1
@@ -46,7 +47,7 @@ GUIDES = ["guide", "own-body", "effects", "load-steps", "in-space", "choosing-th
 GUIDES += ["own-forms"]
 REFERENCE = ["scene", "generators", "mesh-files", "command-line", "results", "outcomes"]
 OWN_BODY = DOCS / "own-body.md"
-MANUAL = [DOCS / f"{name}.md" for name in [*GUIDES, "several-ranks", "install", *REFERENCE]]
+MANUAL = [DOCS / f"{name}.md" for name in ["index", *GUIDES, "several-ranks", "install", *REFERENCE]]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
 MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
 
@@ -56,13 +57,14 @@ MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: where it begins, its language and text, and the reason why it is not run, if there is one."""
+    """A fenced block: where it begins, its language and text, why it is not run, if so, and what it prints."""
 
     page: Path
     line: int
     language: str
     text: str
     reason: str | None
+    printed: str = ""
 
     def __str__(self):
         return f"{self.page.name}:{self.line}"
@@ -74,7 +76,8 @@ def blocks_of(page):
     found = []
     for match in re.finditer(r"(?:<!-- not run: (.+) -->\n)?^```(.*)\n((?:(?!```).*\n)*)^```$", text, re.MULTILINE):
         line = text[: match.start(2)].count("\n") + 1
-        found.append(Block(page, line, match[2], match[3], match[1]))
+        follows = re.match(r"\n\n```text\n((?:(?!```).*\n)*)```$", text[match.end() :], re.MULTILINE)
+        found.append(Block(page, line, match[2], match[3], match[1], follows[1] if follows else ""))
     assert text.count("```") == 2 * len(found), f"{page}: a block is not understood"
     return found
 
@@ -98,9 +101,11 @@ def folders(tmp_path_factory):
         (folder / "scene.toml").write_text(scene_file, encoding="utf-8")
         drawn = first_block(page, "geo")
         (folder / "body.geo").write_text(drawn.text if drawn else two_materials, encoding="utf-8")
-    bracket, own = first_block(OWN_BODY, "toml").text, found[OWN_BODY]
-    (own / "bracket.toml").write_text(bracket, encoding="utf-8")
-    write_step(own / "part.step")
+    for block in blocks_of(OWN_BODY):
+        if block.language == "toml":
+            name = re.search(r'file = "(\w+)', block.text)[1].replace("part", "bracket")
+            (found[OWN_BODY] / f"{name}.toml").write_text(block.text, encoding="utf-8")
+    write_meshes(found[OWN_BODY])
     return found
 
 
@@ -109,16 +114,11 @@ def first_block(page, language):
     return next((block for block in blocks_of(page) if block.language == language), None)
 
 
-def write_step(file):
-    """A plate of 60 x 40 x 10 mm that stands on x[2] = 0, as a drawing."""
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 60, 40, 10)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(file))
-    finally:
-        gmsh.finalize()
+def write_meshes(folder):
+    """What a page shows how to make, for a test that runs one of its blocks alone."""
+    script = first_block(OWN_BODY, "python").text
+    exec(compile(script.replace("foot.step", f"{folder}/foot.step"), "foot", "exec"), {})
+    assert cli.main(["convert", f"{folder}/body.geo", f"{folder}/part.inp"]) == 0
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def folder(block, folders, monkeypatch):
 def test_blocks():
     """They are found, in languages that are known; few are not run, each for a reason."""
     languages = {block.language for block in BLOCKS}
-    assert languages == {"geo", "python", "sh", "text", "toml", "{eval-rst}"}
+    assert languages == {"geo", "python", "sh", "text", "toml", "{eval-rst}", "{toctree}"}
     for page, languages in ((README, ("toml", "python", "sh")), (OWN_BODY, ("geo", "toml", "sh"))):
         for language in languages:
             assert any(b.page == page and b.language == language and b.reason is None for b in BLOCKS)
@@ -163,23 +163,56 @@ def test_toml(block, folder):
 
 
 @each_block("python")
-def test_python(block, folder):
+def test_python(block, folder, capsys):
     """A script of its own."""
     lines = "\n" * block.line + block.text
     exec(compile(lines, str(block.page), "exec"), {"__name__": "__main__"})
+    is_printed(block, capsys.readouterr().out)
+
+
+# Numbers are as on the page but for this, relative: linear algebra differs from machine to machine.
+CLOSE = 0.05
+
+
+def is_printed(block, printed):
+    """Each line of the block's output is among these, in this order."""
+    lines = iter(printed.splitlines())
+    for wanted in block.printed.splitlines():
+        assert any(alike(wanted.split(), line.split()) for line in lines), f"{block}: {wanted}\n{printed}"
+
+
+def alike(wanted, words):
+    """Whether two lines have the same words; ``...`` stands for any one, and numbers are close."""
+    return len(wanted) <= len(words) and all(map(alike_word, wanted, words))
+
+
+def alike_word(wanted, word):
+    try:
+        return wanted == "..." or float(word.strip("(),:")) == pytest.approx(float(wanted.strip("(),:")), rel=CLOSE)
+    except ValueError:
+        return wanted == word
+
+
+def test_alike():
+    """A word or a number too many is noticed, and a number that differs."""
+    assert alike("a 1.00 ...".split(), "a 1.01 2 left".split())
+    assert not alike("a 1.00 ...".split(), "a 1.01".split())
+    assert not alike(["(1.00,"], ["(1.10,"])
+    assert not alike(["b"], ["a"])
 
 
 @each_block("sh")
 def test_commands(block, folder, capsys):
     """They end well, on one rank, without their pictures and fields; PETSc knows all their options."""
+    printed = ""
     for line in block.text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         words = words[1:] if words[:1] == ["./env"] else words
         words = words[3:] if words[:2] == ["mpirun", "-n"] else words
         name, command, *arguments = words
         assert name == "signorini-fx", f"{block}: not a command of this package: mark the block"
-        if command == "new":
-            Path(arguments[0]).unlink(missing_ok=True)
+        if command in ("new", "convert"):
+            Path(arguments[command == "convert"]).unlink(missing_ok=True)
         if command == "solve":
             arguments = ["--no-pictures", "--no-fields", *arguments]
         if ">" in arguments:
@@ -189,7 +222,10 @@ def test_commands(block, folder, capsys):
             separately([sys.executable, "-m", "signorini_fx", command, *arguments])
         else:
             assert cli.main([command, *arguments]) == 0, line
-            assert capsys.readouterr().err == ""
+            output = capsys.readouterr()
+            assert output.err == ""
+            printed += output.out
+    is_printed(block, printed)
 
 
 def separately(command):
@@ -443,6 +479,18 @@ def test_outcomes():
     rows = table(MANUAL, "`Status`")
     assert [(row[0].strip("`"), row[1]) for row in rows] == [(status.name, status.value) for status in Status]
     assert all(row[2] and (row[3] or row[0] == "`CONVERGED`") for row in rows)
+
+
+def test_symptoms():
+    """What a first run is said to print, in italics, is a text of the package; ``...`` and numbers stand for others."""
+    package = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "signorini_fx").rglob("*.py")))
+    package = re.sub(r'"\s*\n\s*f?"', "", package)
+    symptoms = [row[0] for row in table([DOCS / "outcomes.md"], "My first run failed", "what you see")]
+    quoted = [text for symptom in symptoms for text in re.findall(r"\*([^*]+)\*", symptom)]
+    assert len(quoted) > len(symptoms) / 2
+    for text in quoted:
+        for part in re.split(r"\.\.\.|'\w+'|\d+", text):
+            assert part.strip() in package, text
 
 
 def test_results(tmp_path):
