@@ -19,22 +19,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from signorini_fx import (
-    ConvergenceError,
-    CoulombFriction,
-    LinearElastic,
-    MeshGenerator,
-    NoFriction,
-    PrescribedDisplacement,
-    Scene,
-    SurfaceTraction,
-    UnilateralContact,
-    plot,
-    print_progress,
-    solve,
-    sweep,
-    write_results,
-)
+import signorini_fx as sfx
 from signorini_fx.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
@@ -51,19 +36,23 @@ RESULTS = Path("results/demos/tutorial")
 # %%
 def block(friction, top="-20 if 1 <= x[0] <= 2 else 0", **guides):
     """The block with this friction law and this vertical traction on its top; ``guides``: what holds its ends."""
-    return Scene(
+    return sfx.Scene(
         title="A block on a curved foundation",
-        mesh=MeshGenerator(generator="block", parameters={"length": 3.0, "height": 1.0, "nx": CELLS, "ny": CELLS // 3}),
-        material=LinearElastic(young=5000.0, poisson=0.4),
-        displacement=[PrescribedDisplacement(boundary=side, **(guides or {"x": 0.0})) for side in ("left", "right")],
-        traction=SurfaceTraction(boundary="top", y=top),
-        contact=UnilateralContact(
+        mesh=sfx.MeshGenerator(
+            generator="block", parameters={"length": 3.0, "height": 1.0, "nx": CELLS, "ny": CELLS // 3}
+        ),
+        material=sfx.LinearElastic(young=5000.0, poisson=0.4),
+        displacement=[
+            sfx.PrescribedDisplacement(boundary=side, **(guides or {"x": 0.0})) for side in ("left", "right")
+        ],
+        traction=sfx.SurfaceTraction(boundary="top", y=top),
+        contact=sfx.UnilateralContact(
             boundary="bottom", gap=lambda x: 0.003 * (x[0] - 1.5) ** 2 + 0.001, friction=friction
         ),
     )
 
 
-scene = block(CoulombFriction(coefficient=0.3))
+scene = block(sfx.CoulombFriction(coefficient=0.3))
 
 # %% [markdown]
 # ## Solve it
@@ -72,7 +61,7 @@ scene = block(CoulombFriction(coefficient=0.3))
 # their state (0 at the end), and the residual.
 
 # %%
-solution = solve(scene, observers=[print_progress])
+solution = sfx.solve(scene, observers=[sfx.print_progress])
 solution
 
 # %% [markdown]
@@ -80,7 +69,7 @@ solution
 # as they are written to a result folder below:
 
 # %%
-plot(solution)
+sfx.plot(solution)
 
 # %% [markdown]
 # *converged* says more than that an iteration ended: the conditions above, the equilibrium and the supports were
@@ -134,7 +123,7 @@ for state in ("stick", "slip+", "slip-"):
 # Many values of one parameter cost little more than one, because the body is assembled and factorised once:
 
 # %%
-for point in sweep(scene, coefficients=[0.05, 0.1, 0.2, 0.4, 0.8]):
+for point in sfx.sweep(scene, coefficients=[0.05, 0.1, 0.2, 0.4, 0.8]):
     print(f"F = {point.value:4.2f}: {point.linear_solves} linear solves, pressure {point.contact.pressure.max():.4f}")
 
 # %% [markdown]
@@ -144,13 +133,13 @@ for point in sweep(scene, coefficients=[0.05, 0.1, 0.2, 0.4, 0.8]):
 # statics and ends in an outcome with a name; nothing is hidden behind a number of iterations.
 
 # %%
-pushed = block(NoFriction(), y=0.0).model_copy(
-    update={"displacement": (), "traction": (SurfaceTraction(boundary="top", x=1.0, y=-20.0),)}
+pushed = block(sfx.NoFriction(), y=0.0).model_copy(
+    update={"displacement": (), "traction": (sfx.SurfaceTraction(boundary="top", x=1.0, y=-20.0),)}
 )
 try:
-    solve(pushed)
+    sfx.solve(pushed)
     outcome = None
-except ConvergenceError as error:
+except sfx.ConvergenceError as error:
     outcome = error.solution.status
     print(error)
 
@@ -161,8 +150,8 @@ except ConvergenceError as error:
 # page of it.
 
 # %%
-summary = write_results(solution, RESULTS)
-print(summary["status"], sorted(file.name for file in RESULTS.iterdir())[:5])
+summary = sfx.write_results(solution, RESULTS)
+print(summary["status"], sorted(file.name for file in RESULTS.glob("*.csv")))
 
 # %% [markdown]
 # Where to go on: [load steps](../docs/load-steps.md), [a body of your own](../docs/own-body.md), [the scene

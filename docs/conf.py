@@ -59,7 +59,7 @@ nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstri
 
 
 class DemoParser(MystParser):
-    """Shows a demo as a page: its text, its code and its pictures from the gallery."""
+    """Shows a demo as a page: its text, its code, the outputs of its notebook and its pictures from the gallery."""
 
     supported = ("percent",)
 
@@ -70,7 +70,8 @@ class DemoParser(MystParser):
         shown = (f"{name}_body.png", f"{name}.png") if Path(document["source"]).parent == _ROOT / "demos" else ()
         drawn = [one for one in shown if (gallery / one).exists()]
         pictures = "".join(f"\n![Result](../docs/images/gallery/{one})\n" for one in drawn)
-        super().parse(as_markdown(inputstring) + pictures, document)
+        shown = as_markdown(inputstring, Path(document["source"]).with_suffix(".ipynb"))
+        super().parse(shown + pictures, document)
 
 
 def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
