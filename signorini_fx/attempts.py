@@ -37,7 +37,8 @@ class Attempt:
 FULL_STEPS = Attempt("full steps", "the semi-smooth Newton method of the scene")
 EXACT_SOLVES = Attempt(
     "exact linear solves",
-    "the same iteration again, where linear solves with an old factor or a loose tolerance failed",
+    "the same iteration again, where linear solves with an old factor or a loose tolerance failed; with a "
+    "factorisation, where a Krylov method failed and the memory is large enough",
 )
 THROUGH_STICK = Attempt("through stick", "if `sigma` is finite: the same iteration with an infinite one")
 AT_REST = Attempt(

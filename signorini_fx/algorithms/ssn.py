@@ -87,6 +87,9 @@ class SemismoothNewton:
         self.max_iterations = max_iterations
         self._fall_backs = try_fall_backs
         self._limited = limited
+        self._symmetric = symmetric
+        self._factor: PETSc.KSP | None = None
+        self._factorised_in: int | None = None
         generator = np.random.default_rng(problem.system.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.snes = self._create(symmetric)
@@ -214,19 +217,51 @@ class SemismoothNewton:
         return status is Status.MAX_ITERATIONS and not self._limited
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; once more with exact linear solves if old factors or loose tolerances did not suffice."""
-        status = self._iterate()
-        while self._may_keep and self._unreliable(status):
-            done = self.history.linear_solves - self._before
-            if done >= limit:
-                break
-            self._may_keep, self._status = False, None
-            self._seen.clear()
-            self._first_iteration += done
-            self.snes.setTolerances(max_it=limit - done)
-            self.problem.set_data(data, self.problem.sets)
+        """Let SNES iterate; again with exact linear solves if old factors or loose tolerances did not suffice, and with
+        a factorisation if a Krylov method did not, then for the rest of the load step.
+        """
+        usual, first = self.snes.getKSP(), self._first_iteration
+        if self._factorised_in == self.history.step:
+            self._factorise()
+        try:
             status = self._iterate()
+            while (done := self.history.linear_solves - self._before) < limit and self._improved(status):
+                self._status, self._first_iteration = None, first + done
+                self._seen.clear()
+                self.snes.setTolerances(max_it=limit - done)
+                self.problem.set_data(data, self.problem.sets)
+                status = self._iterate()
+        finally:
+            if self._factor is not None:
+                self.snes.setKSP(usual)
+                self._factor.destroy()
+                self._factor = None
         return status
+
+    def _improved(self, status: Status) -> bool:
+        """Whether the linear solves may be the reason for a failure, and the next ones are better; collective."""
+        if self._may_keep and self._unreliable(status):
+            self._may_keep = False
+            return True
+        if status is not Status.LINEAR_SOLVER or not self._factorise():
+            return False
+        self.history.add(f"{status.value}: the matrix is factorised")
+        self._factorised_in = self.history.step
+        return True
+
+    def _factorise(self) -> bool:
+        """Whether a direct solver takes the place of a Krylov method; collective."""
+        if self._factor is not None:
+            return False
+        ksp = PETSc.KSP().create(self.problem.system.comm)
+        ksp.setOptionsPrefix(options.PREFIX)
+        ksp.setOperators(self.snes.getJacobian()[0])
+        if not self.problem.system.factorise(ksp, symmetric=self._symmetric):
+            ksp.destroy()
+            return False
+        self.snes.setKSP(ksp)
+        self._factor = ksp
+        return True
 
     def _iterate(self) -> Status:
         callbacks.solve(self.snes.solve, None, self.x)

@@ -13,6 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
+from signorini_fx.linalg.full import factor_entries
 from signorini_fx.records import Finding
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import (
@@ -94,7 +95,7 @@ def estimated_cost(d: Discretisation) -> Cost:
     n = d.dofs
     nodes = contact_nodes(d)
     dim = d.tagged.dimension
-    entries = choice.factor_entries(n, dim)
+    entries = factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
     friction = friction_kind(d.scene, d.scene.contact)
     solves = linear_solves(d.scene, friction, nodes, steps=d.scene.expected_steps, levels=d.scene.solver.levels)

@@ -38,6 +38,10 @@ class AssembledSystem:
         system.set_load(np.ones(len(e.cases)))
         return system
 
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """None: it is the default."""
+        return False
+
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The loads and prescribed displacements times their factors."""
         self.load.set(0.0)

@@ -8,17 +8,14 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
-from signorini_fx import parallel
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.elasticity import Elasticity
-from signorini_fx.linalg.full import FullSystem, can_factorise, has_package
+from signorini_fx.linalg.full import FullSystem, can_factorise, enough_memory, factor_memory, has_package
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.tuned import (
-    FACTOR_ENTRIES,
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
-    MEMORY_SHARE,
     MOST_CONDENSED_UNKNOWNS,
     SPARSE_OPERATIONS,
 )
@@ -93,8 +90,8 @@ def for_multigrid(size: SystemSize) -> str | None:
     """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return None
-    factor = 12.0 * factor_entries(size.unknowns, size.dimension)
-    if factor > MEMORY_SHARE * parallel.machine_memory(size.comm):
+    factor = factor_memory(size.unknowns, size.dimension)
+    if not enough_memory(size.comm, factor):
         return (
             f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
         )
@@ -114,13 +111,6 @@ def krylov_from(size: SystemSize, requested: str) -> float:
     if not size.compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
         return math.inf
     return FEWEST_KRYLOV_UNKNOWNS.get(size.dimension, math.inf)
-
-
-def factor_entries(unknowns: int, dimension: int) -> float:
-    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
-    least, slope, offset = FACTOR_ENTRIES[dimension]
-    growing = slope * (math.log2(unknowns) - offset) if dimension == 2 else slope * unknowns**offset
-    return unknowns * max(least, growing)
 
 
 def against_condensing(size: SystemSize) -> str | None:

@@ -70,6 +70,10 @@ class CondensedSystem:
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """None: it is the default."""
+        return False
+
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
-from signorini_fx.tuned import LAGGED_NODES, LAGGED_SHARE, LAGGED_STEPS, RANKS_WITH_MINIMUM_DEGREE
+from signorini_fx.tuned import (
+    FACTOR_ENTRIES,
+    LAGGED_NODES,
+    LAGGED_SHARE,
+    LAGGED_STEPS,
+    MEMORY_SHARE,
+    RANKS_WITH_MINIMUM_DEGREE,
+)
 
 
 @cache
@@ -45,9 +54,40 @@ def can_factorise(comm: MPI.Comm) -> bool:
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
+def factor_entries(unknowns: int, dimension: int) -> float:
+    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
+    least, slope, offset = FACTOR_ENTRIES[dimension]
+    growing = slope * (math.log2(unknowns) - offset) if dimension == 2 else slope * unknowns**offset
+    return unknowns * max(least, growing)
+
+
+def factor_memory(unknowns: int, dimension: int) -> float:
+    """Bytes of a sparse factor: a number of 8 bytes an entry, and an index for every second one."""
+    return 12.0 * factor_entries(unknowns, dimension)
+
+
+def enough_memory(comm: MPI.Comm, needed: float) -> bool:
+    """Whether the machines of these ranks have so many bytes; collective."""
+    return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
+
+
 # MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
 _FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
+
+
+def factor_defaults(comm: MPI.Comm) -> dict[str, str]:
+    """PETSc options of the factorisation packages."""
+    ordering = {"mat_mumps_icntl_7": "0"} if comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
+    return {**_FACTOR_DEFAULTS, **ordering}
+
+
+def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool) -> None:
+    """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
+    pc = ksp.getPC()
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+    pc.setFactorSolverType(factorisation_package(ksp.comm.tompi4py(), symmetric=symmetric))
 
 
 @dataclass
@@ -58,17 +98,13 @@ class FullSystem(AssembledSystem):
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""
-        pc = ksp.getPC()
         self._symmetric = symmetric
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
-        pc.setFactorSolverType(factorisation_package(self.comm, symmetric=symmetric))
+        use_factorisation(ksp, symmetric=symmetric)
 
     @property
     def solver_defaults(self) -> dict[str, str]:
         """For MUMPS and CHOLMOD, which read their options when they factorise."""
-        ordering = {"mat_mumps_icntl_7": "0"} if self.comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
-        return {**_FACTOR_DEFAULTS, **ordering}
+        return factor_defaults(self.comm)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""

@@ -1,6 +1,7 @@
 """The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any number of ranks.
 
-Nothing of the size of the mesh is factorised.  See ``multigrid`` for the preconditioner, which is set up once.
+Nothing of the size of the mesh is factorised, unless this fails.  See ``multigrid`` for the preconditioner, which is
+set up once.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.elasticity import Elasticity
+from signorini_fx.linalg.full import can_factorise, enough_memory, factor_defaults, factor_memory, use_factorisation
 from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
@@ -50,8 +52,9 @@ class KrylovSystem(AssembledSystem):
 
     @property
     def solver_defaults(self) -> dict[str, str]:
-        """For the factorisation on the coarsest level: PETSc calls pivots zero below a number that has no unit."""
-        return {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
+        """For factorisations; on the coarsest level PETSc calls pivots zero below a number that has no unit."""
+        coarse = {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
+        return {**coarse, **factor_defaults(self.comm)}
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
@@ -92,6 +95,16 @@ class KrylovSystem(AssembledSystem):
         # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
+        if options.user_sets("ksp_") or options.user_sets("pc_") or not can_factorise(self.comm):
+            return False
+        unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
+        if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
+            return False
+        use_factorisation(ksp, symmetric=symmetric)
+        return True
+
     @called_back
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve for the contact unknowns, so that they have no residual, and say how much of the rest may be left.
@@ -113,7 +126,9 @@ class KrylovSystem(AssembledSystem):
         ksp.setTolerances(rtol=_NO_SHARE, atol=max(least, share * size) if self.inexact else least)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
-        """For the same matrix; where it is another one, the solve need not be exact."""
-        if not options.user_sets("ksp_"):
+        """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
+        if ksp.getType() == PETSc.KSP.Type.PREONLY:
+            self.inexact = False
+        elif not options.user_sets("ksp_"):
             self._forces, self.inexact = forces, moved != 0 and not exact
         return moved == 0

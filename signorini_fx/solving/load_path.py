@@ -19,9 +19,9 @@ from signorini_fx.tuned import (
     SMALLEST_INCREMENT,
 )
 
-# Outcomes that another increment of the load does not change, and those that it does not change if nothing has been
-# reached before.
-_HOPELESS, _HOPELESS_AT_FIRST = (Status.LINEAR_SOLVER,), (Status.NOT_HELD,)
+# Outcomes that another increment of the load does not change if nothing has been reached before.  Afterwards the same
+# linear solver has solved the same body, and fails because the tangents near a limit load are nearly singular.
+_HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER)
 # Outcomes that are proved: no start of the iteration changes them.
 _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
@@ -196,7 +196,7 @@ class LoadPath:
             return False
         if status is Status.CONVERGED:
             return linear_solves > HARD_STEP
-        return status not in (*_PROVED, *_HOPELESS, *_HOPELESS_AT_FIRST)
+        return status not in (*_PROVED, *_HOPELESS_AT_FIRST)
 
     @property
     def falls_short(self) -> bool:
@@ -253,7 +253,7 @@ class LoadPath:
         self.at = at = replace(
             at, wasted=at.wasted + linear_solves, failed=place, limit=at.limit or again or status in _PROVED
         )
-        if status in _HOPELESS or (at.reached < 0 and status in _HOPELESS_AT_FIRST):
+        if at.reached < 0 and status in _HOPELESS_AT_FIRST:
             return False
         if increment <= self._enclosed or (with_all and not at.hard):
             return False
