@@ -249,7 +249,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_boundary",
-        "closures = closures[:, [0, *range(2, closures.shape[1]), 1]]",
+        "found = found[:, [0, *range(2, found.shape[1]), 1]]",
         "pass",
         "middle node at the end of its facet",
         tests=("quantities::test_arc_length",),
@@ -336,15 +336,15 @@ MUTANTS = (
     ),
     Mutant(
         "results/sampling",
-        "ufl.dev(sigma)",
-        "sigma",
+        "ufl.dev(element_stress(d, solution.displacement).in_space)",
+        "element_stress(d, solution.displacement).in_space",
         "shear energy density: of the whole stress",
         tests=("quantities::test_cells_for_pictures",),
     ),
     Mutant(
         "body/element_stress",
-        'self._mean if hypothesis == "plane strain" else 0 * self._mean',
-        "0 * self._mean",
+        "mean if plane_strain else None",
+        "None",
         "no stress out of the plane",
         tests=("quantities::test_cells_for_pictures",),
     ),
@@ -2159,14 +2159,14 @@ MUTANTS = (
     ),
     # --- estimates ---------------------------------------------------------------------------------------------------
     Mutant(
-        "accuracy/stress_recovery",
+        "body/element_stress",
         "2 * tau[dim] ** 2",
         "tau[dim] ** 2",
         "estimate: shear stress counted once",
         tests=("quantities::test_compliance_is_the_inverse_of_the_stiffness",),
     ),
     Mutant(
-        "accuracy/stress_recovery",
+        "body/element_stress",
         "lame / (dim * lame + 2 * mu) * trace**2",
         "2 * lame / (dim * lame + 2 * mu) * trace**2",
         "estimate: compliance of the trace doubled",
@@ -2574,9 +2574,9 @@ MUTANTS = (
     ),
     Mutant(
         "results/resultants",
-        "np.cross(arms, forces)",
-        "np.cross(forces, arms)",
-        "values: moment in space, sign",
+        "KINEMATICS[forces.shape[-1]].turned(arms, forces)",
+        "KINEMATICS[forces.shape[-1]].turned(forces, arms)",
+        "values: moment, sign",
         tests=("resultants",),
     ),
     Mutant(
@@ -2615,6 +2615,21 @@ MUTANTS = (
         "values: Tresca friction only where there is contact",
         tests=("resultants::test_where_nothing_can_be_said",),
     ),
+    *(
+        Mutant(
+            "forms/stress",
+            right,
+            wrong,
+            f"stress of forms: {what}",
+            tests=("contact_problem::test_stresses_are_those_of_a_scene",),
+        )
+        for right, wrong, what in (
+            ("(-1 if trial else 1)", "1", "springs push"),
+            ("0.0 if k in numbers else residual[k]", "residual[k]", "supports are no reactions"),
+            ("ratios[:, 0]", "0 * ratios[:, 0]", "nothing out of the plane is recovered"),
+            ("np.isin(data.values, wanted)", "data.values >= 0", "tags are not looked at"),
+        )
+    ),
     Mutant(
         "results/safety",
         "contact.in_contact | contact.bilateral",
@@ -2637,9 +2652,9 @@ MUTANTS = (
         tests=("safety::test_a_hub_at_its_slip_torque",),
     ),
     Mutant(
-        "results/stresses",
-        "material.poisson",
-        "2 * material.poisson",
+        "body/element_stress",
+        "materials[part].poisson",
+        "2 * materials[part].poisson",
         "values: recovered stress out of the plane",
         tests=("stresses",),
     ),
@@ -2974,8 +2989,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/element_stress",
-        "s[1, 0]",
-        "s[0, 0]",
+        "self.sigma[i, j]",
+        "self.sigma[i, i]",
         "stress in space: a normal stress for a shear",
         tests=("quantities::test_stresses",),
     ),

@@ -19,6 +19,7 @@ from signorini_fx import (
     Coulomb,
     FormError,
     Foundation,
+    LinearElastic,
     OptionsError,
     Tresca,
     read_scene,
@@ -99,6 +100,19 @@ def test_exact_states(name):
     for pressure, formula in zip(pressures, formulas, strict=True):
         assert pressure == pytest.approx(formula, rel=1e-11)
     assert found["problem"].certificate.holds
+
+
+@pytest.mark.mpi
+def test_stress_of_the_orthotropic_block():
+    """Uniform; the estimated error is round-off of the projection."""
+    found = run("orthotropic_block")
+    stress, expected = found["problem"].stress, np.diag([0.0, -found["formula"], 0.0])
+    for one in (stress, stress.recovered):
+        assert np.abs(one.tensor.x.array.reshape(-1, 3, 3) - expected).max(initial=0) <= 1e-6 * found["formula"]
+    assert stress.largest().value == pytest.approx(found["formula"], rel=1e-11)
+    assert stress.error < 1e-6
+    size, modulus = 2.0, found["formula"] / found["CLOSER"]
+    assert stress.energy() == pytest.approx(size * modulus * found["CLOSER"] ** 2 / 2, rel=1e-11)
 
 
 @pytest.mark.mpi
@@ -449,10 +463,81 @@ def test_stress_is_that_of_the_form():
     )
     for block.down.value in (-0.01, -0.02):
         problem.solve()
-        expected = [0.0, 0.0, 0.0, 1000.0 * float(block.down.value)]
-        assert np.abs(problem.stress.x.array.reshape(-1, 4) - expected).max() < 1e-10
+        expected = np.diag([0.0, 1000.0 * float(block.down.value), 0.0])
+        for one in (problem.stress, problem.stress.recovered):
+            assert np.abs(one.tensor.x.array.reshape(-1, 3, 3) - expected).max() < 1e-4  # it is projected to 1e-6
+        assert problem.stress.error < 1e-6
+        assert problem.stress.smallest("yy").value == pytest.approx(expected[1, 1])
+        with pytest.raises(ValueError, match="shear modulus"):
+            problem.stress.shear_energy_density  # noqa: B018
     with pytest.raises(RuntimeError, match="give stress="):
         block.problem.stress  # noqa: B018
+    for wrong, words in ((ufl.div, "shape"), (lambda y: ufl.grad(y)[0, 0] * ufl.Identity(2), "zero for some strain")):
+        problem = ContactProblem(a, block.L, block.bcs, Foundation(block.bottom), stress=wrong)
+        problem.solve()
+        with pytest.raises(FormError, match=words):
+            problem.stress  # noqa: B018
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("dim", "degree", "hypothesis", "kind", "springs"),
+    [
+        (2, 1, "plane strain", dmesh.CellType.triangle, True),
+        (2, 2, "plane stress", dmesh.CellType.quadrilateral, False),
+        (3, 1, None, dmesh.CellType.tetrahedron, False),
+    ],
+)
+def test_stresses_are_those_of_a_scene(dim, degree, hypothesis, kind, springs):
+    """Raw and recovered ones and the estimated error, with tractions, supports of a component, and springs."""
+    up, height = dim - 1, (2.0, 1.0, 0.7)[dim - 1]
+    mesh = forms.box((2.0, 1.0, 0.7)[:dim], (6, 3, 3)[:dim], kind, COMM)
+    sides = {"left": (0, 0.0), "right": (0, 2.0), "bottom": (up, 0.0), "top": (up, height)}
+    marks = {name: lambda x, k=k, at=at: np.isclose(x[k], at) for name, (k, at) in sides.items()}
+    facets = {name: forms.side(mesh, k, at) for name, (k, at) in sides.items()}
+    axes, settings = "xyz"[:dim], {"gamma_n": 1e6, "gamma_t": 1e6}
+    material = LinearElastic(young=1000.0, poisson=0.3, **({} if hypothesis is None else {"hypothesis": hypothesis}))
+    scene = {
+        "mesh": tag_boundaries(mesh, marks),
+        "element": {"degree": degree},
+        "material": material,
+        "displacement": {"boundary": "left", "x": 0.0},
+        "traction": {"boundary": "top", "x": 3.0, axes[up]: -20.0},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "solver": settings,
+        **({"springs": {"boundary": "right", "normal": 50.0, "tangential": 20.0}} if springs else {}),
+    }
+    solution = solve(parse_scene(scene), COMM)
+    V, (lame, mu) = fem.functionspace(mesh, ("Lagrange", degree, (dim,))), material.lame
+    u, v, n = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.FacetNormal(mesh)
+    e = ufl.sym(ufl.grad(u))
+    whole = [[2 * mu * e[i, j] if max(i, j) < dim else 0 * e[0, 0] for j in range(3)] for i in range(3)]
+    for k in range(3 if hypothesis != "plane stress" else dim):
+        whole[k][k] = whole[k][k] + lame * ufl.tr(e)
+    inside = ufl.as_matrix([row[:dim] for row in whole[:dim]])
+    listed = np.concatenate((facets["top"], facets["right"]))
+    marked = np.repeat(np.int32([7, 8]), [facets["top"].size, facets["right"].size])
+    order = np.argsort(listed)
+    ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, dim - 1, listed[order], marked[order]))
+    a = ufl.inner(inside, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2 * (degree + 1)})
+    if springs:
+        across = ufl.inner(u, n) * n
+        a += ufl.inner(50.0 * across + 20.0 * (u - across), v) * ds(8)
+    push = [3.0, *[0.0] * (dim - 2), -20.0]
+    L = ufl.inner(fem.Constant(mesh, tuple(push)), v) * ds(7)
+    held = fem.locate_dofs_topological(V.sub(0), dim - 1, facets["left"])
+    bcs = [fem.dirichletbc(fem.Constant(mesh, 0.0), held, V.sub(0))]
+    floor = Foundation(facets["bottom"], friction=Coulomb(0.3))
+    problem = ContactProblem(a, L, bcs, floor, stress=ufl.as_matrix(whole), **settings)
+    problem.solve()
+    theirs, ours = solution.stress, problem.stress
+    for one, other in ((theirs, ours), (theirs.recovered, ours.recovered)):
+        for name in ("tensor", "von_mises", "principal"):
+            expected, found = (getattr(stress, name).x.array for stress in (one, other))
+            assert np.abs(found - expected).max(initial=0) <= 1e-11 * max(np.abs(expected).max(initial=0), 1.0), name
+    assert theirs.error > 0.01
+    assert ours.error == pytest.approx(theirs.error, rel=1e-10)
+    assert ours.energy() == pytest.approx(solution.last_step.strain_energy, rel=1e-11)
 
 
 def test_petsc_options_reach_the_solver():

@@ -109,7 +109,7 @@ def test_slope_of_the_energy(t):
 def test_error_estimate(cell, degree):
     """Stress recovery of a smooth displacement."""
     scene = example1(bound=1.5, nx=12, ny=4, cell=cell, degree=degree)
-    together, alone = both(lambda d: StressRecovery(d).error(field(d, 1.0, 2.0).getArray()), scene)
+    together, alone = both(lambda d: StressRecovery.of(d).error(field(d, 1.0, 2.0).getArray()), scene)
     assert together == pytest.approx(alone, rel=1e-5)  # the projection is solved to 1e-6
     assert alone > 0
 

@@ -7,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.accuracy import stress_recovery as estimators
+from signorini_fx.body import element_stress as estimators
 from signorini_fx.effects import material
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.results.body_cells import gather_cells

@@ -5,7 +5,8 @@ import pytest
 from scipy import sparse
 from scipy.optimize import linprog
 
-from signorini_fx.body.rigid import ROTATIONS, rigid_modes
+from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.reactions import Reactions, nearest
 from signorini_fx.contact.statics import escape, largest_multiple, separable, squeezed
 from signorini_fx.records import Status
@@ -177,4 +178,4 @@ def test_separable(friction):
 
 def test_rotations_have_the_order_of_the_modes():
     """The tests above count a positive turn from x[0] to x[1]."""
-    assert ROTATIONS[2] == ((0, 1),)
+    assert KINEMATICS[2].rotations == ((0, 1),)

@@ -68,7 +68,7 @@ def estimate_errors(
     size = 2 * energy
     body: Floats = np.zeros(missed.squares.shape)
     if energy > 0:
-        body[:] = (StressRecovery(d).squares(displacement, step) + missed.squares) / size
+        body[:] = (StressRecovery.of(d).squares(displacement, step) + missed.squares) / size
     forces: Floats = np.zeros(body.shape)
     if missed.total > 0:
         forces[:] = missed.forces / missed.total

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import compress
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,9 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.loads import FormCoefficients
-from signorini_fx.scene.effect import Effect
+from signorini_fx.records import Inventory
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
@@ -38,32 +38,48 @@ class StressRecovery:
     at a corner: there the residual of the known traction is added.
     """
 
-    def __init__(self, discretisation: Discretisation) -> None:
-        d = discretisation
-        self._comm, self._inventory = d.tagged.mesh.comm, d.inventory
-        self._displacement = fem.Function(d.space)
-        self._components = d.tagged.dimension * (d.tagged.dimension + 1) // 2
-        space = fem.functionspace(d.tagged.mesh, ("Lagrange", 1, (self._components,)))
+    def __init__(
+        self,
+        stress: ElementStress,
+        residual: Callable[[Any], tuple[list[tuple[Any, Any]], Any]],
+        inventory: Inventory,
+    ) -> None:
+        """Compile and assemble; collective.
+
+        Args:
+            stress: of a displacement of its own, whose values change with what is estimated.
+            residual: from a test function that is constant in each cell to the squared residual of the traction, see
+                ``boundary_residual``.
+            inventory: what was compiled and assembled.
+        """
+        self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
+        mesh, kinematics = self._displacement.function_space.mesh, stress.kinematics
+        self._comm, self._components = mesh.comm, len(kinematics.pairs)
+        space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
-        cellwise = ufl.TestFunction(fem.functionspace(d.tagged.mesh, ("DG", 0)))
-        self._stress = ElementStress(d, self._displacement)
-        sigma = self._stress.sigma
-        raw = voigt(sigma)
-        density = compliance(self._recovered - raw, *d.lame) * cellwise
+        cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
+        raw = kinematics.components(stress.sigma)
+        density = stress.compliance(self._recovered - raw) * cellwise
         # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
-        scalar = fem.functionspace(d.tagged.mesh, ("Lagrange", 1))
+        scalar = fem.functionspace(mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
         product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
         weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
-        compiled = d.inventory.compile
+        compiled = inventory.compile
         moment = ufl.inner(raw, ufl.TestFunction(space))
         self._weight = weight
         self._moments = compiled("stress moments", lambda: fem.form(weight * moment * ufl.dx))
         self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * ufl.dx))
         mass = compiled("stress mass", lambda: fem.form(weight * product * ufl.dx))
-        self._parts = [(cells, self._projection(mass, cells)) for cells in _materials(d)]
-        self._factors, residual = _boundary_residual(d, self._displacement, sigma, cellwise)
-        self._residual = None if residual is None else compiled("boundary residual", lambda: fem.form(residual))
+        self._parts = [(cells, self._projection(mass, cells)) for cells in stress.parts]
+        self._factors, unbalanced = residual(cellwise)
+        self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
+
+    @classmethod
+    def of(cls, d: Discretisation, inventory: Inventory | None = None) -> StressRecovery:
+        """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
+        stress = element_stress(d, fem.Function(d.space))
+        return cls(stress, partial(boundary_residual, d, stress), d.inventory if inventory is None else inventory)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
@@ -85,6 +101,16 @@ class StressRecovery:
         ksp.getPC().setType(PETSc.PC.Type.JACOBI)
         ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
         return ksp
+
+    def energy(self, dofs: npt.NDArray[np.float64]) -> float:
+        """Strain energy of the stress of a displacement; collective."""
+        self._fill(dofs)
+        self._recovered.x.array[:] = 0.0
+        own = 0.0
+        for cells, _ in self._parts:
+            self._choose(cells)
+            own += assemble(self._squares).sum() / 2
+        return float(parallel.global_sum(self._comm, own))
 
     def error(self, dofs: npt.NDArray[np.float64]) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
@@ -109,8 +135,8 @@ class StressRecovery:
         """The projected stress of a displacement in each material, see ``squares``; collective.
 
         Returns:
-            The cells (local numbers, ghosts included), shape (m,), and at their vertices the stress as ``voigt`` has
-            it, shape (m, vertices, components).
+            The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
+            stress, see ``Kinematics.pairs``, shape (m, vertices, components).
         """
         self._fill(dofs)
         space, found = self._recovered.function_space, []
@@ -143,75 +169,81 @@ class StressRecovery:
         self._recovered.x.scatter_forward()
 
 
-def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
-    """The cells of each material, ghosts included."""
-    index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
-    if len(d.scene.material) == 1:
-        return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]
-    return [d.tagged.cells(str(material.region)) for material in d.scene.material]
-
-
-def _boundary_residual(d: Discretisation, y: Any, sigma: Any, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
-    """The squared residual of the traction, times h over the stiffness, of each cell.
+def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
+    """The squared residual of the traction of a scene, see ``squared_residual``.
 
     Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
-        other components the displacement may differ between the nodes: its square, times the stiffness over h.
+    other components the displacement may differ between the nodes: its square, times the stiffness over h.
+
+    Args:
+        d: the scene.
+        stress: of the displacement that is estimated.
+        z: test function, constant in each cell.
 
     Returns:
         Constants with their values for each load step, and the form; None where there is no such boundary.
     """
-    scene, mesh = d.scene, d.tagged.mesh
-    n = ufl.FacetNormal(mesh)
+    scene, mesh, y = d.scene, d.tagged.mesh, stress.displacement
     every = dmesh.exterior_facet_indices(mesh.topology)
     known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
-    # Facets with the same effects share a term.
     effects = [effect for _, effect in scene.listed() if effect.where is not None]
-    on = np.ones((known.size, len(effects) + 1), dtype=bool)  # one column more, so that no row is empty
-    for k, effect in enumerate(effects):
-        on[:, k] = np.isin(known, d.tagged.facets(effect.where))
-    kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
-    size = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    index_map = mesh.topology.index_map(d.tagged.dimension)
-    count = index_map.size_local + index_map.num_ghosts
-    stiffness = d.lame[0] + 2 * d.lame[1]
-    size.x.array[:] = mesh.h(d.tagged.dimension, np.arange(count, dtype=np.int32)) if count else 0.0
+    on = np.array([np.isin(known, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [(fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(effect)) for effect in effects]
     on_boundary = FormCoefficients(d.space)
-    ds = measure(mesh, [known[(on == kind).all(axis=1)] for kind in kinds], {})
-    terms = []
-    for number, kind in enumerate(kinds, start=1):
-        residual, away = -sigma * n, []
-        here = [(effects[k], factors[k][0]) for k in np.flatnonzero(kind[:-1])]
+
+    def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
+        residual, away = traction, []
+        here = [(effects[k], factors[k][0]) for k in numbers]
         for effect, factor in here:
             residual = residual + effect.traction(y, factor, on_boundary)
         for effect, factor in here:
             residual = effect.free(residual, on_boundary)
             away += effect.away(y, factor, on_boundary)
-        density = BOUNDARY_RESIDUAL_SHARE * size / stiffness * ufl.inner(residual, residual)
-        density += sum((stiffness / size * distance**2 for distance in away), 0 * size)
+        return residual, away, any(effect.varies for effect, _ in here)
+
+    return factors, squared_residual(stress, known, on.reshape(len(effects), known.size).T, of, z)
+
+
+def squared_residual(
+    stress: ElementStress,
+    known: npt.NDArray[np.int32],
+    on: npt.NDArray[np.bool_],
+    of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
+    z: Any,
+) -> Any:
+    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; collective.
+
+    Args:
+        stress: of the displacement that is estimated.
+        known: the facets of this rank on which the traction is known.
+        on: what acts on each of them, shape (facets, k).
+        of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
+            prescribed, and whether any of these varies within a facet.
+        z: test function, constant in each cell.
+
+    Returns:
+        The form; None where there is no such boundary.
+    """
+    space = stress.displacement.function_space
+    mesh, degree, size = space.mesh, space.element.basix_element.degree, cell_sizes(space.mesh)
+    # Facets on which the same acts share a term; one column more, so that no row is empty.
+    on = np.column_stack((on, np.ones(known.size, dtype=bool)))
+    kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
+    ds = measure(mesh, [known[(on == kind).all(axis=1)] for kind in kinds], {})
+    terms = []
+    for number, kind in enumerate(kinds, start=1):
+        residual, away, varies = of(np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh))
+        density = BOUNDARY_RESIDUAL_SHARE * size / stress.modulus * ufl.inner(residual, residual)
+        density += sum((stress.modulus / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
             continue
-        terms.append(density * z * ds(number, metadata={"quadrature_degree": _degree(d, compress(effects, kind))}))
-    return factors, sum(terms[1:], terms[0]) if terms else None
+        terms.append(density * z * ds(number, metadata={"quadrature_degree": _FINE_DEGREE if varies else 2 * degree}))
+    return sum(terms[1:], terms[0]) if terms else None
 
 
-def _degree(d: Discretisation, effects: Iterable[Effect]) -> int:
-    """Quadrature degree on facets with these effects."""
-    return _FINE_DEGREE if any(effect.varies for effect in effects) else 2 * d.scene.element.degree
-
-
-def compliance(tau: Any, lame: Any, mu: Any) -> Any:
-    """C^-1 tau : tau for a stress tau as ``voigt`` has it."""
-    dim = 2 if len(tau) == 3 else 3
-    trace = sum((tau[k] for k in range(1, dim)), tau[0])
-    square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
-    shear = sum((2 * tau[k] ** 2 for k in range(dim + 1, len(tau))), 2 * tau[dim] ** 2)
-    return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
-
-
-def voigt(sigma: Any) -> Any:
-    """The components of a symmetric tensor: xx, yy, xy in the plane, xx, yy, zz, xy, xz, yz in space."""
-    dim = sigma.ufl_shape[0]
-    return ufl.as_vector(
-        [*(sigma[k, k] for k in range(dim)), *(sigma[i, k] for i in range(dim) for k in range(i + 1, dim))]
-    )
+def cell_sizes(mesh: dmesh.Mesh) -> fem.Function:
+    """H of each cell, length."""
+    size, dim = fem.Function(fem.functionspace(mesh, ("DG", 0))), mesh.topology.dim
+    count = size.x.array.size
+    size.x.array[:] = mesh.h(dim, np.arange(count, dtype=np.int32)) if count else 0.0
+    return size

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -31,6 +32,15 @@ def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
     if facets.size == 0:  # dolfinx divides by their number
         return np.empty((0, mesh.topology.dim, 3))
     return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(np.float64)
+
+
+def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape (facets, nodes)."""
+    layout, kind = space.dofmap.dof_layout, getattr(basix.CellType, space.mesh.topology.cell_name())
+    side = space.mesh.topology.dim - 1
+    closures = np.array([layout.entity_closure_dofs(side, k) for k in range(len(basix.topology(kind)[side]))])
+    entities = facet_entities(space.mesh, facets)
+    return np.asarray(space.dofmap.list[entities[:, :1], closures[entities[:, 1]]])
 
 
 def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:

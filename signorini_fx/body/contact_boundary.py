@@ -13,7 +13,6 @@ from functools import cached_property
 from itertools import pairwise, permutations
 from typing import Any
 
-import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -23,7 +22,7 @@ from mpi4py import MPI
 
 from signorini_fx import compat, parallel
 from signorini_fx.body import forms
-from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.assembly import assemble, facet_nodes, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
@@ -275,22 +274,14 @@ def segments_of(
     """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
     ``ContactBoundary.segments``.
     """
-    layout, side = space.dofmap.dof_layout, space.mesh.topology.dim - 1
+    side, found = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
-    closures = np.array([layout.entity_closure_dofs(side, k) for k in range(_sides(space.mesh))], dtype=np.int64)
     if vertices:
-        closures = closures[:, : side + 1]  # of triangles: no other facets average
+        found = found[:, : side + 1]  # of triangles: no other facets average
     if side == 1:
-        closures = closures[:, [0, *range(2, closures.shape[1]), 1]]
-    entities = facet_entities(space.mesh, facets)
-    local_nodes = space.dofmap.list[entities[:, 0][:, None], closures[entities[:, 1]]]
-    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
-    return np.column_stack((np.full(len(entities), part, dtype=np.int64), nodes))
-
-
-def _sides(mesh: Any) -> int:
-    """How many facets a cell has."""
-    return len(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[mesh.topology.dim - 1])
+        found = found[:, [0, *range(2, found.shape[1]), 1]]
+    nodes = space.dofmap.index_map.local_to_global(found.ravel()).reshape(found.shape)
+    return np.column_stack((np.full(len(found), part, dtype=np.int64), nodes))
 
 
 def chains(

@@ -2,20 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import basix
 import basix.ufl
+import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.kinematics import KINEMATICS, Kinematics
 from signorini_fx.effects.material import strain
 from signorini_fx.machine.compilation import compiling
 
+_Floats = npt.NDArray[np.float64]
 
+
+@dataclass(frozen=True)
 class ElementStress:
+    """The stress of a displacement as UFL, linear in the strain, and what follows from its law.
+
+    Attributes:
+        displacement: y, whose values may change.
+        sigma: the stress, shape (d, d); of the displacement at the time of the last ``refresh``.
+        outward: the stress out of the plane; None: there is none.
+        outward_of: (which of ``parts``, components of stresses, shape (..., m)) -> the stress out of the plane that
+            belongs to them, shape (...).
+        compliance: components tau of a difference of stresses -> C^-1 tau : tau.
+        modulus: the largest normal stress per strain, lambda + 2 mu.
+        shear_modulus: mu; None: the body is not isotropic.
+        parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
+        refresh: takes from the displacement anew what ``sigma`` does not see of it; on all cells of this rank.
+    """
+
+    displacement: fem.Function
+    sigma: Any
+    outward: Any
+    outward_of: Callable[[int, _Floats], _Floats]
+    compliance: Callable[[Any], Any]
+    modulus: Any
+    shear_modulus: Any
+    parts: Sequence[npt.NDArray[np.int32]]
+    refresh: Callable[[], None] = lambda: None
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the body."""
+        return KINEMATICS[self.displacement.function_space.mesh.geometry.dim]
+
+    @property
+    def in_space(self) -> Any:
+        """Sigma with all components in space, shape (3, 3)."""
+        dim = self.kinematics.dimension
+        out = 0 * self.sigma[0, 0] if self.outward is None else self.outward
+        whole = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]
+        if dim < 3:
+            whole[2][2] = out
+        return ufl.as_tensor(whole)
+
+
+def element_stress(body: Discretisation, displacement: fem.Function) -> ElementStress:
     """Sigma = 2 mu epsilon(y) + lambda theta I, with the volumetric strain theta as the stiffness sees it.
 
     Without reduced integration theta is tr(epsilon(y)).  A reduced volumetric term sees tr(epsilon(y)) at the points of
@@ -23,39 +73,54 @@ class ElementStress:
     Poisson's ratio is near 1/2.  There theta is interpolated between these points: constant in a cell with one point,
     bilinear or trilinear with two along each axis.  This is the pressure of the mixed method that reduced integration
     is equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
-
-    Attributes:
-        sigma: the stress, shape (d, d), a UFL expression; of the displacement at the time of the last ``refresh``.
     """
+    (lame, mu), materials, refresh = body.lame, body.scene.material, _nothing
+    theta = ufl.tr(strain(displacement))
+    if body.reduced is not None:
+        mesh = body.tagged.mesh
+        space = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))
+        with compiling():
+            expression = fem.Expression(theta, compat.interpolation_points(space.element), dtype=default_scalar_type)
+        theta = fem.Function(space, name="volumetric strain")
 
-    def __init__(self, body: Discretisation, displacement: fem.Function) -> None:
-        self._body, self._displacement = body, displacement
-        self._theta: fem.Function | None = None
-        theta = volumetric = ufl.tr(strain(displacement))
-        if body.reduced is not None:
-            mesh = body.tagged.mesh
-            space = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))
-            with compiling():
-                points = compat.interpolation_points(space.element)
-                self._expression = fem.Expression(volumetric, points, dtype=default_scalar_type)
-            theta = self._theta = fem.Function(space, name="volumetric strain")
-        lame, mu = body.lame
-        self._mean = lame * theta
-        self.sigma = 2 * mu * strain(displacement) + self._mean * ufl.Identity(len(displacement))
-        self.refresh()
+        def refresh() -> None:
+            theta.interpolate(expression)
 
-    def refresh(self) -> None:
-        """Take theta from the displacement anew; on all cells of this rank, ghosts included."""
-        if self._theta is not None:
-            self._theta.interpolate(self._expression)
+        refresh()
+    mean = lame * theta
+    plane_strain = body.dimension < 3 and materials[0].hypothesis == "plane strain"
+    return ElementStress(
+        displacement,
+        2 * mu * strain(displacement) + mean * ufl.Identity(len(displacement)),
+        mean if plane_strain else None,
+        lambda part, tau: materials[part].poisson * (tau[..., 0] + tau[..., 1]),
+        lambda tau: compliance(tau, lame, mu),
+        lame + 2 * mu,
+        mu,
+        _materials(body),
+        refresh,
+    )
 
-    def in_space(self, hypothesis: str) -> Any:
-        """Sigma with all components in space, shape (3, 3); in the plane (2, 2) is lambda theta in plane strain."""
-        s = self.sigma
-        if self._body.tagged.dimension == 3:
-            return s
-        out = self._mean if hypothesis == "plane strain" else 0 * self._mean
-        return ufl.as_tensor([[s[0, 0], s[0, 1], 0 * out], [s[1, 0], s[1, 1], 0 * out], [0 * out, 0 * out, out]])
+
+def compliance(tau: Any, lame: Any, mu: Any) -> Any:
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``."""
+    dim = next(dim for dim, kinematics in KINEMATICS.items() if len(kinematics.pairs) == len(tau))
+    trace = sum((tau[k] for k in range(1, dim)), tau[0])
+    square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
+    shear = sum((2 * tau[k] ** 2 for k in range(dim + 1, len(tau))), 2 * tau[dim] ** 2)
+    return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
+
+
+def _nothing() -> None:
+    """Refreshes nothing."""
+
+
+def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
+    """The cells of each material, ghosts included."""
+    if len(d.scene.material) > 1:
+        return [d.tagged.cells(str(material.region)) for material in d.scene.material]
+    index_map = d.tagged.mesh.topology.index_map(d.dimension)
+    return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]
 
 
 def _at_points(cell: str, degree: int) -> Any:

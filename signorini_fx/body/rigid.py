@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
@@ -31,8 +32,6 @@ _HELD = 1e-8
 _NO_STRAIN = 1e-11
 
 _Floats = npt.NDArray[np.float64]
-# The two axes of each rotation, which turns the first towards the second; in space the rotation about x[0] is first.
-ROTATIONS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,7 @@ class RigidMotions:
     @property
     def each(self) -> int:
         """M, the number of motions of a piece: 3 in the plane, 6 in space."""
-        dim = self.x.shape[1]
-        return dim * (dim + 1) // 2
+        return KINEMATICS[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
         """The free motions at the contact points of this rank: B times them.
@@ -134,7 +132,7 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
         length: the length at which a rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
-    turns = ROTATIONS[dim]
+    turns = KINEMATICS[dim].rotations
     modes = np.zeros((x.shape[0], dim, dim + len(turns)))
     modes[:, np.arange(dim), np.arange(dim)] = 1.0
     arm = (x - centre) / np.asarray(length)[..., None]

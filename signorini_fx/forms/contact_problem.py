@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx import compat, parallel
+from signorini_fx import parallel
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import assemble
@@ -31,6 +30,7 @@ from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_o
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
@@ -39,6 +39,7 @@ from signorini_fx.records import History, Inventory, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scales import Scales
 
 
@@ -62,7 +63,8 @@ class ContactProblem:
         petsc_options: options without that prefix, for the SNES, its KSP and PC.
         form_compiler_options: see ``dolfinx.fem.form``.
         jit_options: see ``dolfinx.fem.form``.
-        stress: of the displacement: a function of it that returns UFL, or UFL of ``u``; None: there are no stresses.
+        stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
+            the trial function, shape (d, d), or in the plane (3, 3); None: there are no stresses.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -108,7 +110,9 @@ class ContactProblem:
             )
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
-        self._stress = stress(self.u) if callable(stress) and not hasattr(stress, "ufl_shape") else stress
+        self._given = a, L
+        self._law = law_of(stress, self.u)
+        self._stresses: RawStresses | None = None
         names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, names, Inventory(), masters)
         fields = self._fields = ContactFields.on(space, self._degree)
@@ -133,27 +137,21 @@ class ContactProblem:
         """Of the contact fields."""
         return 1 if averaging(self._space) else int(self._space.element.basix_element.degree)
 
-    @cached_property
-    def _stresses(self) -> tuple[fem.Function, fem.Expression]:
-        degree, mesh = self._space.element.basix_element.degree, self._space.mesh
-        space = fem.functionspace(mesh, ("DG", degree - 1, tuple(self._stress.ufl_shape)))
-        with compiling():
-            return fem.Function(space, name="stress"), fem.Expression(
-                self._stress, compat.interpolation_points(space.element)
-            )
-
     @property
-    def stress(self) -> fem.Function:
-        """The stresses of the last solution, discontinuous, one degree lower than the displacement; collective.
+    def stress(self) -> RawStresses:
+        """The stress of the last solution, raw and recovered, with the estimate of its error, see ``RawStresses``;
+        collective.
 
         Raises:
             RuntimeError: the problem was given no ``stress``.
+            FormError: this has another shape, or some strain has no stress.
         """
-        if self._stress is None:
+        if self._law is None:
             raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
-        function, expression = self._stresses
-        function.interpolate(expression)
-        return function
+        if self._stresses is None:
+            fixed = self._prescribed[0]
+            self._stresses = stresses_of(self._law, self.u.copy(), self._given, self._foundations.facets, fixed)
+        return self._stresses
 
     @property
     def solver(self) -> PETSc.SNES:
@@ -230,7 +228,7 @@ class ContactProblem:
         self.u.x.array[:] = self._elastic.function(outcome.displacement()).x.array
         if self._task.rest is not None:
             self.u.x.array[:] += self._fallen
-        self._outcome = outcome
+        self._outcome, self._stresses = outcome, None
         state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
         self.certificate = certify(

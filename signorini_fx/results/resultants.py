@@ -11,6 +11,7 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactNodes, sides_of
@@ -208,7 +209,7 @@ class Resultants:
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
-        total: Array = np.zeros(dim + (1 if dim == 2 else 3) + 2)
+        total: Array = np.zeros(KINEMATICS[dim].motions + 2)
         for one in forces.values():
             turning = moments(one.points - point, one.values).sum(axis=0)
             sizes = np.linalg.norm(one.values, axis=1)
@@ -236,9 +237,7 @@ class Resultants:
 
 def moments(arms: Array, forces: Array) -> Array:
     """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in the plane, (..., 3) in space."""
-    if forces.shape[-1] == 3:
-        return np.asarray(np.cross(arms, forces))
-    return np.asarray(arms[..., 0] * forces[..., 1] - arms[..., 1] * forces[..., 0])[..., None]
+    return KINEMATICS[forces.shape[-1]].turned(arms, forces)
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:

@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.element_stress import element_stress
 from signorini_fx.pictures.fields import FROM_STRESS
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
@@ -112,8 +112,7 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
-    sigma = ElementStress(d, solution.displacement).in_space(solution.scene.material[0].hypothesis)
-    deviator = ufl.dev(sigma)
+    deviator = ufl.dev(element_stress(d, solution.displacement).in_space)
     density = ufl.inner(deviator, deviator) / (4 * d.lame[1])  # the gray tones of Figures 2 and 6 of the paper
     both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
     constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))

@@ -207,8 +207,7 @@ class Solution:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
         """
-        hypothesis = self.scene.material[0].hypothesis
-        return Stresses(self.discretisation, self.displacement, hypothesis, self._place, self.shared)
+        return Stresses.of(self.discretisation, self.displacement, self._place, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:

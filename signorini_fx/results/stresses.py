@@ -6,8 +6,9 @@ difference says what both are worth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.no_limit import why_no_limit
@@ -48,18 +49,21 @@ class StressFields:
     """A stress tensor and what follows from it; every field is made when it is first asked for, which is collective.
 
     Attributes:
-        discretisation: the body.
-        displacement: y, a finite element function.
-        hypothesis: plane strain or plane stress; of no meaning in space.
+        stress: of the displacement, in each cell.
     """
 
-    discretisation: Discretisation
-    displacement: fem.Function
-    hypothesis: str
+    stress: ElementStress
 
     def __repr__(self) -> str:
         fields = "tensor, von_mises, principal, shear_energy_density, component(), largest(), smallest()"
-        return f"<{type(self).__name__} of {self.discretisation.dofs} unknowns: {fields}>"
+        dofs = self.stress.displacement.function_space.dofmap
+        return f"<{type(self).__name__} of {dofs.index_map.size_global * dofs.index_map_bs} unknowns: {fields}>"
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.stress.displacement.function_space.mesh.comm
+        return comm
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -75,9 +79,14 @@ class StressFields:
 
     @cached_property
     def shear_energy_density(self) -> fem.Function:
-        """|dev sigma|^2 / (4 mu), an energy per volume: the square of the von Mises stress over 6 mu."""
-        space = self.tensor.function_space
-        mu = self.discretisation.lame[1]
+        """|dev sigma|^2 / (4 mu), an energy per volume: the square of the von Mises stress over 6 mu.
+
+        Raises:
+            ValueError: the body is not isotropic.
+        """
+        space, mu = self.tensor.function_space, self.stress.shear_modulus
+        if mu is None:
+            raise ValueError("the body has no shear modulus: it is not known to be isotropic")
         shear_modulus = np.full(space.tabulate_dof_coordinates().shape[0], np.nan)
         shear_modulus[space.dofmap.list] = mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
         return self._function("shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus))
@@ -126,7 +135,7 @@ class StressFields:
             "largest_principal": self.largest("principal", 0),
             "smallest_principal": self.smallest(),
         }
-        if self.discretisation.tagged.dimension == 2 and self.hypothesis == "plane strain":
+        if self.stress.outward is not None:
             found |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
         return {name: {"value": one.value, "place": list(one.place)} for name, one in found.items()}
 
@@ -135,15 +144,15 @@ class StressFields:
             known = ", ".join(_COMPONENTS)
             raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {known}")
         function: fem.Function = self.component(field) if field in _COMPONENTS else getattr(self, field)
-        d, space = self.discretisation, function.function_space
+        comm, space = self.comm, function.function_space
         component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
-        x = space.tabulate_dof_coordinates()[:, : d.tagged.dimension]
+        x = space.tabulate_dof_coordinates()[:, : self.stress.kinematics.dimension]
         values = np.where(np.isfinite(values), values, -np.inf)
         at = int(values.argmax()) if values.size else 0
         own = float(values[at]) if values.size else -np.inf
-        best, rank = d.comm.allreduce((own, -d.comm.rank), op=MPI.MAX)
-        place = d.comm.bcast(tuple(map(float, x[at])) if -rank == d.comm.rank and values.size else (), root=-rank)
+        best, rank = comm.allreduce((own, -comm.rank), op=MPI.MAX)
+        place = comm.bcast(tuple(map(float, x[at])) if -rank == comm.rank and values.size else (), root=-rank)
         return Extreme(sign * best, place)
 
     def _nodal(self) -> Nodal:
@@ -162,34 +171,35 @@ class StressFields:
 
 
 @dataclass(frozen=True, repr=False)
-class Stresses(StressFields):
-    """The stress of a displacement in each cell, as its stiffness sees it, see ``body.element_stress``.
+class RawStresses(StressFields):
+    """The stress of a displacement in each cell.
 
     It is discontinuous from cell to cell and a power of h less accurate than the displacement; values at corners of
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
 
     Attributes:
+        recovery: gives what projects.
+        energy: gives the strain energy of the displacement.
         place: of the load step in the lists of factors, see ``scene.load_steps``.
-        shared: where what projects is kept for other load steps.
     """
 
-    place: float
-    shared: dict[str, StressRecovery] = field(default_factory=dict)
+    recovery: Callable[[], StressRecovery]
+    energy: Callable[[], float]
+    place: float = 0.0
 
     @cached_property
     def tensor(self) -> fem.Function:
         """Sigma with all components in space, also in the plane, where (2, 2) is that of the hypothesis; a stress,
         shape (3, 3), discontinuous and of the degree of the element.
         """
-        d = self.discretisation
-        degree = max(d.scene.element.degree, 1)
-        sigma = ElementStress(d, self.displacement).in_space(self.hypothesis)
-        return interpolated(sigma, fem.functionspace(d.tagged.mesh, ("DG", degree, (3, 3))), "stress")
+        space = self.stress.displacement.function_space
+        whole = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
+        return interpolated(self.stress.in_space, whole, "stress")
 
     @cached_property
     def recovered(self) -> RecoveredStresses:
         """The stress that is continuous in each material, with the same fields."""
-        return RecoveredStresses(self.discretisation, self.displacement, self.hypothesis, self._recovery)
+        return RecoveredStresses(self.stress, self.recovery())
 
     @cached_property
     def error(self) -> float | None:
@@ -199,12 +209,37 @@ class Stresses(StressFields):
         It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
         the tractions on the boundary: a mean over the body that says nothing of a single point.
         """
-        d = self.discretisation
-        energy = NodalForces(d.scene, d.tagged, d.space).strain_energy(self.displacement)
+        energy = self.energy()
         if not energy > 0:
             return None
-        squares = self._recovery.squares(self.displacement.x.array, self.place).sum()
-        return float(np.sqrt(parallel.global_sum(d.comm, squares) / (2 * energy)))
+        squares = self.recovery().squares(self.stress.displacement.x.array, self.place).sum()
+        return float(np.sqrt(parallel.global_sum(self.comm, squares) / (2 * energy)))
+
+
+@dataclass(frozen=True, repr=False)
+class Stresses(RawStresses):
+    """The stress of a scene as its stiffness sees it, see ``body.element_stress``.
+
+    Attributes:
+        discretisation: the body.
+    """
+
+    discretisation: Discretisation = field(kw_only=True)
+
+    @classmethod
+    def of(
+        cls, d: Discretisation, displacement: fem.Function, place: float, shared: dict[str, StressRecovery]
+    ) -> Stresses:
+        """Those of a displacement; ``shared``: where what projects is kept for other load steps."""
+
+        def recovery() -> StressRecovery:
+            """What it compiles is not among the forms of the solve."""
+            if "recovery" not in shared:
+                shared["recovery"] = StressRecovery.of(d, Inventory())
+            return shared["recovery"]
+
+        energy = partial(NodalForces(d.scene, d.tagged, d.space).strain_energy, displacement)
+        return cls(element_stress(d, displacement), recovery, energy, place, discretisation=d)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -213,7 +248,7 @@ class Stresses(StressFields):
         among them in plane strain.
         """
         d, found, recovered = self.discretisation, self._extremes(), None
-        finite = not parallel.any_rank(d.comm, not np.isfinite(self.displacement.x.array).all())
+        finite = not parallel.any_rank(d.comm, not np.isfinite(self.stress.displacement.x.array).all())
         if finite:
             recovered = self.recovered._extremes()
             extremes = [*found.values(), *recovered.values()]
@@ -222,13 +257,6 @@ class Stresses(StressFields):
             for extreme in extremes:
                 extreme["no_limit"] = reasons[tuple(extreme["place"])]
         return {**found, "recovered": recovered, "error": self.error if finite else None}
-
-    @property
-    def _recovery(self) -> StressRecovery:
-        """What it compiles is not among the forms of the solve."""
-        if "recovery" not in self.shared:
-            self.shared["recovery"] = StressRecovery(replace(self.discretisation, inventory=Inventory()))
-        return self.shared["recovery"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -247,18 +275,13 @@ class RecoveredStresses(StressFields):
     @cached_property
     def tensor(self) -> fem.Function:
         """Sigma with all components in space, shape (3, 3), of degree 1, discontinuous between materials."""
-        d = self.discretisation
-        function = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 1, (3, 3))), name="recovered_stress")
+        stress = self.stress
+        mesh = stress.displacement.function_space.mesh
+        function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
-        dim = d.tagged.dimension
-        for material, (cells, components) in zip(
-            d.scene.material, self.recovery.smoothed(self.displacement.x.array), strict=True
-        ):
-            sigma = np.zeros((*components.shape[:2], 3, 3))
-            pairs = [(k, k) for k in range(dim)] + [(i, k) for i in range(dim) for k in range(i + 1, dim)]
-            for column, (i, j) in enumerate(pairs):
-                sigma[:, :, i, j] = sigma[:, :, j, i] = components[:, :, column]
-            if dim == 2 and self.hypothesis == "plane strain":
-                sigma[:, :, 2, 2] = material.poisson * (sigma[:, :, 0, 0] + sigma[:, :, 1, 1])
+        for part, (cells, components) in enumerate(self.recovery.smoothed(stress.displacement.x.array)):
+            sigma = stress.kinematics.tensors(components)
+            if stress.outward is not None:
+                sigma[..., 2, 2] = stress.outward_of(part, components)
             values[function.function_space.dofmap.list[cells]] = sigma
         return function

@@ -333,5 +333,5 @@ def _allowed(d: Discretisation) -> Callable[[fem.Function], float] | None:
     settings = d.scene.solver
     if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
-    recovery, share = StressRecovery(d), PATH_ERROR_SHARE[d.scene.element.degree]
+    recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.scene.element.degree]
     return lambda y: share * recovery.error(y.x.array)

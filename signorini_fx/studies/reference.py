@@ -17,8 +17,8 @@ from mpi4py import MPI
 
 from signorini_fx import compat
 from signorini_fx.accuracy.price_list import interpolated, zone_change
-from signorini_fx.accuracy.stress_recovery import StressRecovery, compliance, voigt
-from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.element_stress import compliance, element_stress
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.points import cells_of_points
@@ -147,7 +147,8 @@ class Reference:
 
 def _stress(solution: Solution) -> Any:
     """The components of the stress as UFL."""
-    return voigt(ElementStress(solution.discretisation, solution.displacement).sigma)
+    stress = element_stress(solution.discretisation, solution.displacement)
+    return stress.kinematics.components(stress.sigma)
 
 
 def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
@@ -183,7 +184,7 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     while not solutions or solutions[-1].discretisation.dofs < unknowns:
         solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
         solutions.append(solution)
-        squares = StressRecovery(solution.discretisation).squares(solution.displacement.x.array)
+        squares = StressRecovery.of(solution.discretisation).squares(solution.displacement.x.array)
         tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
     return solutions
 

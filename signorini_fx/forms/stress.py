@@ -1,0 +1,165 @@
+"""The stress of a user's forms: its law from the expression for it, and the traction that the forms prescribe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
+from signorini_fx.body.assembly import facet_nodes
+from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.errors import FormError
+from signorini_fx.records import Inventory
+from signorini_fx.results.interpolation import interpolated
+from signorini_fx.results.stresses import RawStresses
+
+Facets = npt.NDArray[np.int32]
+Law = Callable[[Any], Any]
+
+
+def law_of(stress: Any, u: fem.Function) -> Law | None:
+    """What ``ContactProblem`` is given, as a function of the displacement."""
+    if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
+        return stress
+    return lambda y: ufl.replace(stress, {u: y, **dict.fromkeys(_arguments(stress), y)})
+
+
+def stresses_of(
+    law: Law, y: fem.Function, forms: Sequence[Any], contact: Sequence[Facets], fixed: npt.NDArray[np.bool_]
+) -> RawStresses:
+    """The stress of a displacement, raw and recovered, with the estimate of its error; collective.
+
+    Args:
+        law: see ``stress_of``.
+        y: the displacement.
+        forms: a(., .) and L; of compiled ones the traction is not known.
+        contact: the facets of each foundation.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+    """
+
+    @cache
+    def recovery() -> StressRecovery:
+        stress = stress_of(law, fem.Function(y.function_space))
+        known = all(isinstance(form, ufl.Form) for form in forms)
+        residual = partial(residual_of, stress, forms, contact, fixed) if known else lambda z: None
+        return StressRecovery(stress, lambda z: ([], residual(z)), Inventory())
+
+    return RawStresses(stress_of(law, y), recovery, lambda: recovery().energy(y.x.array))
+
+
+def stress_of(law: Law, y: fem.Function) -> ElementStress:
+    """The stress of a displacement by a law that is linear in the strain, but for a stress without strain; collective.
+
+    The moduli are those at the middle of each cell.
+
+    Args:
+        law: gives the stress of a displacement as UFL, shape (d, d), or in the plane (3, 3).
+        y: the displacement.
+
+    Raises:
+        FormError: the law has another shape, or some strain has no stress.
+    """
+    mesh = y.function_space.mesh
+    kinematics, x, whole = KINEMATICS[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
+    dim, pairs = kinematics.dimension, kinematics.pairs
+    if not hasattr(whole, "ufl_shape") or whole.ufl_shape not in ((dim, dim), (3, 3)):
+        shape = getattr(whole, "ufl_shape", "none")
+        raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
+    outward = whole[2, 2] if whole.ufl_shape[0] > dim else None
+    axes = [ufl.unit_vector(k, dim) for k in range(dim)]
+    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in pairs]  # with one strain, or one twice a shear
+    at_rest = law(fem.Function(y.function_space))
+    columns = [law(field) - at_rest for field in strained]
+    rows = [*pairs, *([(2, 2)] if outward is not None else [])]
+    m, shape = len(pairs), (len(rows), len(pairs))
+    moduli = ufl.as_vector([column[i, j] for i, j in rows for column in columns])
+    at_cells = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),)))).x.array.reshape(-1, *shape)
+    try:
+        inverse = np.linalg.inv(at_cells[:, :m])
+    except np.linalg.LinAlgError:
+        raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
+    largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
+    compliance = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
+    compliance.x.array[:] = inverse.ravel()
+    ratios = at_cells[:, m:] @ inverse
+    cells = np.arange(len(inverse), dtype=np.int32)
+    return ElementStress(
+        y,
+        ufl.as_matrix([[whole[i, j] for j in range(dim)] for i in range(dim)]),
+        outward,
+        lambda part, tau: np.einsum("cm,cvm->cv", ratios[:, 0], tau),
+        lambda tau: ufl.inner(ufl.dot(compliance, tau), tau),
+        largest,
+        None,
+        [cells],
+    )
+
+
+def residual_of(
+    stress: ElementStress, forms: Sequence[Any], contact: Sequence[Facets], fixed: npt.NDArray[np.bool_], z: Any
+) -> Any:
+    """The squared residual of the traction that UFL forms prescribe, see ``squared_residual``; collective.
+
+    It is known off the contact in the components that are not prescribed.
+
+    Args:
+        stress: of the displacement that is estimated.
+        forms: a(., .) and L.
+        contact: the facets of each foundation.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        z: test function, constant in each cell.
+    """
+    space = stress.displacement.function_space
+    mesh, dim = space.mesh, stress.kinematics.dimension
+    known = np.setdiff1d(dmesh.exterior_facet_indices(mesh.topology), np.concatenate(list(contact))).astype(np.int32)
+    held = fixed.reshape(-1, dim)[facet_nodes(space, known)].all(axis=1)
+    integrals = [one for form in forms for one in form.integrals() if one.integral_type() == "exterior_facet"]
+    on = [np.isin(known, _facets_of(one, mesh)) for one in integrals]
+
+    def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
+        varies = False
+        for number in numbers[numbers >= dim]:
+            traction = _traction(integrals[number - dim].integrand(), stress.displacement)
+            varies = varies or ufl.algorithms.estimate_total_polynomial_degree(traction) > 0
+            residual = residual + traction
+        free = [0.0 if k in numbers else residual[k] for k in range(dim)]
+        return ufl.as_vector(free), [], varies
+
+    return squared_residual(stress, known, np.column_stack((held, *on)), of, z)
+
+
+def _traction(integrand: Any, y: fem.Function) -> Any:
+    """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .) minus that."""
+    *trial, test = sorted(_arguments(integrand), key=lambda one: -int(one.number()))
+    dim = len(y)
+    parts = [ufl.replace(integrand, {test: ufl.unit_vector(k, dim), **dict.fromkeys(trial, y)}) for k in range(dim)]
+    return (-1 if trial else 1) * ufl.as_vector(parts)
+
+
+def _arguments(expression: Any) -> list[Any]:
+    """The test and trial functions in an expression."""
+    return list(ufl.algorithms.extract_arguments(expression))
+
+
+def _facets_of(integral: Any, mesh: dmesh.Mesh) -> Facets:
+    """The exterior facets of this rank that an integral is over."""
+    data, wanted = integral.subdomain_data(), integral.subdomain_id()
+    if wanted == "everywhere" or data is None:
+        return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
+    if hasattr(data, "values"):
+        return np.asarray(data.indices[np.isin(data.values, wanted)])
+    wanted = np.atleast_1d(wanted)
+    pairs = np.concatenate([np.empty(0, int), *(one for number, one in data if number in wanted)]).reshape(-1, 2)
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim, dim - 1)
+    of_cell = mesh.topology.connectivity(dim, dim - 1)
+    return np.asarray(of_cell.array[of_cell.offsets[pairs[:, 0]] + pairs[:, 1]])
