@@ -110,7 +110,7 @@ class ContactProblem:
             )
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
-        self._given = a, L
+        self._given, self._touching = (a, L), [*facets, *masters.values()]
         self._law = law_of(stress, self.u)
         self._stresses: RawStresses | None = None
         names = [f"contact {k}" for k in range(len(facets))]
@@ -150,7 +150,7 @@ class ContactProblem:
             raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
         if self._stresses is None:
             fixed = self._prescribed[0]
-            self._stresses = stresses_of(self._law, self.u.copy(), self._given, self._foundations.facets, fixed)
+            self._stresses = stresses_of(self._law, self.u.copy(), self._given, self._touching, fixed)
         return self._stresses
 
     @property

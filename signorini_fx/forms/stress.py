@@ -41,7 +41,7 @@ def stresses_of(
         law: see ``stress_of``.
         y: the displacement.
         forms: a(., .) and L; of compiled ones the traction is not known.
-        contact: the facets of each foundation.
+        contact: facets that are in contact, of pairs on both sides.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
     """
 
@@ -114,7 +114,7 @@ def residual_of(
     Args:
         stress: of the displacement that is estimated.
         forms: a(., .) and L.
-        contact: the facets of each foundation.
+        contact: facets that are in contact, of pairs on both sides.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         z: test function, constant in each cell.
     """
