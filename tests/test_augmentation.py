@@ -11,6 +11,7 @@ from scenes import alone, example1
 
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.laws import unit
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
@@ -376,7 +377,8 @@ def test_a_node_that_a_support_drags_has_not_settled_below_its_bound():
     newton, points = task.iterate.newton, task.motions.points
     data = replace(task.start.data, bound=np.zeros(points.size), coupling=np.full(points.size, 0.3))
     newton.problem.set_data(data, newton.problem.sets)
-    shear = np.where(points.immovable[:, None], 1.0, 0.0) * np.ones((1, 2))
+    half = 0.15 * newton.multipliers()[0] * points.immovable
+    shear = half[:, None] * unit(newton.problem.traces(newton.x)[1])
     for least, settled in ((0.0, True), (1.0, False)):
         newton.shifts = lambda data, least=least: (data.lambda_hat, least * shear)
         augmentation = Augmentation(newton, 1e8, 1e-7)
