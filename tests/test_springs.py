@@ -227,7 +227,7 @@ def test_second_opinion(cells, degree):
     y.interpolate(lambda x: np.array([np.sin(3 * x[0] + k) * x[1] for k in range(d.tagged.dimension)]))
     forces = NodalForces(d.scene, d.tagged, d.space).resisted(y.x.array.reshape(-1, d.tagged.dimension))
     every = np.arange(y.x.array.size // d.tagged.dimension, dtype=np.int32)
-    compiled = action((d.resistance.form,), y, every).reshape(forces.shape)
+    compiled = action(d.resists, y, every).reshape(forces.shape)
     size = COMM.allreduce(np.abs(compiled).max(initial=0.0), op=MPI.MAX)
     assert COMM.allreduce(np.abs(forces - compiled).max(initial=0.0), op=MPI.MAX) <= 1e-13 * size
 

@@ -19,7 +19,6 @@ from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
     AppliedLoad,
-    ResistanceForm,
     applied_load,
     check_finite,
     check_resistances,
@@ -58,7 +57,7 @@ class Discretisation(ElasticBody):
         applied: the loads, by their load factors.
         data: the regularised problem at the contact points, without shifts; None for a scene without contact.
         law: the friction law; None where no law can act.
-        resistance: what resists the displacement on the boundary.
+        resisting: name of the form ``resists``; empty without.
     """
 
     scene: Scene
@@ -69,7 +68,7 @@ class Discretisation(ElasticBody):
     applied: tuple[AppliedLoad, ...]
     data: RegularisedData | None
     law: FrictionLaw | None
-    resistance: ResistanceForm
+    resisting: str
 
     @property
     def scales(self) -> Scales:
@@ -133,7 +132,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         fixed = prescribed(space, [support for _, support in supports])[0][:owned]
         skew = skew_supports(scene, space, facets, tagged)
         turned = turned_nodes(scene, space, supports, skew, fixed)
-        resistance = compile_resistance(scene, space, z, facets.__getitem__, inventory)
+        resisting, resistance = compile_resistance(scene, space, z, facets.__getitem__, inventory)
         applied = [
             applied_load(factors, loads, space, z, facets.__getitem__, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
@@ -156,7 +155,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             boundary.aligned()
         natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
-    resists = () if resistance.form is None else (resistance.form,)
+    resists = () if resistance is None else (resistance,)
     return Discretisation(
         space=space,
         terms=lambda: (*_elastic(space, lame, reduced, inventory), *resists),
@@ -177,7 +176,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         applied=tuple(applied),
         data=data,
         law=law,
-        resistance=resistance,
+        resisting=resisting,
     )
 
 

@@ -34,7 +34,7 @@ from signorini_fx.contact.resting_place import Rest
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
-from signorini_fx.records import History, Inventory
+from signorini_fx.records import Inventory
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.tuned import FINER_LEVELS
 
@@ -216,12 +216,10 @@ class ElasticBody:
         factors: Array,
         data: RegularisedData,
         law: FrictionLaw | None,
-        natural_gamma: float,
-        history: History,
         *,
-        has_coulomb: bool,
         coarser: MeshLevel | None = None,
         allowed: Callable[[fem.Function], float] | None = None,
+        **others: Any,
     ) -> Task:
         """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
 
@@ -230,12 +228,10 @@ class ElasticBody:
             factors: of each of them to begin with.
             data: gap and bilateral contact at the contact points.
             law: of friction; None: there is none.
-            natural_gamma: see ``Task``.
-            history: records.
-            has_coulomb: see ``Task``.
             coarser: coarser meshes for multigrid.
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
                 that of the settings, relative to the energy norm of the displacement.
+            others: natural_gamma, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
         system, reason = choose_system(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
@@ -253,11 +249,9 @@ class ElasticBody:
             law,
             bilateral=data.bilateral,
             settings=Settings.of(self.settings),
-            natural_gamma=natural_gamma,
-            has_coulomb=has_coulomb,
-            history=history,
             linear_algebra=reason,
             goal=goal,
+            **others,
         )
 
     def state(self, task: Task, outcome: Outcome, start: Start) -> ContactState:

@@ -135,44 +135,34 @@ def compile_loads(
 ) -> tuple[str, fem.Form | None]:
     """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, and their name."""
     forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
-    if not forces:
-        return "", None
-    on, element = FormCoefficients(space), space.element.basix_element.degree
-    terms = [
-        ufl.inner(load.density(on), z) * where(metadata={"quadrature_degree": load.degree(element)})
-        for load, where in zip(forces, measures(space, forces, facets), strict=True)
-    ]
-    name = " + ".join(load.name for load in forces)
-    return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
-
-
-@dataclass(frozen=True)
-class ResistanceForm:
-    """The part of a(., .) that resists the displacement on the boundary.
-
-    Attributes:
-        name: of the form, empty without.
-        form: compiled; None: nothing does.
-    """
-
-    name: str
-    form: fem.Form | None
+    on = FormCoefficients(space)
+    return _compiled(forces, lambda load: ufl.inner(load.density(on), z), space, facets, inventory)
 
 
 def compile_resistance(
     scene: Scene, space: fem.FunctionSpace, z: Any, facets: Facets, inventory: Inventory
-) -> ResistanceForm:
-    """What resists the displacement, compiled together."""
-    effects = [effect for effect in scene.of(Resistance) if effect.acts]
+) -> tuple[str, fem.Form | None]:
+    """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
+    effects, y, on = scene.of(Resistance), ufl.TrialFunction(space), FormCoefficients(space)
+    acting = [effect for effect in effects if effect.acts]
+    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), space, facets, inventory)
+
+
+def _compiled(
+    effects: Sequence[Any],
+    integrand: Callable[[Any], Any],
+    space: fem.FunctionSpace,
+    facets: Facets,
+    inventory: Inventory,
+) -> tuple[str, fem.Form | None]:
+    """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
     if not effects:
-        return ResistanceForm("", None)
-    y, on, element = ufl.TrialFunction(space), FormCoefficients(space), scene.element.degree
-    terms = [
-        ufl.inner(effect.reaction(y, on), z) * where(metadata={"quadrature_degree": effect.degree(element)})
-        for effect, where in zip(effects, measures(space, effects, facets), strict=True)
-    ]
+        return "", None
+    element, where = space.element.basix_element.degree, measures(space, effects, facets)
+    degrees = ({"quadrature_degree": effect.degree(element)} for effect in effects)
+    terms = [integrand(effect) * d(metadata=degree) for effect, d, degree in zip(effects, where, degrees, strict=True)]
     name = " + ".join(effect.name for effect in effects)
-    return ResistanceForm(name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0]))))
+    return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
 
 
 def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:

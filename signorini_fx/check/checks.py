@@ -143,7 +143,7 @@ def _effects(d: Discretisation) -> list[Effect]:
     names = {load.factors: load.name for load in d.applied}
 
     def form_of(effect: Any) -> tuple[str, ...]:
-        return (names[scene.factors_of(effect)] if isinstance(effect, Load) else d.resistance.name,)
+        return (names[scene.factors_of(effect)] if isinstance(effect, Load) else d.resisting,)
 
     for key, entries in scene.effects.items():
         if key not in ("material", "displacement", "contact"):

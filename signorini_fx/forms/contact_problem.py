@@ -290,8 +290,8 @@ class ContactProblem:
             [self._case(values)],
             np.ones(1),
             *self._point_data(shapes),
-            self._scales.gamma,
-            self.history,
+            natural_gamma=self._scales.gamma,
+            history=self.history,
             has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
         )
         if self._start is None:

@@ -299,11 +299,11 @@ def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None 
         factors,
         d.data,
         d.law,
-        d.scales.gamma,
-        history,
-        has_coulomb=d.scene.has_coulomb,
         coarser=coarser,
         allowed=_allowed(d),
+        natural_gamma=d.scales.gamma,
+        has_coulomb=d.scene.has_coulomb,
+        history=history,
     )
     return replace(task, start=replace(task.start, sets=sets, iteration=iteration, factors=factors))
 
