@@ -61,7 +61,7 @@ def _shown(output: dict[str, Any]) -> str:
         return f'<img alt="Output" src="data:image/png;base64,{data["image/png"].strip()}">'
     if "text/html" in data:
         table = re.sub(r"\n\s*\n", "\n", data["text/html"])  # a blank line would end the block of HTML
-        return f'<div class="output">{table}</div>'
+        return f'<div style="overflow-x: auto">{table}</div>'
     text = "".join(output.get("text", "")) or data.get("text/plain", "")
     text = re.sub(r"\n\s*\n", "\n", text)
     return f"```text\n{text.rstrip()}\n```"
