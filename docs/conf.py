@@ -81,6 +81,14 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
     lines[:] = [line.replace("|", r"\|") for line in lines]
 
 
+def _parameters(_app: Any, _page: str, text: list[str]) -> None:
+    """The docstrings of all mesh generators, where a page has the comment that asks for them."""
+    names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
+    shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
+    comment = "<!-- the parameters of all generators -->"
+    text[0] = text[0].replace(comment, f"```{{eval-rst}}\n{shown}```")
+
+
 def _formula(writer: Any, node: nodes.Element) -> None:
     """A formula as MathML, which browsers draw by themselves."""
     block = isinstance(node, nodes.math_block)
@@ -94,6 +102,7 @@ def _formula(writer: Any, node: nodes.Element) -> None:
 def setup(app: Any) -> None:
     """Let Sphinx read the demos and the docstrings."""
     app.connect("autodoc-process-docstring", _escape)
+    app.connect("source-read", _parameters)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))
     app.add_source_suffix(".py", "percent")
     app.add_source_parser(DemoParser)
