@@ -31,6 +31,7 @@ LAYERS = (
     "accuracy",
     "body",
     "pairs",
+    "meshes",
     "mesh",
     "effects",
     "scene",
@@ -73,12 +74,13 @@ OUTSIDE = (
 
 
 def files() -> dict[str, Path]:
-    """The modules of the package by name, without the package itself and the generators of ``meshes/``."""
+    """The modules of the package by name, without the package itself."""
     found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    # A glob does not follow the link to the generators.
+    for path in sorted((*PACKAGE.rglob("*.py"), *(PACKAGE / "meshes").glob("*.py"))):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        if name and not name.startswith("meshes"):
+        if name:
             found[name] = path
     return found
 

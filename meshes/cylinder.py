@@ -23,8 +23,9 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
+from signorini_fx.mesh.drawing import Drawing, mesh_extruded
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, generator, mesh_extruded, refuse_too_large
+from signorini_fx.meshes import Length, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=1_000)]
 # Corners of the core, as a share of the radius: cells in the core and around it are of one size there.

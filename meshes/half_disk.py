@@ -20,8 +20,9 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx.mesh.drawing import Drawing, Sizes, approximate_cells, mesh_surface
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, Sizes, approximate_cells, generator, mesh_surface, refuse_too_large
+from signorini_fx.meshes import Length, generator, refuse_too_large
 
 
 @generator(sizes=("size", "contact_size"))

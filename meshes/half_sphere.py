@@ -23,19 +23,9 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx.mesh.drawing import Drawing, Part, Sizes, approximate_cells, cut_to_part, mesh_solid, plane
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import (
-    Drawing,
-    Length,
-    Part,
-    Sizes,
-    approximate_cells,
-    cut_to_part,
-    generator,
-    mesh_solid,
-    plane,
-    refuse_too_large,
-)
+from signorini_fx.meshes import Length, generator, refuse_too_large
 
 
 @generator(sizes=("size", "contact_size"))

@@ -19,8 +19,9 @@ from typing import Any, Literal
 
 from mpi4py import MPI
 
+from signorini_fx.mesh.drawing import Drawing, Sizes, mesh_surface
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Drawing, Length, Sizes, generator, mesh_surface, refuse
+from signorini_fx.meshes import Length, generator, refuse
 
 
 @generator(sizes=("size", "contact_size"))

@@ -23,8 +23,9 @@ from typing import Any, Literal
 
 from mpi4py import MPI
 
+from signorini_fx.mesh.drawing import Corner, Drawing, Sizes, draw_outline, mesh_surface
 from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Corner, Drawing, Length, Sizes, draw_outline, generator, mesh_surface, refuse
+from signorini_fx.meshes import Length, generator, refuse
 
 
 @generator(sizes=("size", "contact_size"))

@@ -29,12 +29,12 @@ import signorini_fx
 from signorini_fx import cli
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects import body_force, contact, displacement, material, springs, traction
-from signorini_fx.meshes import known_generators
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings
+from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.template import starting_scene

@@ -19,7 +19,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.meshes import known_generators
+from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.template import scene_schema

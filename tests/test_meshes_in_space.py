@@ -17,7 +17,7 @@ from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.shape import check_shape, quality
 from signorini_fx.mesh.refinement import cells_at, refine
 from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.meshes import known_generators
+from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.reading import parse_scene
 
 TAN, COS = tan(radians(15)), cos(radians(15))

@@ -5,7 +5,7 @@ import pytest
 from surfaces import ELEMENTS, both, curve, sheet
 
 from signorini_fx.pairs.coupling import PairingError, couple
-from signorini_fx.pairs.space import clip
+from signorini_fx.pairs.overlap_space import clip
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),
@@ -75,8 +75,8 @@ def test_linear_displacements_of_matching_planes(dimension, element, other):
 def test_functions_of_a_whole_facet():
     """Dual functions of P1 and P2 lines and P1 triangles, and the shares of quadratic triangles."""
     from signorini_fx.pairs.functions import dual_coefficients
-    from signorini_fx.pairs.plane import plane_overlap
-    from signorini_fx.pairs.space import space_overlap
+    from signorini_fx.pairs.overlap_plane import plane_overlap
+    from signorini_fx.pairs.overlap_space import space_overlap
 
     def flat(s):
         return [s, 0.0]

@@ -30,9 +30,9 @@ from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.raw import rows_of
 from signorini_fx.mesh.files.shape import STRAIGHT, Ints
-from signorini_fx.meshes import known_generators
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of

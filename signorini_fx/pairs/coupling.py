@@ -20,9 +20,9 @@ import scipy.sparse as sp
 
 from signorini_fx.pairs.functions import carried, dual_coefficients, hats
 from signorini_fx.pairs.overlap import Overlap
-from signorini_fx.pairs.plane import plane_overlap
+from signorini_fx.pairs.overlap_plane import plane_overlap
+from signorini_fx.pairs.overlap_space import space_overlap
 from signorini_fx.pairs.search import default_reach
-from signorini_fx.pairs.space import space_overlap
 from signorini_fx.pairs.surface import Surface
 
 Array = npt.NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Any, get_origin
 
 from pydantic import BaseModel
 
-from signorini_fx.meshes import known_generators
 from signorini_fx.scene.effect import PACKAGE, keys
+from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.validation import tables
 
