@@ -82,11 +82,13 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
-    """The docstrings of all mesh generators, where a page has the comment that asks for them."""
+    """The docstrings of all mesh generators, and links to them, where a page has the comment that asks for them."""
     names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
     shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
     comment = "<!-- the parameters of all generators -->"
-    text[0] = text[0].replace(comment, f"```{{eval-rst}}\n{shown}```")
+    if comment in text[0]:
+        links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
+        text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
 
 
 def _formula(writer: Any, node: nodes.Element) -> None:

@@ -7,7 +7,7 @@ from scenes import example1
 
 from signorini_fx import cli
 from signorini_fx.check.setup import gather_setup
-from signorini_fx.mesh.tagged import generate_mesh, load_mesh
+from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -22,6 +22,15 @@ BOX = {
     ],
     "springs": [{"boundary": "right", "normal": 3.0}],
     "contact": [{"boundary": "bottom"}],
+}
+
+SIDES = {
+    "left": "x[0] < 1e-9",
+    "right": "x[0] > 3 - 1e-9",
+    "front": "x[1] < 1e-9",
+    "back": "x[1] > 1 - 1e-9",
+    "bottom": "x[2] < 1e-9",
+    "top": "x[2] > 1 - 1e-9",
 }
 
 
@@ -54,6 +63,21 @@ def test_in_the_plane():
     top = by_name["top"]
     np.testing.assert_allclose(top.normals, np.broadcast_to([0, 1], top.normals.shape), atol=1e-15)
     np.testing.assert_allclose(areas(top.corners) @ top.load, [0, -20], atol=1e-12)
+
+
+@pytest.mark.mpi
+def test_a_second_name():
+    """A boundary that the scene names again, and uses under that name, is shown once."""
+    again = {"sole": "x[2] < 1e-9", "unused": "x[2] < 1e-9", "half": "x[2] < 1e-9 and x[0] < 1.1"}
+    scene = parse_scene({**BOX, "contact": [{"boundary": "sole"}]})
+    box = load_mesh(parse_scene(BOX), COMM)
+    setup = gather_setup(tag_boundaries(box.mesh, {**SIDES, **again}), scene)
+    names = {one.name for one in setup.boundaries}
+    assert {"sole", "half", "top"} <= names
+    assert not {"unused", "bottom"} & names
+    assert {"bottom", "unused", "sole"} <= {
+        one.name for one in gather_setup(tag_boundaries(box.mesh, {**SIDES, **again})).boundaries
+    }
 
 
 def areas_of_cells(polygons):

@@ -48,9 +48,18 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
     return Setup(
         title,
         parallel.rows_on_root(comm, shown),
-        tuple(_boundary(tagged, name, effects) for name, effects in acting.items()),
+        tuple(_boundary(tagged, name, acting[name]) for name in _shown(tagged, acting)),
         {} if scene is None else names_of(scene.model_dump(include={"units"}), dim),
     )
+
+
+def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
+    """The boundaries that are shown: of two of the same facets only that which the scene uses; collective."""
+    used = [name for name, effects in acting.items() if effects]
+    facets = {name: tagged.facets(name) for name in acting}
+    same = np.array([[np.array_equal(facets[name], facets[other]) for other in used] for name in acting], dtype=np.int8)
+    tagged.mesh.comm.Allreduce(MPI.IN_PLACE, same, MPI.MIN)
+    return [name for name, twins in zip(acting, same, strict=True) if acting[name] or not twins.any()]
 
 
 def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
