@@ -2240,7 +2240,7 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/error_estimates",
-        "parallel.global_sum(comm, squares.sum())",
+        "parallel.global_sum(boundary.comm, squares.sum())",
         "squares.sum()",
         "all estimates of this rank only",
         ranks=2,

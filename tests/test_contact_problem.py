@@ -27,7 +27,7 @@ from signorini_fx import (
 )
 from signorini_fx.forms import contact_problem
 from signorini_fx.linalg import condensed, multigrid
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.scene.reading import parse_scene
@@ -538,6 +538,45 @@ def test_stresses_are_those_of_a_scene(dim, degree, hypothesis, kind, springs):
     assert theirs.error > 0.01
     assert ours.error == pytest.approx(theirs.error, rel=1e-10)
     assert ours.energy() == pytest.approx(solution.last_step.strain_energy, rel=1e-11)
+
+
+@pytest.mark.mpi
+def test_prices_are_those_of_a_scene():
+    """Errors of a nested iteration and of three problems on its meshes; the next mesh is predicted."""
+    settings = {"gamma_n": 1e7, "gamma_t": 1e7, "coulomb": "fp", "tolerance": 1e-11}
+    given = read_scene(ROOT / "demos" / "scenes" / "press_and_slide.toml").model_dump(exclude_unset=True)
+    given["mesh"]["parameters"] |= {"nx": 24, "ny": 8}
+    for entry in given["displacement"]:
+        entry.pop("factors", None)
+    scene = parse_scene({**given, "solver": {**settings, "levels": 3}})
+    expected = solve(scene, COMM).price_list
+    material, problems = scene.material[0], []
+    lame, mu = material.lame
+    for level in (4, 2, 1):
+        tagged = generate_mesh("rectangle", {**given["mesh"]["parameters"], "nx": 24 // level, "ny": 8 // level}, COMM)
+        V = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
+        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        e, bcs = ufl.sym(ufl.grad(u)), []
+        for effect in scene.displacement:
+            for k, value in enumerate((effect.x, effect.y)):
+                if value is not None:
+                    held = fem.locate_dofs_topological(V.sub(k), 1, tagged.facets(effect.boundary))
+                    bcs.append(fem.dirichletbc(fem.Constant(tagged.mesh, value), held, V.sub(k)))
+        stress = 2 * mu * e + lame * ufl.tr(e) * ufl.Identity(2)
+        nothing = ufl.inner(fem.Constant(tagged.mesh, (0.0, 0.0)), v) * ufl.dx
+        floor = Foundation(tagged.facets("bottom"), friction=Coulomb(0.3))
+        problems.append(
+            ContactProblem(ufl.inner(stress, ufl.grad(v)) * ufl.dx, nothing, bcs, floor, stress=stress, **settings)
+        )
+        problems[-1].solve()
+    found = problems[-1].price_list(*problems[:-1])
+    assert [row.dofs for row in found] == [row.dofs for row in expected]
+    assert found[-1].predicted
+    assert found[2].pressure > 0.01
+    for ours, theirs in zip(found[:-1], expected, strict=False):
+        for name in ("h", "energy", "pressure", "force", "zone", "peak", "regularisation"):
+            assert getattr(ours, name) == pytest.approx(getattr(theirs, name), rel=1e-6, abs=1e-12), name
+    assert all(row.seconds > 0 and row.linear_solves > 0 for row in found)
 
 
 def test_petsc_options_reach_the_solver():

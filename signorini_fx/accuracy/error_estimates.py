@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
-from signorini_fx.accuracy.data_error import contact_cells, data_error
+from signorini_fx.accuracy.data_error import DataError, contact_cells, data_error
 from signorini_fx.accuracy.pressure_error import interval_squares, on_facets, pressure_square
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.accuracy.surface_pressure import piece_squares
@@ -59,16 +59,39 @@ def estimate_errors(
         compliance: 1 / gamma_1 of the regularisation; 0 without.
     """
     assert d.boundary is not None
-    comm = d.tagged.mesh.comm
+    missed = data_error(d, table, step)
+    squares = StressRecovery.of(d).squares(displacement, step) if energy > 0 else np.zeros(missed.squares.shape)
+    return combined(d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young)
+
+
+def combined(
+    boundary: ContactBoundary,
+    table: ContactTable,
+    cells: npt.NDArray[np.int32],
+    recovery: Floats,
+    missed: DataError,
+    energy: float,
+    blur: float,
+) -> Errors:
+    """All error estimates from those in the body; collective.
+
+    Args:
+        boundary: the contact points of this rank.
+        table: the contact boundary.
+        cells: of each facet, in the order of ``boundary.segments``.
+        recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
+        missed: the error of the data.
+        energy: strain energy of the solution.
+        blur: length over which the regularisation smears the pressure at a corner; 0 without.
+    """
 
     def total(squares: Floats) -> float:
-        return float(parallel.global_sum(comm, squares.sum()))
+        return float(parallel.global_sum(boundary.comm, squares.sum()))
 
-    missed = data_error(d, table, step)
     size = 2 * energy
-    body: Floats = np.zeros(missed.squares.shape)
+    body: Floats = np.zeros(recovery.shape)
     if energy > 0:
-        body[:] = (StressRecovery.of(d).squares(displacement, step) + missed.squares) / size
+        body[:] = (recovery + missed.squares) / size
     forces: Floats = np.zeros(body.shape)
     if missed.total > 0:
         forces[:] = missed.forces / missed.total
@@ -76,8 +99,8 @@ def estimate_errors(
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
-            own = _facet_squares(d.boundary, table, compliance * d.scene.young, corners=corners)
-            np.add.at(squares, contact_cells(d), own / pressed)
+            own = _facet_squares(boundary, table, blur, corners=corners)
+            np.add.at(squares, cells, own / pressed)
     local, rest = total(contact), total(inside)
     wholes = ((body, error**2), (inside, rest), (forces, data))
     shares: list[Floats] = [np.asarray(squares / whole) for squares, whole in wholes if whole > 0]

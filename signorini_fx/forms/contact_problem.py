@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,12 +13,17 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.data_error import DataError
+from signorini_fx.accuracy.error_estimates import Errors, combined
+from signorini_fx.accuracy.level_results import compliance_of, level_result
+from signorini_fx.accuracy.price_list import LevelResult, Price, peak_memory, price_list
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.assembly import assemble
+from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair
 from signorini_fx.body.foundations import Foundations, Shape
@@ -113,8 +119,9 @@ class ContactProblem:
         self._given, self._touching = (a, L), [*facets, *masters.values()]
         self._law = law_of(stress, self.u)
         self._stresses: RawStresses | None = None
-        names = [f"contact {k}" for k in range(len(facets))]
-        self._foundations = Foundations(space, self.contact, facets, names, Inventory(), masters)
+        self._names = [f"contact {k}" for k in range(len(facets))]
+        self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
+        self._memory, self._marks, self._cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self.history = History()
@@ -154,6 +161,57 @@ class ContactProblem:
         return self._stresses
 
     @property
+    def errors(self) -> Errors:
+        """Estimated errors of the last solution: of the displacement and of the contact pressure, relative; collective.
+
+        What the mesh does not resolve of loads, gap and friction is not among them.
+
+        Raises:
+            RuntimeError: the problem was given no ``stress``.
+            FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know.
+        """
+        stress, state, outcome, mesh = self.stress, self.state, self._outcome, self._space.mesh
+        if any(getattr(one, "measure", None) is not None for one in self.contact):
+            raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
+        assert outcome is not None
+        squares = stress.recovery().squares(self.u.x.array)
+        none = np.zeros(squares.size)
+        cells = facet_entities(mesh, np.concatenate(self._foundations.facets))[:, 0]
+        blur = compliance_of(outcome, mesh.comm) * self._scales.modulus
+        table = contact_table(state, self._names)
+        return combined(state.boundary, table, cells, squares, DataError(none, none, 0.0), stress.energy(), blur)
+
+    def price_list(self, *coarser: ContactProblem) -> list[Price]:
+        """Errors and costs of the last solve here and on coarser meshes, and those expected of the next finer mesh, see
+        ``accuracy.price_list``; collective.
+
+        Args:
+            coarser: the same problem on coarser meshes, solved, the coarsest first; at least one.
+
+        Raises:
+            RuntimeError: see ``errors``; or a problem has no solution.
+            FormError: see ``errors``.
+        """
+        return price_list([one._level(k) for k, one in enumerate((*coarser, self))], coarser[0]._memory)
+
+    def _level(self, number: int) -> LevelResult:
+        """The errors and the cost of the last solve; collective."""
+        if self._outcome is None or self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution: a price list needs one on each mesh")
+        return level_result(
+            number,
+            self._elastic,
+            self._task,
+            self._outcome,
+            self.stress.energy(),
+            self.errors,
+            contact_table(self.state, self._names),
+            own=self.history.iterations[self._marks :],
+            cost=self._cost,
+            contacts=[self.state],
+        )
+
+    @property
     def solver(self) -> PETSc.SNES:
         """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
         with options.applied(*self._options):
@@ -184,6 +242,7 @@ class ContactProblem:
             ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
+        begin, self._marks = time.perf_counter(), len(self.history.iterations)
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
@@ -205,6 +264,7 @@ class ContactProblem:
             self._take(solve_task(self._task, begun))
             if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
                 newton.restore(checkpoint)
+        self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
         status = self.status
         if status is not None and status is not Status.CONVERGED:
             raise ConvergenceError(self, f"{status.value}: {status.advice}")

@@ -8,27 +8,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst_of
 from signorini_fx.accuracy.forecast import seconds_to_come
+from signorini_fx.accuracy.level_results import compliance_of, level_result
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
-from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
-from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
-from signorini_fx.records import History, IterationRecord, Progress
+from signorini_fx.records import History, Progress
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.model import MeshGenerator, Scene
@@ -216,19 +213,26 @@ def solve_level(
     def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
         assert step.contact is not None
         table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
-        data = outcome.problem.data
-        compliance = 0.0 if _is_shifted(data, comm) else 1 / data.gamma_n
-        found.append(
-            estimate_errors(
-                d, d.function(outcome.displacement()).x.array, step.strain_energy, table, step.place, compliance
-            )
-        )
+        dofs, compliance = d.function(outcome.displacement()).x.array, compliance_of(outcome, comm)
+        found.append(estimate_errors(d, dofs, step.strain_energy, table, step.place, compliance))
 
     solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, kept)
     if not solution.converged or task is None or outcome is None or not found:
         return Solved(solution, task)
     errors = worst_of(found)
-    level = _level_result(number, solution, task, outcome, history.iterations[before:], errors)
+    level = level_result(
+        number,
+        solution.discretisation,
+        task,
+        outcome,
+        solution.last_step.strain_energy,
+        errors,
+        solution.table,
+        own=history.iterations[before:],
+        cost=(sum(solution.timings.total.values()), peak_memory(comm)),
+        # Of the load steps that all meshes have in common.
+        contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
+    )
     return Solved(solution, task, outcome, level, errors)
 
 
@@ -268,65 +272,3 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | No
     first, last = solutions[0], solutions[-1]
     assert first is not None
     return last if last is not None and last.converged else first
-
-
-def _is_shifted(data: RegularisedData, comm: MPI.Comm) -> bool:
-    """Whether the multipliers of an augmentation shift the pressure at any contact node; collective."""
-    return parallel.any_rank(comm, bool(data.lambda_hat.any()))
-
-
-def _level_result(
-    level: int,
-    solution: Solution,
-    task: Task,
-    outcome: Outcome,
-    own: list[IterationRecord],
-    errors: Errors,
-) -> LevelResult:
-    """The errors and the cost of a mesh; two back substitutions, collective.
-
-    Args:
-        level: number of the mesh.
-        solution: the solution on it.
-        task: its contact problem.
-        outcome: how the solve ended.
-        own: the linear solves on this mesh.
-        errors: the estimated errors on it.
-    """
-    seconds = parallel.global_max(solution.comm, sum(solution.timings.total.values()))
-    contact, table = solution.contact, solution.table
-    assert contact is not None
-    size = np.sqrt(2 * solution.last_step.strain_energy)
-    regularisation = pressure_regularisation = 0.0
-    data = outcome.problem.data
-    if np.isfinite(data.gamma_n) and not _is_shifted(data, solution.comm) and size > 0:
-        iterate = task.iterate
-        model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
-        pressure = contact.points.norm(contact.pressure)
-        regularisation = model.distance / size
-        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
-    change = solution.history.outer[-1].change
-    dimension = solution.discretisation.tagged.dimension
-    return LevelResult(
-        level=level,
-        h=float(table.columns["weight"].mean() ** (1 / (dimension - 1))),
-        dofs=solution.discretisation.dofs,
-        linear_solves=len(own),
-        factorisations=sum(record.factorised for record in own),
-        seconds=seconds,
-        memory=peak_memory(solution.comm),
-        status=solution.status.value,
-        energy=errors.energy,
-        pressure=errors.pressure,
-        inside=errors.inside,
-        data=errors.data,
-        regularisation=regularisation,
-        pressure_regularisation=pressure_regularisation,
-        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
-        table=table,
-        # Of the load steps that all meshes have in common.
-        force=np.concatenate(
-            [np.concatenate(step.contact.forces) for step in solution.steps if step.contact and step.place.is_integer()]
-        ),
-        krylov_from=krylov_from(solution.discretisation.system_size, solution.scene.solver.linear_algebra),
-    )

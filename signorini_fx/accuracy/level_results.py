@@ -1,0 +1,83 @@
+"""Errors and cost of a solution on one mesh, from which price lists are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.error_estimates import Errors
+from signorini_fx.accuracy.price_list import LevelResult
+from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.algorithms.task import Outcome, Task
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import ContactTable
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.linalg.choice import krylov_from
+from signorini_fx.records import IterationRecord
+
+
+def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
+    """1 / gamma_1 of the regularisation; 0 where multipliers of an augmentation shift the pressure; collective."""
+    data = outcome.problem.data
+    return 0.0 if parallel.any_rank(comm, bool(data.lambda_hat.any())) else 1 / data.gamma_n
+
+
+def level_result(
+    level: int,
+    body: ElasticBody,
+    task: Task,
+    outcome: Outcome,
+    energy: float,
+    errors: Errors,
+    table: ContactTable,
+    *,
+    own: Sequence[IterationRecord],
+    cost: tuple[float, float],
+    contacts: Sequence[ContactState],
+) -> LevelResult:
+    """The errors and the cost of a mesh; two back substitutions, collective.
+
+    Args:
+        level: number of the mesh.
+        body: on this mesh.
+        task: its contact problem.
+        outcome: how the solve ended.
+        energy: strain energy of the solution.
+        errors: the estimated errors on it.
+        table: the contact boundary.
+        own: the linear solves on this mesh.
+        cost: seconds on this rank, and peak memory so far of all ranks, MB.
+        contacts: the contact points after each load step.
+    """
+    size, data = np.sqrt(2 * energy), outcome.problem.data
+    regularisation = pressure_regularisation = 0.0
+    if compliance_of(outcome, body.comm) > 0 and size > 0:
+        iterate = task.iterate
+        model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
+        pressure = contacts[-1].points.norm(contacts[-1].pressure)
+        regularisation = model.distance / size
+        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
+    change = task.history.outer[-1].change
+    return LevelResult(
+        level=level,
+        h=float(table.columns["weight"].mean() ** (1 / (body.dimension - 1))),
+        dofs=body.dofs,
+        linear_solves=len(own),
+        factorisations=sum(record.factorised for record in own),
+        seconds=parallel.global_max(body.comm, cost[0]),
+        memory=cost[1],
+        status=outcome.status.value,
+        energy=errors.energy,
+        pressure=errors.pressure,
+        inside=errors.inside,
+        data=errors.data,
+        regularisation=regularisation,
+        pressure_regularisation=pressure_regularisation,
+        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
+        table=table,
+        force=np.concatenate([np.concatenate(contact.forces) for contact in contacts]),
+        krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
+    )
