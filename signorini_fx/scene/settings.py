@@ -64,8 +64,7 @@ class SolverSettings(Table):
         sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
             slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
         initial_contact: the nodes of the first contact set. ``all``: the solution of the unconstrained dual
-            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all, but
-            where a condensed system has more than 300 contact nodes the problem is solved on fewer of them first.
+            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all.
         gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
         gamma_factor: alm without Coulomb friction: factor by which gamma grows from one problem to the next.
         inner_iterations: alm without Coulomb friction: linear solves allowed for one problem (inexact); ``auto``: until
