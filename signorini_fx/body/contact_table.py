@@ -133,7 +133,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     x = rows[:, len(scalars) : len(scalars) + dim]
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        pieces, order, closed = chains(numbers, segments, x)
+        pieces, order, closed = chains(numbers, with_points(numbers, segments), x)
         facets = None
     else:
         pieces, order, closed = [], _by_position(numbers[:, 0], x), []
@@ -161,6 +161,18 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "weight": of["weight"],
     }
     return ContactTable(columns, pieces, numbers[order], facets)
+
+
+def with_points(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """The facets of which every node carries a point: between two bodies not all do.
+
+    Args:
+        numbers: part and global node of each point, shape (n, 2).
+        segments: see ``ContactBoundary.segments``.
+    """
+    base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
+    there = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
+    return segments[there.all(axis=1)]
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Coulomb, Foundation, Tresca
+from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
     AppliedLoad,
@@ -28,7 +28,7 @@ from signorini_fx.body.loads import (
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
+from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import FormError, MeshError, SceneError, together
@@ -42,6 +42,9 @@ from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +140,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             applied_load(factors, loads, space, z, facets.__getitem__, supports, inventory, turned)
             for factors, loads in load_groups(scene).items()
         ]
-        names = [f"contact {effect.boundary}" for effect in scene.contact]
         on = [facets[effect.boundary] for effect in scene.contact]
-        foundations = Foundations(space, foundations_of(scene, on), on, names, inventory)
+        foundations = _foundations(scene, space, facets, inventory)
         assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
@@ -190,10 +192,43 @@ def _elastic(
     return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
 
 
-def foundations_of(scene: Scene, facets: Sequence[npt.NDArray[np.int32]]) -> list[Foundation]:
-    """The contact of a scene as foundations, on the facets of each."""
-    found = []
-    for effect, on in zip(scene.contact, facets, strict=True):
+def _foundations(
+    scene: Scene, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
+) -> Foundations:
+    """The contact of a scene, from the facets of all boundaries.
+
+    Raises:
+        SceneError: two bodies are in contact, and there is more than one rank.
+    """
+    on = [facets[effect.boundary] for effect in scene.contact]
+    masters = {
+        place: facets[effect.against] for place, effect in enumerate(scene.contact) if effect.against is not None
+    }
+    if masters and space.mesh.comm.size > 1:
+        path = f"contact[{min(masters)}].against"
+        raise SceneError([(path, "contact of two bodies is solved on one rank only: start it without mpirun")])
+    names = [f"contact {effect.boundary}" for effect in scene.contact]
+    return Foundations(space, foundations_of(scene, on, masters), on, names, inventory, masters)
+
+
+def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
+    """Both sides of each contact of two bodies, paired anew, by its place in ``scene.contact``."""
+    facets = boundary_facets(scene, tagged)
+    supports = dirichlet_conditions(scene, space, facets, tagged)
+    owned = space.dofmap.index_map.size_local * tagged.dimension
+    fixed = prescribed(space, [support for _, support in supports])[0][:owned]
+    turned = turned_nodes(scene, space, supports, skew_supports(scene, space, facets, tagged), fixed)
+    foundations = _foundations(scene, space, facets, Inventory())
+    foundations.boundary(foundations.shapes(), fixed, turned)
+    return foundations.pairs
+
+
+def foundations_of(
+    scene: Scene, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
+) -> list[Foundation | Pair]:
+    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
+    found: list[Foundation | Pair] = []
+    for place, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
         friction: Coulomb | Tresca | None = None
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):
@@ -201,6 +236,12 @@ def foundations_of(scene: Scene, facets: Sequence[npt.NDArray[np.int32]]) -> lis
             case CoulombFriction(coefficient=coefficient, cap=cap):
                 friction = Coulomb(_evaluable(coefficient), None if cap is None else _evaluable(cap))
         bilateral = isinstance(effect, BilateralContact)
+        if place in masters:
+            gap = _evaluable(effect.gap)
+            nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
+            choice = {"gap": gap} if nominal else {"allowance": gap}
+            found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
+            continue
         found.append(Foundation(on, _evaluable(effect.gap), effect.direction, friction, bilateral))
     return found
 
@@ -218,26 +259,32 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
     facets: dict[str, npt.NDArray[np.int32]] = {}
     problems: list[tuple[str, str]] = []
     for path, effect in scene.listed():
-        if effect.where is None:
-            continue
-        path += ".boundary"
-        try:
-            found = tagged.facets(effect.where)
-        except MeshError as error:
-            problems.append((path, str(error)))
-            continue
-        facets[effect.where] = found
-        if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
-            problems.append((path, f"boundary {effect.where!r} has no exterior facets"))
-    for index, effect in enumerate(scene.contact):
-        for other in scene.contact[:index]:
-            if effect.boundary in facets and other.boundary in facets:
-                shared = np.intersect1d(facets[effect.boundary], facets[other.boundary]).size
+        for key, name in (("boundary", effect.where), ("against", getattr(effect, "against", None))):
+            if name is None:
+                continue
+            try:
+                found = tagged.facets(name)
+            except MeshError as error:
+                problems.append((f"{path}.{key}", str(error)))
+                continue
+            facets[name] = found
+            if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
+                problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
+    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(scene.contact)]
+    sides += [
+        (f"contact[{index}].against", effect.against)
+        for index, effect in enumerate(scene.contact)
+        if effect.against is not None
+    ]
+    for place, (path, name) in enumerate(sides):
+        for _, other in sides[:place]:
+            if name in facets and other in facets:
+                shared = np.intersect1d(facets[name], facets[other]).size
                 total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
                 if total:
-                    message = f"boundary {effect.boundary!r} shares {total} facets with the contact boundary "
-                    message += f"{other.boundary!r}: a facet can touch one foundation only"
-                    problems.append((f"contact[{index}].boundary", message))
+                    message = f"boundary {name!r} shares {total} facets with the contact boundary {other!r}: "
+                    message += "a facet can touch one foundation only"
+                    problems.append((path, message))
     for index, material in enumerate(scene.material):
         if material.region is not None and material.region not in tagged.regions:
             known = ", ".join(sorted(tagged.regions)) or "none"

@@ -70,6 +70,7 @@ class Pair:
         gap: "geometry": the distance of both sides along the normal of the slave as the meshes lie, negative where they
             overlap; or a distance of sides that are nominally in contact, length: a number, a callable f(x) of points
             of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
+        allowance: what is added to the distance by geometry, of the same kinds.
         friction: ``Coulomb``, ``Tresca``, or None.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
@@ -79,6 +80,7 @@ class Pair:
     facets: Any
     against: Any
     gap: Any = "geometry"
+    allowance: Any = 0.0
     friction: Coulomb | Tresca | None = None
     bilateral: bool = False
     bonded: bool = False

@@ -57,6 +57,7 @@ class Data:
         cap: the largest friction bound, stress; infinite without.
         bilateral: whether the contact cannot open.
         pair: both sides, where another body is the foundation; None: it is rigid.
+        allowance: the part of a gap by geometry that is not geometry; None: the gap is given as a whole.
     """
 
     facets: npt.NDArray[np.int32]
@@ -67,6 +68,7 @@ class Data:
     cap: Array
     bilateral: bool
     pair: PairedSides | None = None
+    allowance: Array | None = None
 
 
 class Foundations:
@@ -156,7 +158,7 @@ class Foundations:
         parts = []
         for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
             if k in self._masters:
-                parts.append(self._paired(k, fixed))
+                parts.append(self._paired(k, fixed, turned))
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
@@ -166,7 +168,7 @@ class Foundations:
             parts.append(part)
         return join(parts)
 
-    def _paired(self, number: int, fixed: npt.NDArray[np.bool_]) -> ContactBoundary:
+    def _paired(self, number: int, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None) -> ContactBoundary:
         """The points of a pair; of a node that two contacts share an earlier pair, or a foundation, has the point."""
         from signorini_fx.body.paired_points import PairedSides
 
@@ -176,20 +178,27 @@ class Foundations:
         taken = [self.facets[k] for k in first if k != number]
         sides = self.facets[number], self._masters[number]
         flags = fixed.reshape(-1, self._dimension)
-        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken)
+        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned)
         self._pairs[number] = found
         return found.boundary(space, self.facets[number], number, flags)
 
-    def _gap_of(self, number: int) -> Array:
-        """The gap of one contact at all nodes of this rank, of a pair also by its geometry; collective."""
+    def _gap_of(self, number: int) -> tuple[Array, Array | None]:
+        """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective."""
         one, at = self._contact[number], self._values[number]
         if not isinstance(one, Pair):
-            return at(one.gap, f"contact[{number}].gap")
+            return at(one.gap, f"contact[{number}].gap"), None
         pair = self._pairs[number]
-        found = at(0.0 if one.bonded or pair.by_geometry else one.gap, f"contact[{number}].gap")
-        if pair.by_geometry:
-            found[pair.slave.nodes[pair.coupling.nodes]] = pair.coupling.gap
-        return found
+        if not pair.by_geometry:
+            return at(0.0 if one.bonded else one.gap, f"contact[{number}].gap"), None
+        allowance = at(one.allowance, f"contact[{number}].allowance")
+        found = allowance.copy()
+        found[pair.slave.nodes[pair.coupling.nodes]] += pair.coupling.gap
+        return found, allowance
+
+    @property
+    def pairs(self) -> dict[int, PairedSides]:
+        """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
+        return dict(self._pairs)
 
     def data(self, shapes: Sequence[Shape]) -> list[Data]:
         """Gaps and friction, as they are now.
@@ -199,7 +208,7 @@ class Foundations:
         """
         found = []
         for k, (one, at, shape) in enumerate(zip(self._contact, self._values, shapes, strict=True)):
-            gap, path = self._gap_of(k), f"contact[{k}].friction"
+            path, (gap, allowance) = f"contact[{k}].friction", self._gap_of(k)
             given, coefficient, cap = np.zeros_like(gap), np.zeros_like(gap), np.full_like(gap, np.inf)
             if isinstance(one.friction, Tresca):
                 given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
@@ -210,7 +219,9 @@ class Foundations:
             bilateral = one.bilateral
             if isinstance(one, Pair) and one.bonded:
                 given, bilateral = np.full_like(gap, np.inf), True
-            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, bilateral, self._pairs.get(k)))
+            found.append(
+                Data(self.facets[k], shape, gap, given, coefficient, cap, bilateral, self._pairs.get(k), allowance)
+            )
         return found
 
     def problem(

@@ -16,6 +16,7 @@ from signorini_fx.body.assembly import adjugates, facet_entities
 from signorini_fx.body.averages import Averages
 from signorini_fx.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.body.foundation import Pair
+from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
 from signorini_fx.pairs.surface import Lagrange, Surface
@@ -107,6 +108,7 @@ class PairedSides:
         name: str,
         fixed: npt.NDArray[np.bool_],
         taken: Sequence[Indices],
+        turned: TurnedNodes | None = None,
     ) -> PairedSides:
         """Pair two parts of the boundary; one rank.
 
@@ -117,6 +119,7 @@ class PairedSides:
             name: of the pair, for errors.
             fixed: which displacement components are prescribed, shape (nodes, d).
             taken: facets of other contacts, whose nodes carry no points of this one.
+            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
 
         Raises:
             FormError: the sides do not fit together, or are curved and the displacement is linear.
@@ -124,7 +127,10 @@ class PairedSides:
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
         slave, master = (Side.of(space, here) for here in facets)
-        normals = np.abs(slave.surface.nodal_normals)
+        normals = slave.surface.nodal_normals
+        if turned is not None:
+            normals = np.einsum("nij,ni->nj", turned.frames_at(slave.nodes), normals)
+        normals = np.abs(normals)
         unable = np.where(fixed[slave.nodes], 0.0, normals).max(axis=1) <= _ALONG
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
         dim = space.mesh.topology.dim

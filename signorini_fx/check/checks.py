@@ -218,7 +218,11 @@ def _contacts(d: Discretisation) -> list[Effect]:
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
         name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
-        found.append(Effect(name, True, f"{effect.kind}, {count} nodes", (name,), solves=_minus(total, previous)))
+        forms: tuple[str, ...] = (name,)
+        said = f"{effect.kind}, {count} nodes"
+        if effect.against is not None:
+            forms, said = (), f"{effect.kind}, against {effect.against}, {count} nodes"
+        found.append(Effect(name, True, said, forms, solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
         law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)

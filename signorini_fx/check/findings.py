@@ -141,6 +141,8 @@ def _pieces(body: Discretisation) -> list[Finding]:
         f"{one + 1} and {other + 1}" for one, other in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
     ]
     hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
+    if any(effect.against is not None for effect in body.scene.contact):
+        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{more}{hinges}")]
     message = (
         f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
         f"{listed}{more}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
@@ -160,13 +162,11 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     found = []
     if smallest < -ZERO * size:
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
-        found.append(
-            Finding(
-                level,
-                "contact.gap",
-                f"the gap is negative, down to {smallest:g}: the body penetrates its foundation before it is loaded",
-            )
-        )
+        overlap = "the body penetrates its foundation"
+        if any(effect.against is not None for effect in body.scene.contact):
+            overlap = "a body penetrates another one, or its foundation,"
+        message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
+        found.append(Finding(level, "contact.gap", message))
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if body.motions.free.shape[1] > 0 or two_sided:
         return found

@@ -1,4 +1,4 @@
-"""Contact with a rigid foundation, and its friction laws; the forms of contact are in ``body.forms``."""
+"""Contact with a rigid foundation or another body, and its friction laws; its forms are in ``body.forms``."""
 
 from __future__ import annotations
 
@@ -84,9 +84,11 @@ class CoulombFriction(Friction):
 
 
 class Contact(Effect):
-    """Contact of a boundary with a rigid foundation."""
+    """Contact of a boundary with a rigid foundation, or with a boundary of another body."""
 
     boundary: str
+    against: str | None = None
+    distance: Literal["geometry", "nominal"] = "geometry"
     gap: SampledValue = 0.0
     direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
     friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
@@ -102,6 +104,21 @@ class Contact(Effect):
         """See ``Effect``."""
         if any(other.boundary == self.boundary for other in scene.contact[:place]):
             yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: describe it in one [[contact]]"
+        if self.against is None:
+            if "distance" in self.model_fields_set:
+                yield ("contact", place, "distance"), "is for contact against another boundary"
+            return
+        if self.against == self.boundary:
+            yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
+        if self.direction is not None:
+            yield ("contact", place, "direction"), "is that of the normal where two bodies touch: leave it out"
+        for wrong, key, reason in (
+            (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
+            (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
+            (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
+        ):
+            if wrong:
+                yield key, f"{reason} is not possible yet where two bodies are in contact"
 
     @property
     def coulomb(self) -> bool:
@@ -118,7 +135,9 @@ class UnilateralContact(Contact):
     """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
 
     Attributes:
-        boundary: name of the boundary where contact may occur.
+        boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
+        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
         friction: the friction law.
@@ -128,11 +147,38 @@ class UnilateralContact(Contact):
     kind: Literal["unilateral"] = "unilateral"
 
 
+class BondedContact(Contact):
+    """A bond of two bodies, whose meshes need not match: both sides stay together as they lie.
+
+    Attributes:
+        boundary: name of the boundary with the contact points.
+        against: name of the boundary of the other body.
+        distance: without effect.
+        gap: without effect.
+        direction: without effect.
+        friction: without effect.
+        kind: its name.
+    """
+
+    kind: Literal["bonded"]
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(scene, place)
+        if self.against is None:
+            yield ("contact", place), "a bond needs the boundary of another body: against = ..."
+        for key in ("distance", "gap", "friction"):
+            if key in self.model_fields_set:
+                yield ("contact", place, key), "a bond has none: both sides stay together as they lie"
+
+
 class BilateralContact(Contact):
     """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
-        boundary: name of the boundary where contact may occur.
+        boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
+        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
         friction: the friction law.
@@ -149,6 +195,8 @@ def _kind(given: Any) -> str:
 
 
 Entry = Annotated[
-    Annotated[UnilateralContact, Tag("unilateral")] | Annotated[BilateralContact, Tag("bilateral")],
+    Annotated[UnilateralContact, Tag("unilateral")]
+    | Annotated[BilateralContact, Tag("bilateral")]
+    | Annotated[BondedContact, Tag("bonded")],
     Discriminator(_kind),
 ]

@@ -76,12 +76,12 @@ def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
 
     claim, along = None, data.shape.direction
     if data.pair is not None:
-        from signorini_fx.forms.paired_claim import claim_of
+        from signorini_fx.results.paired_claim import claim_of
 
         claim = claim_of(data.pair, space)
     return ContactSide(
         data.facets,
-        lambda nodes: data.gap[nodes],
+        lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
         bound,
         data.bilateral,
         None if along is None else lambda nodes: along[nodes],

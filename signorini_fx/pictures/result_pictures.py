@@ -36,6 +36,7 @@ class ResultPictures:
         prices: one mapping per mesh, the columns of price_list.csv.
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.units``.
+        against_bodies: names of the contact boundaries that touch another body, of which no foundation is drawn.
     """
 
     title: str
@@ -47,6 +48,7 @@ class ResultPictures:
     prices: Sequence[Mapping[str, Any]]
     volume: Volume | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+    against_bodies: Sequence[str] = ()
 
     def draw(
         self,
@@ -96,9 +98,21 @@ class ResultPictures:
             self._draw_in_the_plane(self.body, contact, folder, title)
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets)
+            foundations = [
+                one
+                for one, name in zip(
+                    foundations, dict.fromkeys(() if contact is None else contact["boundary"]), strict=False
+                )
+                if name not in self.against_bodies
+            ]
             self._draw_in_space(self.body, foundations, folder, title)
             if contact is not None and self.volume is not None:
                 self._draw_section(self.body, self.volume, contact, foundations, folder, title)
+
+    def _on_foundations(self, contact: Table) -> Table | None:
+        """The rows of contact.csv that are on rigid foundations; None: there are none."""
+        kept = ~np.isin(contact["boundary"], list(self.against_bodies))
+        return {name: np.asarray(values)[kept] for name, values in contact.items()} if kept.any() else None
 
     def _draw_in_the_plane(self, body: Body, contact: Table | None, folder: Path, title: str) -> None:
         from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
@@ -106,7 +120,7 @@ class ResultPictures:
 
         assert body.outline is not None
         foundation = None
-        if contact is not None:
+        if contact is not None and (contact := self._on_foundations(contact)) is not None:
             offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
             foundation = Foundation(np.column_stack((contact["x"], contact["y"])), offset, contact["state"] != "open")
         for name in self.fields:

@@ -171,7 +171,7 @@ def certify(
         stiffest,
         forces.resisted(every),
     )
-    return judged(displacement, balance, sides_of(scene, space), tractions, law=law, before=before)
+    return judged(displacement, balance, sides_of(scene, tagged, space), tractions, law=law, before=before)
 
 
 @dataclass(frozen=True)

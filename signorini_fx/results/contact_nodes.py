@@ -12,7 +12,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.effects.contact import BilateralContact, CoulombFriction, TrescaFriction
+from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
@@ -42,7 +43,7 @@ class ContactSide:
         direction: nodes -> the direction of contact, of length one, shape (n, d); None: the outward normal.
         factor: of the measure, see ``SurfaceQuadrature.moments``.
         claim: what the solver says of both sides of a pair; None: the foundation is rigid.
-        by_geometry: whether the gap of a pair is the distance of both sides along the normal.
+        by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
     """
 
     boundary: Any
@@ -122,10 +123,12 @@ class ContactNodes:
                 (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
-            if side.claim is not None:
-                gap = side.claim.gap(normal) if side.by_geometry else side.gap(nodes)
+            if side.claim is None and spread:
+                gap = _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
             else:
-                gap = side.gap(nodes) if not spread else _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
+                gap = side.gap(nodes)
+            if side.claim is not None and side.by_geometry:
+                gap = gap + side.claim.gap(normal)
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
@@ -255,23 +258,37 @@ def _averaged(forces: SurfaceQuadrature, products: Any, gap: Callable[[npt.NDArr
     return _sums(forces, products @ values)
 
 
-def sides_of(scene: Scene, space: fem.FunctionSpace) -> list[ContactSide]:
-    """The parts of the boundary with contact as a scene describes them."""
+def sides_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[ContactSide]:
+    """The parts of the boundary with contact as a scene describes them; bodies in contact are paired anew."""
+    claims: dict[int, Claim] = {}
+    if any(effect.against is not None for effect in scene.contact):
+        from signorini_fx.body.discretisation import pairs_of
+        from signorini_fx.results.paired_claim import claim_of
+
+        claims = {place: claim_of(pair, space) for place, pair in pairs_of(scene, tagged, space).items()}
     x = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
 
-    def side(effect: Any) -> ContactSide:
+    def side(place: int, effect: Any) -> ContactSide:
+        bonded = isinstance(effect, BondedContact)
+
         def along(nodes: npt.NDArray[Any]) -> Nodal:
             return np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
 
         return ContactSide(
             effect.boundary,
             lambda nodes: sample(effect.gap, in_space(x[nodes])),
-            lambda nodes, pressure: _friction_bound(effect.friction, in_space(x[nodes]), pressure),
-            isinstance(effect, BilateralContact),
+            lambda nodes, pressure: (
+                np.full(nodes.size, np.inf)
+                if bonded
+                else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
+            ),
+            bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None else along,
+            claim=claims.get(place),
+            by_geometry=not bonded and effect.distance == "geometry",
         )
 
-    return [side(effect) for effect in scene.contact]
+    return [side(place, effect) for place, effect in enumerate(scene.contact)]
 
 
 def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:

@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 # Points whose integrals are computed again, by the dimension.
-_SAMPLED = {2: 30, 3: 12}
+_SAMPLED = {2: 16, 3: 10}
 # A facet that is covered by less than this share is not among them: its dual functions have few digits.
 _COVERED = 0.05
 

@@ -146,7 +146,9 @@ class Resultants:
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        return list(dict.fromkeys(effect.where for _, effect in self.scene.listed() if effect.where is not None))
+        every = [effect.where for _, effect in self.scene.listed()]
+        every += [effect.against for effect in self.scene.contact]
+        return list(dict.fromkeys(name for name in every if name is not None))
 
     @cached_property
     def _nodal(self) -> NodalForces:
@@ -169,7 +171,8 @@ class Resultants:
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
         left = nodal.internal(every) + nodal.resisted(every) - nodal.external(self.place)
         if self.contact is not None:
-            nodes = ContactNodes.of(nodal, sides_of(self.scene, nodal.space), Tractions.of(self.contact))
+            sides = sides_of(self.scene, self.tagged, nodal.space)
+            nodes = ContactNodes.of(nodal, sides, Tractions.of(self.contact))
             reached, forces, _ = nodes.forces()
             np.add.at(left, reached, forces)
         return left
@@ -182,12 +185,13 @@ class Resultants:
             taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
             found["support"] = _Forces(self._x, taken)
         found |= self._of_effects(boundary)
-        parts = [k for k, effect in enumerate(scene.contact) if effect.boundary == boundary]
-        if parts and self.contact is not None:
-            state = self.contact
-            here = np.isin(state.boundary.part, parts)
-            forces = -state.boundary.nodal_forces(state.pressure, state.shear)
-            found["contact"] = _Forces(state.boundary.centre[here], forces[here])
+        for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
+            parts = [k for k, effect in enumerate(scene.contact) if getattr(effect, key) == boundary]
+            if parts and self.contact is not None:
+                state = self.contact
+                here = np.isin(state.boundary.part, parts)
+                forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
+                found["contact"] = _Forces(state.boundary.centre[here], forces[here])
         return found
 
     def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_table import ContactTable
+from signorini_fx.body.contact_table import ContactTable, with_points
 
 # VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
 _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
@@ -20,7 +20,8 @@ _STATES = ("open", "stick", "slip")
 
 def gather_facets(boundary: ContactBoundary) -> npt.NDArray[np.int64]:
     """The facets of all ranks: part and global nodes, see ``ContactBoundary.segments``; collective."""
-    return parallel.gather_rows(boundary.comm, boundary.segments)
+    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    return with_points(numbers, parallel.gather_rows(boundary.comm, boundary.segments))
 
 
 def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]) -> None:

@@ -1,0 +1,27 @@
+// Two half discs of radii 8 and 12 that touch in the origin, fine where they touch.
+SetFactory("Built-in");
+fine = 0.04; coarse = 1.0;
+Point(1) = {0, 0, 0, fine};
+Point(2) = {-8, 8, 0, coarse};
+Point(3) = {8, 8, 0, coarse};
+Point(4) = {0, 8, 0, coarse};
+Circle(1) = {2, 4, 1};
+Circle(2) = {1, 4, 3};
+Line(3) = {3, 2};
+Curve Loop(1) = {1, 2, 3};
+Plane Surface(1) = {1};
+Point(11) = {0, 0, 0, fine};
+Point(12) = {-12, -12, 0, coarse};
+Point(13) = {12, -12, 0, coarse};
+Point(14) = {0, -12, 0, coarse};
+Circle(11) = {13, 14, 11};
+Circle(12) = {11, 14, 12};
+Line(13) = {12, 13};
+Curve Loop(11) = {11, 12, 13};
+Plane Surface(11) = {11};
+Physical Curve("upper") = {1, 2};
+Physical Curve("top") = {3};
+Physical Curve("lower") = {11, 12};
+Physical Curve("bottom") = {13};
+Physical Surface("soft") = {1};
+Physical Surface("stiff") = {11};

@@ -1,0 +1,111 @@
+"""Scenes in which two deformable bodies are in contact."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signorini_fx import SceneError, Status, read_scene, solve
+from signorini_fx.cli import main
+from signorini_fx.scene.reading import parse_scene
+
+DEMO = Path(__file__).parent.parent / "demos" / "scenes" / "two_cylinders.toml"
+
+
+@pytest.fixture(scope="module")
+def cylinders():
+    """The demo."""
+    return solve(read_scene(DEMO))
+
+
+def test_two_cylinders(cylinders):
+    """Hertz's pressure after pressing, a stick zone between slip zones after the push, and forces in balance."""
+    assert cylinders.status is Status.CONVERGED
+    pressed = cylinders.at(cylinders.steps[0])
+    force = -pressed.contact.forces[0][1]
+    stiffness, radius = 1 / ((1 - 0.3**2) / 200 + (1 - 0.2**2) / 600), 1 / (1 / 8 + 1 / 12)
+    half = np.sqrt(4 * abs(force) * radius / (np.pi * stiffness))
+    assert pressed.contact.pressure.max() == pytest.approx(2 * abs(force) / (np.pi * half), rel=0.03)
+    touching = pressed.contact.boundary.x[pressed.contact.pressure > 0, 0]
+    assert np.abs(touching).max() == pytest.approx(half, abs=0.08)
+    table = cylinders.contact_table.columns
+    assert {"slip+", "stick", "open"} <= set(table["state"])
+    forces = {one.boundary: one for one in cylinders.resultants.every()}
+    assert forces["upper"].force + forces["lower"].force == pytest.approx([0, 0], abs=1e-9)
+    for one, other in (("top", "upper"), ("bottom", "lower")):
+        assert forces[one].force + forces[other].force == pytest.approx([0, 0], abs=1e-8 * abs(force))
+        assert forces[one].moment + forces[other].moment == pytest.approx(0, abs=1e-7 * abs(force))
+
+
+def altered(**changes):
+    """The demo with other entries."""
+    import tomllib
+
+    scene = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+    scene["mesh"]["file"] = str(DEMO.parent / scene["mesh"]["file"])
+    contact = scene["contact"][0]
+    for key, value in changes.items():
+        if key in ("solver", "accuracy"):
+            scene[key] = value
+        elif value is None:
+            contact.pop(key, None)
+        else:
+            contact[key] = value
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"against": "upper"}, r"contact\[0\].against: is the boundary itself"),
+        ({"direction": [0.0, -1.0]}, r"contact\[0\].direction: is that of the normal"),
+        ({"against": None, "distance": "nominal"}, r"contact\[0\].distance: is for contact against"),
+        ({"kind": "bonded"}, r"contact\[0\].friction: a bond has none"),
+        ({"kind": "bonded", "friction": None, "against": None}, r"contact\[0\]: a bond needs the boundary"),
+        ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact is not possible yet"),
+        ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet"),
+    ],
+)
+def test_what_a_scene_cannot_say(changes, match):
+    """Each is named with its path."""
+    with pytest.raises(SceneError, match=match):
+        parse_scene(altered(**changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"against": "nowhere"}, r"contact\[0\].against: the mesh has no boundary"),
+        ({"against": "top"}, r"contact\[0\]: "),
+        ({"against": "bottom"}, r"contact\[0\]: none of its facets finds one"),
+    ],
+)
+def test_what_the_mesh_refuses(changes, match):
+    """A boundary that is not there, or that is none of another body within reach."""
+    with pytest.raises(SceneError, match=match):
+        solve(parse_scene(altered(**changes)))
+
+
+def test_bonded_cylinders():
+    """A bond takes tension: pulled apart, the force is the opposite of that when pressed."""
+
+    def force(y):
+        scene = altered(kind="bonded", friction=None)
+        scene["displacement"] = [
+            {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "top", "x": 0.0, "y": y},
+        ]
+        scene.pop("load_steps")
+        found = solve(parse_scene(scene))
+        return sum(found.contact.forces)[1]
+
+    assert force(0.01) == pytest.approx(-force(-0.01), rel=1e-6)
+    assert force(-0.01) > 0.1
+
+
+def test_check_says_so(capsys):
+    """The other body is named, and the bodies are counted."""
+    assert main(["check", str(DEMO)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "unilateral, against lower" in told
+    assert "there are 2 bodies" in told
