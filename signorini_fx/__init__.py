@@ -12,7 +12,14 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "effects.body_force": ("BodyForce",),
-    "effects.contact": ("BilateralContact", "CoulombFriction", "NoFriction", "TrescaFriction", "UnilateralContact"),
+    "effects.contact": (
+        "BilateralContact",
+        "BondedContact",
+        "CoulombFriction",
+        "NoFriction",
+        "TrescaFriction",
+        "UnilateralContact",
+    ),
     "effects.displacement": ("PrescribedDisplacement",),
     "effects.material": ("LinearElastic",),
     "effects.springs": ("Springs",),

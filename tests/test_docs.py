@@ -393,7 +393,7 @@ MODELS = {
     ("`[[traction]]`", "key"): [traction.SurfaceTraction],
     ("`[body_force]`", "key"): [body_force.BodyForce],
     ("`[[springs]]`", "key"): [springs.Springs],
-    ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact],
+    ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [contact.NoFriction, contact.TrescaFriction, contact.CoulombFriction],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],

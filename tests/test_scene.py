@@ -108,7 +108,12 @@ def test_one_table_instead_of_a_list():
     [
         ("foo", 1, "foo", "unknown key; there are: title, mesh, element, material"),
         ("material.density", 1, "material.density", "unknown key: weight is written [body_force]"),
-        ("contact.0.slack", 1, "contact[0].slack", "unknown key; there are: boundary, gap, direction, friction, kind"),
+        (
+            "contact.0.slack",
+            1,
+            "contact[0].slack",
+            "unknown key; there are: boundary, against, distance, gap, direction, friction, kind",
+        ),
         ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key; there are: law, bound"),
         ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),
         ("material.youngs", 1, "material.youngs", "unknown key: did you mean 'young'?"),
@@ -158,7 +163,12 @@ def test_one_table_instead_of_a_list():
         ("contact", 3, "contact", "must be a list"),
         ("contact", [3], "contact[0]", "must be a table"),
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
-        ("contact.0.kind", "glued", "contact[0].kind", "must be one of 'unilateral', 'bilateral', got 'glued'"),
+        (
+            "contact.0.kind",
+            "glued",
+            "contact[0].kind",
+            "must be one of 'unilateral', 'bilateral', 'bonded', got 'glued'",
+        ),
         ("contact", [{"boundary": "a"}, {"boundary": "a"}], "contact[1]", "in contact twice"),
         ("displacement", [{"boundary": "bottom", "normal": 0}], "displacement[0]", "in contact as well"),
         ("solver.gamma_n", 0, "solver.gamma_n", "positive"),

@@ -270,3 +270,108 @@ def test_the_certificate_notices_a_wrong_map(monkeypatch):
             problem.solve()
         assert problem.status is Status.NOT_CERTIFIED
         assert problem.certificate.coupling > 1e-5
+
+
+def paraboloids(kind, degree, counts, **settings):
+    """Two bodies with rounded faces pressed and sheared in space."""
+
+    def body(radius, sign, along, through):
+        def place(x):
+            face = sign * (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
+            return np.column_stack((x[:, :2], face + (sign - face) * x[:, 2]))
+
+        return grid(kind, (along, along, through), (-1, -1, 0), (1, 1, 1), place)
+
+    mesh = assembled(kind, body(8.0, 1.0, counts[0], 2), body(12.0, -1.0, counts[1], 2))
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0))
+    sides = [
+        facets_of_piece(
+            mesh,
+            lambda x, of=of: np.isclose(x[2], of[1] * (x[0] ** 2 + x[1] ** 2) / (2 * of[0])),
+            lambda x, of=of: of[1] * x[2] > 0,
+        )
+        for of in ((8.0, 1.0), (12.0, -1.0))
+    ]
+    top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (1.0, -1.0))
+    bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
+    bcs += [held(space, bottom, k) for k in range(3)]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings)
+    problem.solve()
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("kind", "degree", "counts", "share"), [("hexahedron", 1, (8, 10), 0.8), ("tetrahedron", 2, (4, 6), 1.0)]
+)
+def test_multigrid_moves_both_bodies_together(kind, degree, counts, share, monkeypatch):
+    """The same solution as by a factorisation, in fewer cycles than where coarse levels leave both sides alone."""
+    from signorini_fx.body import contact_map
+    from signorini_fx.linalg.multigrid import ContactPreconditioner
+
+    cycles, apply = [0], ContactPreconditioner.apply
+
+    def counted(self, *arguments):
+        cycles[0] += 1
+        apply(self, *arguments)
+
+    monkeypatch.setattr(ContactPreconditioner, "apply", counted)
+    full, krylov = (paraboloids(kind, degree, counts, linear_algebra=one) for one in ("full", "krylov"))
+    size = full.state.pressure.max()
+    np.testing.assert_allclose(krylov.state.pressure, full.state.pressure, rtol=0, atol=1e-8 * size)
+    together, cycles[0] = cycles[0], 0
+    monkeypatch.setattr(contact_map, "_lift", lambda *_: None)
+    paraboloids(kind, degree, counts, linear_algebra="krylov")
+    assert together < share * cycles[0]
+
+
+@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
+def test_three_bodies_on_a_foundation(kind):
+    """A stack that nothing else holds, with meshes of all sizes: each contact carries what is above it."""
+    heights, counts = (0.0, 1.0, 1.6, 2.6), ((5, 3), (4, 2), (7, 3))
+    mesh = assembled(
+        kind, *(grid(kind, n, (0.0, a), (1.0, b)) for a, b, n in zip(heights, heights[1:], counts, strict=False))
+    )
+    _, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+
+    def at(height, above):
+        return facets_of_piece(mesh, lambda x: np.isclose(x[1], height), lambda x: (x[1] > height) == above)
+
+    contact = [Pair(at(h, True), at(h, False), friction=Coulomb(0.5)) for h in heights[1:3]]
+    contact.append(Foundation(at(0.0, True), friction=Coulomb(0.5)))
+    weight = ufl.inner(fem.Constant(mesh, (0.2, -1.0)), v) * ufl.dx
+    problem = ContactProblem(a, weight, contact=contact)
+    problem.solve()
+    state = problem.state
+    forces = -state.boundary.nodal_forces(state.pressure, state.shear)
+    for number, carried in enumerate((1.6, 1.0, 2.6)):
+        total = forces[state.boundary.part == number].sum(axis=0)
+        assert total == pytest.approx([-0.2 * carried, carried], abs=1e-8)
+
+
+def test_two_equal_bodies_are_the_half_of_one_on_a_plane():
+    """Each has the pressures of one body that a rigid plane in the middle meets with half the gap."""
+
+    def pressure(rigid):
+        bodies = [grid("quadrilateral", (12, 6), (-1.0, 0.0), (1.0, 1.0))]
+        if not rigid:
+            bodies.append(grid("quadrilateral", (12, 6), (-1.0, -1.0), (1.0, 0.0)))
+        mesh = assembled("quadrilateral", *bodies)
+        space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+        both = [facets_of_piece(mesh, lambda x: np.isclose(x[1], 0.0), lambda x, s=s: s * x[1] > 0) for s in (1, -1)]
+        ends = facets(mesh, lambda x: np.isclose(abs(x[1]), 1.0))
+        pressed = fem.Function(space)
+        pressed.interpolate(lambda x: np.stack((0 * x[0], -0.02 * x[1])))
+        bcs = [fem.dirichletbc(pressed, fem.locate_dofs_topological(space, 1, ends))]
+
+        def gap(x):
+            return (1.0 if rigid else 2.0) * 0.03 * x[0] ** 2
+
+        contact = Foundation(both[0], gap=gap) if rigid else Pair(*both, gap=gap)
+        problem = ContactProblem(a, nothing(mesh, v), bcs, contact=contact, algorithm="alm", tolerance=1e-10)
+        problem.solve()
+        order = np.argsort(problem.state.boundary.x[:, 0])
+        return problem.state.pressure[order]
+
+    alone, pair = pressure(True), pressure(False)
+    assert 0 < np.count_nonzero(alone > 0) < alone.size
+    np.testing.assert_allclose(pair, alone, rtol=0, atol=1e-7 * alone.max())

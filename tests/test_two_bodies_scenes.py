@@ -28,7 +28,7 @@ def test_two_cylinders(cylinders):
     assert pressed.contact.pressure.max() == pytest.approx(2 * abs(force) / (np.pi * half), rel=0.03)
     touching = pressed.contact.boundary.x[pressed.contact.pressure > 0, 0]
     assert np.abs(touching).max() == pytest.approx(half, abs=0.08)
-    table = cylinders.contact_table.columns
+    table = cylinders.table.columns
     assert {"slip+", "stick", "open"} <= set(table["state"])
     forces = {one.boundary: one for one in cylinders.resultants.every()}
     assert forces["upper"].force + forces["lower"].force == pytest.approx([0, 0], abs=1e-9)

@@ -51,6 +51,8 @@ class Averages:
             None: nothing, as at points of one body.
         centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
             of the nodes.
+        lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
+            shape (m, n); None: not known.
     """
 
     shares: Any
@@ -59,6 +61,7 @@ class Averages:
     fixed: npt.NDArray[np.bool_]
     turning: Any = None
     centre: _Floats | None = None
+    lift: Any = None
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
@@ -73,8 +76,9 @@ class Averages:
             sp.csr_array(shape) if part.turning is None else part.turning
             for part, shape in zip(parts, shapes, strict=True)
         ]
-        centre = np.concatenate([part.arm for part in parts])
-        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre)
+        centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
+        lift = None if any(one is None for one in lifts) else sp.block_diag(lifts, format="csr")
+        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre, lift)
 
     @property
     def arm(self) -> _Floats:

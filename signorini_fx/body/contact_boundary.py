@@ -80,7 +80,8 @@ class ContactBoundary:
     @property
     def selection(self) -> Averages:
         """Each point takes the displacement of its node: what others average, said alike."""
-        return Averages(sp.eye_array(self.size, format="csr"), self.global_nodes, self.x, ~self.free)
+        itself = sp.eye_array(self.size, format="csr")
+        return Averages(itself, self.global_nodes, self.x, ~self.free, lift=itself)
 
     @property
     def reached(self) -> npt.NDArray[np.int64]:

@@ -52,10 +52,27 @@ def contact_map(
         values = np.ascontiguousarray(values)
         operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
     operator.assemble()
-    found = ContactMap(operator, boundary.points, fixed)
+    found = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator))
     if rotation is None:
         return found
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
     found = found.after(rotation, fixed)
     found.operator.chop(_ROUND_OFF)
     return found
+
+
+def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
+    """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; one rank."""
+    averages = boundary.averages
+    if averages is None or averages.turning is None or averages.lift is None:
+        return None
+    if boundary.points.shared is not None and boundary.points.shared.here.size:
+        return None
+    frames = sp.block_diag(list(boundary.frames), format="csr")
+    dim = boundary.x.shape[1]
+    rows, columns = averages.nodes[:, None] * dim + np.arange(dim), np.arange(dim * averages.nodes.size)
+    shape = (operator.getSize()[1], dim * averages.nodes.size)
+    place = sp.csr_array(sp.coo_array((np.ones(rows.size), (rows.ravel(), columns)), shape=shape))
+    lift = sp.csr_array(place @ sp.kron(averages.lift, sp.eye_array(dim)) @ frames)
+    csr = (lift.indptr.astype(PETSc.IntType), lift.indices.astype(PETSc.IntType), lift.data)
+    return PETSc.Mat().createAIJ((operator.getSizes()[1], operator.getSizes()[0]), csr=csr, comm=operator.comm)

@@ -161,7 +161,8 @@ class PairedSides:
         turning = sp.csr_array(found.turning @ sp.kron(others, sp.eye_array(dim)))
         x = space.tabulate_dof_coordinates()[:, :dim]
         centre = np.asarray(found.slave @ self.slave.surface.x)
-        averages = Averages(shares, reached, x[reached], fixed[reached], turning, centre)
+        lift = sp.csr_array(own.T @ found.lift(self.slave.surface))
+        averages = Averages(shares, reached, x[reached], fixed[reached], turning, centre, lift)
         return ContactBoundary(
             comm=space.mesh.comm,
             nodes=nodes.astype(np.int32),

@@ -33,11 +33,14 @@ class ContactMap:
         operator: B, d rows for each of the n contact points of this rank.
         points: the contact points.
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
+        lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
+            with a rigid foundation, or no such unknowns are known.
     """
 
     operator: PETSc.Mat
     points: ContactPoints
     fixed: npt.NDArray[np.bool_]
+    lift: PETSc.Mat | None = None
 
     @classmethod
     def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
@@ -63,7 +66,8 @@ class ContactMap:
 
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
-        return ContactMap(self.operator.matMult(change), self.points, fixed)
+        lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change
+        return ContactMap(self.operator.matMult(change), self.points, fixed, lift)
 
     def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system that has some of the unknowns only; one rank.

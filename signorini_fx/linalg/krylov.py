@@ -58,8 +58,16 @@ class KrylovSystem(AssembledSystem):
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
-        """Of A, set up when it is first asked for; collective."""
-        return Hierarchy.of(self.matrix, self.elasticity.level)
+        """Of A, set up when it is first asked for; collective.
+
+        Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
+        """
+        matrix, level = self.elasticity.matrix, self.elasticity.level
+        if matrix.handle != self.matrix.handle:
+            matrix.setBlockSize(self.matrix.getBlockSize())
+            if level is not None:
+                matrix.setNearNullSpace(level.modes())
+        return Hierarchy.of(matrix, level)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
@@ -85,7 +93,7 @@ class KrylovSystem(AssembledSystem):
             return
         size = self.matrix.getBlockSize()
         preconditioner = ContactPreconditioner(
-            self.hierarchy, matrix, self._touched, self.fixed, size, symmetric=symmetric
+            self.hierarchy, matrix, self._touched, self.fixed, size, self.contact, symmetric=symmetric
         )
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)

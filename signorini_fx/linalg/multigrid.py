@@ -23,10 +23,12 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import options
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.elasticity import Level
 from signorini_fx.linalg.full import can_factorise, factorisation_package
+from signorini_fx.linalg.joined import JoinedBodies
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.tuned import HELD_STIFFNESS, MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
 
@@ -144,6 +146,7 @@ class ContactPreconditioner:
         unknowns: the contact unknowns of this rank, in the local part of x, ascending.
         fixed: the prescribed unknowns of this rank.
         size: unknowns per node.
+        contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
         symmetric: whether the tangent is.
     """
 
@@ -154,6 +157,7 @@ class ContactPreconditioner:
         unknowns: npt.NDArray[np.int64],
         fixed: npt.NDArray[np.bool_],
         size: int,
+        contact: ContactMap,
         *,
         symmetric: bool,
     ) -> None:
@@ -173,8 +177,13 @@ class ContactPreconditioner:
         self._product = rows.matMult(self._interpolation)
         self._nodes = _NodalBlocks(self._elastic, unknowns, size)
         # P_c, with room for what a projection of its nodes may mix.
-        self._at_contact = self._interpolation.createSubMatrix(self._places, None)
-        mixed = self._nodes.matrix(np.zeros(self._nodes.shape)).matMult(self._at_contact)
+        self._unmixed = self._interpolation.createSubMatrix(self._places, None)
+        self._at_contact = self._unmixed.copy()
+        self._joined = None if contact.lift is None else JoinedBodies(contact, self._places, self._elastic)
+        none = self._nodes.matrix(np.zeros(self._nodes.shape))
+        if self._joined is not None:
+            none = self._joined.moved(np.zeros(contact.points.movable.shape))
+        mixed = none.matMult(self._unmixed)
         self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
         self._truncated = self._interpolation.copy()
         self._truncated.axpy(1.0, self._in_all_rows(mixed), structure=_DIFFERENT)
@@ -262,7 +271,10 @@ class ContactPreconditioner:
 
     def _truncate(self, held: Array, soft: Array) -> None:
         """(I - E) P, D^-1 and the coarse matrices; collective."""
-        moved = self._nodes.matrix(held).matMult(self._at_contact)
+        onto, rest = self._nodes.matrix(held), self._nodes.matrix(soft)
+        if self._joined is not None:
+            onto, rest = self._joined.split(self._contact)
+        moved = onto.matMult(self._unmixed)
         left = self._at_contact.copy()
         left.axpy(-1.0, moved, structure=_SUBSET)
         rows = self._places.getIndices()
@@ -273,7 +285,7 @@ class ContactPreconditioner:
         self._inverse = self._inverse_diagonal(held)
         half = moved.transposeMatMult(self._product)
         change = self._elastic.ptap(moved)
-        change.axpy(1.0, self._nodes.matrix(soft).ptap(left), structure=_DIFFERENT)
+        change.axpy(1.0, rest.ptap(left), structure=_DIFFERENT)
         change.axpy(-1.0, half, structure=_DIFFERENT)
         change.axpy(-1.0, half.transpose(PETSc.Mat()), structure=_DIFFERENT)
         below = (*self._hierarchy.interpolations[1:], None)

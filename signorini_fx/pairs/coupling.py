@@ -72,6 +72,22 @@ class Coupling:
     hats: bool
     reach: float
 
+    def lift(self, slave: Surface) -> sp.csr_array:
+        """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
+        one, but for hats.  Sparse, shape (nodes of the slave, n).
+        """
+        # A test function meets the function of its own node, on quadratic triangles the hat, and no other one.
+        count = len(slave.tests.places)
+        values = slave.tests.values(slave.functions.places)
+        rows, columns = (np.repeat(slave.nodes, count, axis=1), np.tile(slave.points, (1, slave.nodes.shape[1])))
+        shape = (len(slave.x), len(slave.x))
+        entries = np.tile(values.ravel(), len(slave.nodes)), (rows.ravel(), columns.ravel())
+        met = sp.csr_array(sp.coo_array(entries, shape=shape))
+        met.data /= np.asarray(sp.csr_array(sp.coo_array((np.ones(rows.size), entries[1]), shape=shape)).data)
+        points = sp.csr_array(met[:, self.nodes])
+        own = np.asarray((self.slave @ points).diagonal())
+        return sp.csr_array(points @ sp.diags_array(1.0 / own))
+
     @property
     def gap(self) -> Array:
         """n_i . d_i, length, shape (n,)."""
