@@ -25,7 +25,9 @@ from signorini_fx import (
     read_scene,
     solve,
 )
+from signorini_fx.body.assembly import facet_entities
 from signorini_fx.forms import contact_problem
+from signorini_fx.forms.stress import _facets_of
 from signorini_fx.linalg import condensed, multigrid
 from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.records import Status
@@ -538,6 +540,23 @@ def test_stresses_are_those_of_a_scene(dim, degree, hypothesis, kind, springs):
     assert theirs.error > 0.01
     assert ours.error == pytest.approx(theirs.error, rel=1e-10)
     assert ours.energy() == pytest.approx(solution.last_step.strain_energy, rel=1e-11)
+
+
+def test_facets_of_an_integral():
+    """Of tags, one or several, of lists of (cell, facet), and everywhere."""
+    mesh = forms.box((2.0, 1.0), (4, 3), comm=MPI.COMM_SELF)
+    left, right = (forms.side(mesh, 0, at) for at in (0.0, 2.0))
+    listed, marked = np.concatenate((left, right)), np.repeat(np.int32([1, 2]), 3)
+    order = np.argsort(listed)
+    tags = dmesh.meshtags(mesh, 1, listed[order], marked[order])
+    pairs = [(k, facet_entities(mesh, side).ravel()) for k, side in ((1, left), (2, right))]
+    every = dmesh.exterior_facet_indices(mesh.topology)
+    v = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1)))
+    for data in (tags, pairs):
+        ds = ufl.Measure("ds", domain=mesh, subdomain_data=data)
+        for on, expected in ((ds(1), left), (ds(2), right), (ds((1, 2)), listed), (ds, every)):
+            found = np.concatenate([_facets_of(one, mesh) for one in (v * on).integrals()])
+            assert sorted(found) == sorted(expected)
 
 
 @pytest.mark.mpi

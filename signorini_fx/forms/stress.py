@@ -153,11 +153,11 @@ def _arguments(expression: Any) -> list[Any]:
 def _facets_of(integral: Any, mesh: dmesh.Mesh) -> Facets:
     """The exterior facets of this rank that an integral is over."""
     data, wanted = integral.subdomain_data(), integral.subdomain_id()
-    if wanted == "everywhere" or data is None:
+    wanted = wanted if isinstance(wanted, tuple) else (wanted,)
+    if data is None or "everywhere" in wanted:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
     if hasattr(data, "values"):
         return np.asarray(data.indices[np.isin(data.values, wanted)])
-    wanted = np.atleast_1d(wanted)
     pairs = np.concatenate([np.empty(0, int), *(one for number, one in data if number in wanted)]).reshape(-1, 2)
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
