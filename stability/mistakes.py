@@ -2626,7 +2626,11 @@ MUTANTS = (
         for right, wrong, what in (
             ("(-1 if trial else 1)", "1", "springs push"),
             ("0.0 if k in numbers else residual[k]", "residual[k]", "supports are no reactions"),
-            ("ratios[:, 0]", "0 * ratios[:, 0]", "nothing out of the plane is recovered"),
+            (
+                "ratios[numbers[parts[part]], 0]",
+                "0 * ratios[numbers[parts[part]], 0]",
+                "nothing out of the plane is recovered",
+            ),
             ("np.isin(data.values, wanted)", "data.values >= 0", "tags are not looked at"),
         )
     ),

@@ -29,13 +29,14 @@ from signorini_fx.body.assembly import facet_entities
 from signorini_fx.forms import contact_problem
 from signorini_fx.forms.stress import _facets_of
 from signorini_fx.linalg import condensed, multigrid
-from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parent.parent
+MATERIALS = ((1000.0, 0.3), (4000.0, 0.2))
 GALLERY = sorted((ROOT / "demos" / "forms").glob("*.py"))
 
 
@@ -540,6 +541,51 @@ def test_stresses_are_those_of_a_scene(dim, degree, hypothesis, kind, springs):
     assert theirs.error > 0.01
     assert ours.error == pytest.approx(theirs.error, rel=1e-10)
     assert ours.energy() == pytest.approx(solution.last_step.strain_energy, rel=1e-11)
+
+
+@pytest.mark.mpi
+def test_stresses_of_two_materials():
+    """They may jump from one to the other, as in a scene; without ``materials`` that is an error."""
+    mesh = forms.box((2.0, 1.0), (8, 4), comm=COMM)
+    own = tag_boundaries(mesh, {"bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9"})
+    cells = mesh.topology.index_map(2)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    upper = dmesh.compute_midpoints(mesh, 2, every)[:, 1] > 0.5
+    tags = dmesh.meshtags(mesh, 2, every, np.where(upper, 5, 3).astype(np.int32))
+    settings, hooke = {"gamma_n": 1e6, "gamma_t": 1e6}, [LinearElastic(young=E, poisson=nu) for E, nu in MATERIALS]
+    scene = {
+        "mesh": TaggedMesh(mesh, own.facet_tags, own.boundaries, tags, {"soft": 3, "stiff": 5}),
+        "material": [
+            {"young": one.young, "poisson": one.poisson, "region": region}
+            for one, region in zip(hooke, ("soft", "stiff"), strict=True)
+        ],
+        "displacement": {"boundary": "top", "x": 0.001, "y": -0.01},
+        "contact": {"boundary": "bottom", "gap": "0.004*x[0]", "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "solver": settings,
+    }
+    theirs = solve(parse_scene(scene), COMM).stress
+    V, Q = fem.functionspace(mesh, ("Lagrange", 1, (2,))), fem.functionspace(mesh, ("DG", 0))
+    lame, mu = fem.Function(Q), fem.Function(Q)
+    for function, values in zip((lame, mu), zip(*(one.lame for one in hooke), strict=True), strict=True):
+        function.x.array[Q.dofmap.list[:, 0]] = np.where(upper, values[1], values[0])
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    e = ufl.sym(ufl.grad(u))
+    inside = 2 * mu * e + lame * ufl.tr(e) * ufl.Identity(2)
+    whole = ufl.as_matrix([[inside[0, 0], inside[0, 1], 0], [inside[1, 0], inside[1, 1], 0], [0, 0, lame * ufl.tr(e)]])
+    top = fem.locate_dofs_topological(V, 1, own.facets("top"))
+    held = fem.dirichletbc(np.array([0.001, -0.01]), top, V)
+    floor = Foundation(own.facets("bottom"), gap=lambda x: 0.004 * x[0], friction=Coulomb(0.3))
+    given = ufl.inner(inside, ufl.grad(v)) * ufl.dx, ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx, held, floor
+    ours, mixed = (ContactProblem(*given, stress=whole, materials=one, **settings) for one in (tags, None))
+    for problem in (ours, mixed):
+        problem.solve()
+    expected = theirs.recovered.tensor.x.array
+    assert np.abs(ours.stress.recovered.tensor.x.array - expected).max(initial=0) <= 1e-10 * 1000.0
+    assert ours.stress.error == pytest.approx(theirs.error, rel=1e-10)
+    assert mixed.stress.error > 1.2 * theirs.error
+    for wrong, words in ((3, "MeshTags"), (own.facet_tags, "on the cells")):
+        with pytest.raises(FormError, match=words):
+            ContactProblem(*given, materials=wrong)
 
 
 def test_facets_of_an_integral():

@@ -182,6 +182,32 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
 
 
+def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
+    """The cells of each material, local numbers, ghosts included; collective.
+
+    Args:
+        materials: tags on the cells; None: there is one material.
+        mesh: of the body.
+
+    Raises:
+        FormError: these are no tags on all cells of the mesh.
+    """
+    dim, error = mesh.topology.dim, None
+    cells = mesh.topology.index_map(dim)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    if materials is None:
+        return [every]
+    if not isinstance(materials, dmesh.MeshTags):
+        error = f"must be MeshTags of dolfinx, not {kind_of(materials)}"
+    elif materials.dim != dim or compat.topology(materials) != compat.topology(mesh):
+        error = "must be tags on the cells of the mesh"
+    elif materials.indices.size < every.size:
+        error = f"has no tag on {every.size - materials.indices.size} cells of this rank"
+    parallel.raise_together(mesh.comm, None if error is None else FormError([("materials", error)]))
+    tags = parallel.gather_rows(mesh.comm, np.unique(materials.values)[:, None])
+    return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
+
+
 def _listed(given: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
     """Local numbers of facets, ghosts included, from a list of them or from tags."""
     if isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], dmesh.MeshTags):

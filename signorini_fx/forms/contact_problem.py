@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
 from signorini_fx import parallel
@@ -32,7 +33,7 @@ from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
-from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, settings_of, space_of
+from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
@@ -71,6 +72,7 @@ class ContactProblem:
         jit_options: see ``dolfinx.fem.form``.
         stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
             the trial function, shape (d, d), or in the plane (3, 3); None: there are no stresses.
+        materials: tags on all cells; the stress may jump where they change.  None: it does not jump.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -100,6 +102,7 @@ class ContactProblem:
         form_compiler_options: dict[str, Any] | None = None,
         jit_options: dict[str, Any] | None = None,
         stress: Any = None,
+        materials: MeshTags | None = None,
         **settings: Any,
     ) -> None:
         space = self._space = space_of(a, L, u)
@@ -117,7 +120,7 @@ class ContactProblem:
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
         self._given, self._touching = (a, L), [*facets, *masters.values()]
-        self._law = law_of(stress, self.u)
+        self._law, self._parts = law_of(stress, self.u), parts_of(materials, space.mesh)
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
@@ -156,8 +159,8 @@ class ContactProblem:
         if self._law is None:
             raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
         if self._stresses is None:
-            fixed = self._prescribed[0]
-            self._stresses = stresses_of(self._law, self.u.copy(), self._given, self._touching, fixed)
+            y, fixed = self.u.copy(), self._prescribed[0]
+            self._stresses = stresses_of(self._law, y, self._parts, self._given, self._touching, fixed)
         return self._stresses
 
     @property

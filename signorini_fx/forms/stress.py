@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.element_stress import ElementStress
@@ -21,6 +22,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.stresses import RawStresses
 
+Cells = npt.NDArray[np.int32]
 Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
 
@@ -33,13 +35,19 @@ def law_of(stress: Any, u: fem.Function) -> Law | None:
 
 
 def stresses_of(
-    law: Law, y: fem.Function, forms: Sequence[Any], contact: Sequence[Facets], fixed: npt.NDArray[np.bool_]
+    law: Law,
+    y: fem.Function,
+    parts: Sequence[Cells],
+    forms: Sequence[Any],
+    contact: Sequence[Facets],
+    fixed: npt.NDArray[np.bool_],
 ) -> RawStresses:
     """The stress of a displacement, raw and recovered, with the estimate of its error; collective.
 
     Args:
         law: see ``stress_of``.
         y: the displacement.
+        parts: see ``ElementStress``.
         forms: a(., .) and L; of compiled ones the traction is not known.
         contact: facets that are in contact, of pairs on both sides.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
@@ -47,15 +55,15 @@ def stresses_of(
 
     @cache
     def recovery() -> StressRecovery:
-        stress = stress_of(law, fem.Function(y.function_space))
+        stress = stress_of(law, fem.Function(y.function_space), parts)
         known = all(isinstance(form, ufl.Form) for form in forms)
         residual = partial(residual_of, stress, forms, contact, fixed) if known else lambda z: None
         return StressRecovery(stress, lambda z: ([], residual(z)), Inventory())
 
-    return RawStresses(stress_of(law, y), recovery, lambda: recovery().energy(y.x.array))
+    return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y.x.array))
 
 
-def stress_of(law: Law, y: fem.Function) -> ElementStress:
+def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStress:
     """The stress of a displacement by a law that is linear in the strain, but for a stress without strain; collective.
 
     The moduli are those at the middle of each cell.
@@ -63,6 +71,7 @@ def stress_of(law: Law, y: fem.Function) -> ElementStress:
     Args:
         law: gives the stress of a displacement as UFL, shape (d, d), or in the plane (3, 3).
         y: the displacement.
+        parts: see ``ElementStress``.
 
     Raises:
         FormError: the law has another shape, or some strain has no stress.
@@ -81,26 +90,28 @@ def stress_of(law: Law, y: fem.Function) -> ElementStress:
     rows = [*pairs, *([(2, 2)] if outward is not None else [])]
     m, shape = len(pairs), (len(rows), len(pairs))
     moduli = ufl.as_vector([column[i, j] for i, j in rows for column in columns])
-    at_cells = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),)))).x.array.reshape(-1, *shape)
+    cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
+    at_cells, numbers = cellwise.x.array.reshape(-1, *shape), cellwise.function_space.dofmap.list[:, 0]
+    inverse, error = at_cells[:, :m], None
     try:
-        inverse = np.linalg.inv(at_cells[:, :m])
+        inverse = np.linalg.inv(inverse)
     except np.linalg.LinAlgError:
-        raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
+        error = FormError([("stress", "is zero for some strain: nothing can be measured in its energy")])
+    parallel.raise_together(mesh.comm, error)
     largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
     compliance = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
     compliance.x.array[:] = inverse.ravel()
     ratios = at_cells[:, m:] @ inverse
-    cells = np.arange(len(inverse), dtype=np.int32)
     return ElementStress(
         y,
         ufl.as_matrix([[whole[i, j] for j in range(dim)] for i in range(dim)]),
         outward,
-        lambda part, tau: np.einsum("cm,cvm->cv", ratios[:, 0], tau),
+        lambda part, tau: np.einsum("cm,cvm->cv", ratios[numbers[parts[part]], 0], tau),
         lambda tau: ufl.inner(ufl.dot(compliance, tau), tau),
         largest,
         None,
-        [cells],
+        parts,
     )
 
 
