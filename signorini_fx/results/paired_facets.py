@@ -30,11 +30,32 @@ _FACING = -0.2
 _NOTHING = 1e-9
 
 
+class Cells:
+    """What the facets of a space have in common.
+
+    Args:
+        space: the displacements.
+    """
+
+    def __init__(self, space: fem.FunctionSpace) -> None:
+        self.dimension = int(space.mesh.geometry.dim)
+        self.element = space.element.basix_element
+        self.hats = basix.create_element(basix.ElementFamily.P, self.element.cell_type, 1)
+        self.topology = basix.topology(self.element.cell_type)[self.dimension - 1]
+        self.vertices = basix.geometry(self.element.cell_type)
+        layout = space.dofmap.dof_layout
+        self.closures = [
+            np.array(layout.entity_closure_dofs(self.dimension - 1, number)) for number in range(len(self.topology))
+        ]
+        self.nodes = space.dofmap.list
+        self.x = space.tabulate_dof_coordinates()[:, : self.dimension]
+
+
 class Facet:
     """A facet as the cell that it is of sees it.
 
     Args:
-        space: the displacements.
+        cells: of its space.
         cell: local number of the cell.
         number: of the facet in it.
 
@@ -44,24 +65,21 @@ class Facet:
         kind: interval, triangle or quadrilateral.
     """
 
-    def __init__(self, space: fem.FunctionSpace, cell: int, number: int) -> None:
-        dim = space.mesh.geometry.dim
-        self._element = space.element.basix_element
-        corner = basix.topology(self._element.cell_type)[dim - 1][number]
-        vertices = basix.geometry(self._element.cell_type)
-        self._start, *ends = vertices[corner[:dim]]
+    def __init__(self, cells: Cells, cell: int, number: int) -> None:
+        dim = cells.dimension
+        self._element, self._hats = cells.element, cells.hats
+        corner = cells.topology[number]
+        self._start, *ends = cells.vertices[corner[:dim]]
         self._along = np.array(ends) - self._start
-        self._closure = np.array(space.dofmap.dof_layout.entity_closure_dofs(dim - 1, number))
-        self.nodes = space.dofmap.list[cell][self._closure]
-        self._x = space.tabulate_dof_coordinates()[self.nodes, :dim]
+        self._closure = cells.closures[number]
+        self.nodes = cells.nodes[cell][self._closure]
+        self._x = cells.x[self.nodes]
         self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
         vertex = len(corner)
         self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
         self.points = self.nodes[:vertex] if self._quadratic_triangle else self.nodes
-        self._hats = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
         self._corner = np.array(corner)
-        every = space.tabulate_dof_coordinates()[space.dofmap.list[cell], :dim]
-        self._inside = every.mean(axis=0)
+        self._inside = cells.x[cells.nodes[cell]].mean(axis=0)
 
     def _tabulated(self, at: Array, order: int) -> Array:
         points = self._start + at @ self._along
