@@ -109,3 +109,20 @@ def test_check_says_so(capsys):
     told = " ".join(capsys.readouterr().out.split())
     assert "unilateral, against lower" in told
     assert "there are 2 bodies" in told
+
+
+def test_one_body_does_not_pay():
+    """A scene with one body does not even import what pairs of bodies need."""
+    import subprocess
+    import sys
+
+    program = (
+        "import sys; sys.path.insert(0, 'tests')\n"
+        "from scenes import alone, example1\n"
+        "assert alone(example1(nx=12, ny=4, coefficient=0.3)).converged\n"
+        "print([name for name in sys.modules if 'signorini_fx' in name and 'pair' in name])\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=DEMO.parent.parent.parent
+    )
+    assert ended.stdout.strip().endswith("[]"), ended.stdout
