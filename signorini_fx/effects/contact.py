@@ -105,7 +105,7 @@ class Contact(Effect):
         if any(other.boundary == self.boundary for other in scene.contact[:place]):
             yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: describe it in one [[contact]]"
         if self.against is None:
-            if "distance" in self.model_fields_set:
+            if self.distance == "nominal":
                 yield ("contact", place, "distance"), "is for contact against another boundary"
             return
         if self.against == self.boundary:
