@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.compat import geometry_cells
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
@@ -158,7 +159,7 @@ def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, F
         normals = np.column_stack((along[:, 1], -along[:, 0]))
     else:
         normals = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
-    inside = mesh.geometry.x[mesh.geometry.dofmap[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
+    inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
     inwards = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]
     normals[inwards] *= -1
