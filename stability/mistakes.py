@@ -2968,7 +2968,7 @@ MUTANTS = (
         "np.where(law.coefficient > 0, value, 0.0)",
         "np.full_like(law.coefficient, value)",
         "sweep: friction where the scene has none",
-        tests=("linalg", "python_interface"),
+        tests=("parameter_sweep::test_only_friction_that_is_there_changes",),
     ),
     Mutant(
         "solving/sweep",

@@ -62,3 +62,28 @@ def test_no_load_and_nothing_to_do():
     np.testing.assert_allclose(
         again.contact.pressure, first.contact.pressure, rtol=0, atol=1e-6 * first.contact.pressure.max()
     )
+
+
+def test_only_friction_that_is_there_changes():
+    """A smooth wall beside a rough floor stays smooth; each point is the solution of a scene of its own."""
+
+    def pressed(coefficient):
+        """Down on the floor and against the wall, along which it slides down."""
+        rough = {"law": "coulomb", "coefficient": coefficient}
+        return parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"nx": 9, "ny": 6}},
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "traction": [{"boundary": "top", "y": -4.0}, {"boundary": "right", "x": -1.0}],
+                "contact": [{"boundary": "bottom", "friction": rough}, {"boundary": "left"}],
+            }
+        )
+
+    for point in sweep(pressed(0.3), MPI.COMM_SELF, coefficients=[0.1, 0.5]):
+        assert point.status is Status.CONVERGED
+        assert point.certificate().holds
+        wanted = alone(pressed(point.value)).contact
+        assert (wanted.pressure[wanted.boundary.part == 1] > 0).any()
+        size = np.abs(wanted.pressure).max()
+        for name in ("pressure", "shear"):
+            np.testing.assert_allclose(getattr(point.contact, name), getattr(wanted, name), rtol=0, atol=1e-6 * size)
