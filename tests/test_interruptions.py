@@ -12,7 +12,7 @@ import pytest
 from scenes import example1
 
 from signorini_fx import cli
-from signorini_fx.accuracy import stress_recovery
+from signorini_fx.accuracy import level_results, stress_recovery
 from signorini_fx.algorithms import ssn
 from signorini_fx.linalg import callbacks, multigrid, schur
 from signorini_fx.machine import signals
@@ -68,7 +68,7 @@ PLACES = {
     "before krylov": (multigrid.ContactPreconditioner, "solve_contact", (SOLID, KRYLOV)),
     "preconditioner is set up": (multigrid.ContactPreconditioner, "_truncate", (SOLID, KRYLOV)),
     "preconditioner": (multigrid._NodalBlocks, "split", (SOLID, KRYLOV)),
-    "path": (solver, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
+    "path": (level_results, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
     "writing": (files, "write_csv", (PLANE, FULL)),
