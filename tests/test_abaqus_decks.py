@@ -134,11 +134,12 @@ def test_parts_of_several_materials(tmp_path, capsys):
 def test_loads_with_the_same_component(tmp_path, capsys):
     """They are two entries; a second body force is left out."""
     steps = ["*STEP", "*DSLOAD", "LID, TRVEC, 5., 3., 4., 0.", "LID, TRVEC, 2., 0., 1., 0."]
-    steps += ["*DLOAD", "BODY, BX, 1.0", "BODY, GRAV, 2.0, 1., 0., 0.", "*END STEP"]
+    steps += ["*DLOAD", "7, BY, 5.0", "BODY, BX, 1.0", "BODY, GRAV, 2.0, 1., 0., 0.", "*END STEP"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *steps], capsys)
     assert data["traction"] == [{"boundary": "LID", "x": 3.0, "y": 4.0}, {"boundary": "LID", "y": 2.0}]
     assert data["body_force"] == {"x": 1.0}
     assert "several body forces" in said
+    assert "body force on '7', a part of the body" in said
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ _CLAMPED = ("ENCASTRE", "PINNED")
 
 @dataclass
 class Load:
-    """A boundary condition or a load with its value in each step; None: as in the step before."""
+    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was."""
 
     table: str
     target: str
@@ -275,7 +275,7 @@ def _body_forces(deck: Deck, block: Block) -> None:
             deck.leave_out(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [float(word) for word in row[at + 1 :]]
-        whole = at == 0 or (where := deck.region(row[0])) is None or _whole(deck, where)
+        whole = at == 0 or ((where := deck.region(row[0])) is not None and _whole(deck, where))
         if kind.startswith("P"):
             deck.leave_out(block, f"pressure on faces of {row[0]!r}: make a *SURFACE of them and a [[traction]] on it")
         elif not whole:
