@@ -375,3 +375,44 @@ def test_two_equal_bodies_are_the_half_of_one_on_a_plane():
     alone, pair = pressure(True), pressure(False)
     assert 0 < np.count_nonzero(alone > 0) < alone.size
     np.testing.assert_allclose(pair, alone, rtol=0, atol=1e-7 * alone.max())
+
+
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["", "coulomb"])
+@pytest.mark.parametrize(
+    ("kind", "pressed"), [("quadrilateral", False), ("quadrilateral", True), ("hexahedron", False)]
+)
+def test_bodies_that_do_not_touch(kind, pressed, friction, linear_algebra):
+    """A body is moved over another one without touching it: only rigidly, whether others are pressed beside it."""
+    dim = KINDS[kind]
+    up, ones = np.eye(dim)[1], np.ones(dim)
+    small = (3,) * dim
+    bodies = [grid(kind, small, -up, ones - up), grid(kind, (4,) * dim, 0.05 * up, ones + 0.05 * up)]
+    if pressed:
+        bodies += [grid(kind, small, 2 * np.eye(dim)[0] + s * up, ones + 2 * np.eye(dim)[0] + s * up) for s in (-1, 0)]
+    mesh = assembled(kind, *bodies)
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+    contact = []
+    for side, height in ((1, 0.05), (-1, 0.0))[: 1 + pressed]:
+        sides = [
+            facets_of_piece(
+                mesh,
+                lambda x, y=y, side=side: np.isclose(x[1], y) & (side * (1.5 - x[0]) > 0),
+                lambda x, s=s: s * x[1] > 0,
+            )
+            for s, y in ((1, height), (-1, 0.0))
+        ]
+        contact.append(Pair(*sides, friction=friction))
+    top, bottom = (facets(mesh, lambda x, s=s: s * x[1] > 0.99) for s in (1, -1))
+    bcs = [held(space, bottom, k) for k in range(dim)]
+    bcs += [held(space, top, k, value) for k, value in enumerate((0.01, -0.02, 0.005)[:dim])]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=contact, linear_algebra=linear_algebra)
+    problem.solve()
+    state = problem.state
+    first = state.boundary.part == 0
+    assert not state.pressure[first].any()
+    assert (state.pressure[~first] > 0).sum() == (~first).sum()
+    assert problem.certificate.equilibrium < 1e-8
+    here = (space.tabulate_dof_coordinates()[:, 0] < 1.5) & (space.tabulate_dof_coordinates()[:, 1] > 0.01)
+    moved = problem.u.x.array.reshape(-1, dim)[here]
+    np.testing.assert_allclose(moved, np.tile((0.01, -0.02, 0.005)[:dim], (len(moved), 1)), atol=1e-12)

@@ -232,7 +232,8 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
     """The motions of the pieces that are nearest to a displacement, from the products of ``_at_supports``, shape
     (m p,); pieces that pins join to others stay where they are.
     """
-    alone = np.bincount(motions.pieces.assembly)[motions.pieces.assembly] == 1
+    # Not by the assemblies: bodies in contact are one, and move on their own all the same.
+    alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
     nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=_HELD, hermitian=True), moved)
     return np.where(alone[:, None], nearest, 0.0).ravel()
 
