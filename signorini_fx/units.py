@@ -26,8 +26,8 @@ _NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProx
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
-    """The unit of each quantity: ``length``, ``stress``, ``force``, ``moment`` and ``energy``, the last three per unit
-    thickness in the plane; those that are not known are left out.
+    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
+    per unit thickness in the plane; those that are not known are left out.
 
     Args:
         scene: as plain data, with its ``units``.
@@ -36,6 +36,8 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
     given = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
     length, stress = given.get("length"), given.get("stress")
     force = given.get("force") or _FORCES.get((length or "", stress or ""))
+    if length:
+        given["area"] = length if dimension == 2 else f"{length}\N{SUPERSCRIPT TWO}"
     if force:
         given["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
         given["moment"] = given["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force

@@ -231,6 +231,13 @@ def test_syntax_errors(text, message):
     assert str(caught.value).startswith("bad.toml: syntax: ")
 
 
+@pytest.mark.parametrize(("given", "told"), [("boundary_3", "is a name: write 3"), ("sole", "needs no other one")])
+def test_names_of_the_mesh_file_are_no_expressions(given, told):
+    mesh = {"file": "part.step", "boundaries": {"foot": given}}
+    with pytest.raises(SceneError, match=rf"mesh.boundaries.foot: .*{told}"):
+        parse_scene({**GOOD, "mesh": mesh})
+
+
 @pytest.mark.parametrize("content", [None, b"\xff\xfe"])
 def test_unreadable_files(tmp_path, content):
     """A file that is not there, or no text, is a mistake of the user like any other."""

@@ -19,8 +19,8 @@ from signorini_fx.units import bracketed, labelled, names_of, with_unit
     ("given", "dimension", "expected"),
     [
         ({}, 2, {}),
-        ({"length": "mm", "stress": "MPa"}, 3, {"force": "N", "moment": "N mm", "energy": "N mm"}),
-        ({"length": "mm", "stress": "MPa"}, 2, {"force": "N/mm", "moment": "N", "energy": "N"}),
+        ({"length": "mm", "stress": "MPa"}, 3, {"area": "mm²", "force": "N", "moment": "N mm", "energy": "N mm"}),
+        ({"length": "mm", "stress": "MPa"}, 2, {"area": "mm", "force": "N/mm", "moment": "N", "energy": "N"}),
         ({"length": "m", "stress": "kPa"}, 3, {"force": "kN", "moment": "kN m"}),
         ({"length": "in", "stress": "MPa"}, 3, {}),  # that force has no name
         ({"length": "in", "stress": "MPa", "force": "X"}, 3, {"force": "X", "moment": "X in"}),

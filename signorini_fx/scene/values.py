@@ -143,6 +143,10 @@ def selection(given: Any) -> Any:
     if type(given) is int or isinstance(given, Expression) or callable(given):
         return given
     if isinstance(given, str):
+        if given.isidentifier() and given not in ("x", "pi"):
+            number = given.rpartition("_")[2]
+            write = f": write {number}" if number.isdigit() else ", which needs no other one: use it where it acts"
+            raise ValueError(f"{given!r} is a name{write}")
         return Expression(given)
     if isinstance(given, list | tuple) and given and all(type(number) is int for number in given):
         return tuple(given)
