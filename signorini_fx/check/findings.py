@@ -50,7 +50,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     estimates = estimates and not scene.of(Resistance)
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
-        found += _large_displacements(body, moved)
+        found += _odd_displacements(body, moved)
     if body.boundary is not None and data is not None:
         found += [
             *_gaps(body, data, moved, estimates=estimates),
@@ -270,9 +270,19 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     return lines
 
 
-def _large_displacements(body: Discretisation, moved: float) -> list[Finding]:
-    """Loads that are too large for linear elasticity; usually two units are inconsistent."""
+# A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.
+_HARDLY = 1e-8
+
+
+def _odd_displacements(body: Discretisation, moved: float) -> list[Finding]:
+    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent."""
     size = body.tagged.size
+    if 0 < moved < _HARDLY * size:
+        message = (
+            f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate) only, its size is "
+            f"{size:.3g}: are E and the loads in the same units, such as MPa?"
+        )
+        return [Finding("note", "material, traction, body_force, displacement", message)]
     if moved < size:
         return []
     message = (
