@@ -92,7 +92,8 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -
     pressure, shear = newton.multipliers()
     points, following = newton.problem.points, law.bound(pressure)
     bound = data.friction_bound(pressure)
-    away = np.abs(np.where(np.isfinite(following), following - bound, 0.0))
+    # The bound of a bond is infinite.
+    away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
     largest, size = (parallel.global_max(points.comm, parallel.local_max(values)) for values in (away, felt))
     return largest / size if size > 0 else 0.0

@@ -6,8 +6,8 @@ For the function psi_i of a point and its weight w_i = int psi_i over the covere
     u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + omega_i(u_m) x d_i,
     omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
 
-where a_il spreads |psi_i| over all nodes of the master facets that the point sees.  With their rotation omega the map
-is zero on every joint rigid motion, so that forces and moments of both sides balance.
+where a_il is the area over which the slave facets around the point see the master facets around the node.  With their
+rotation omega the map is zero on every joint rigid motion, so that forces and moments of both sides balance.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def couple(
     seen = master.nodes[overlap.master]
     others = _products(points, seen, weighted, master.functions.values(overlap.over), count, len(master.x))
     distance = _gather(points, np.einsum("pqi,pqd->pid", weighted, overlap.distance(slave, master)), count)
-    spread = np.abs(weighted).sum(axis=1)[:, :, None] * np.ones(seen.shape[1])
+    spread = np.broadcast_to(overlap.weight.sum(axis=1)[:, None, None], (*points.shape, seen.shape[1]))
     arms = _sparse(points, seen, spread, count, len(master.x))
 
     nodes, shares = carried(slave, overlap, weight, unable)
