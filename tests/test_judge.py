@@ -557,7 +557,7 @@ def test_the_command(tmp_path):
 def test_one_scene(tmp_path, capsys):
     """A scene by its number, with its file and its figures."""
     assert command.main(["--only", "plane", "2", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "scene_2d_2" / "scene.toml").exists()
+    assert (tmp_path / "scene_plane_2" / "scene.toml").exists()
     assert "equilibrium" in capsys.readouterr().out
 
 

@@ -42,7 +42,7 @@ needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3
 @pytest.fixture(scope="module")
 def rows():
     """A short run."""
-    return [row_of(seed, 3) for seed in SHORT]
+    return [row_of(seed, "space") for seed in SHORT]
 
 
 def test_a_converged_answer_is_right(rows):
@@ -309,7 +309,7 @@ def test_the_cone_programme_notices_too(name, tmp_path):
     rows = np.argmin(np.linalg.norm(contact.x[:, None] - vectors_of_place(table), axis=2), axis=1)
     bound = contact.bound(table["pressure"][rows])
     law = (0.0, 0.0) if name == "exact" else (1 / given.gamma[0], 1 / given.gamma[1])
-    nothing = cones.Origin.nothing(len(bound))
+    nothing = cones.Origin.nothing(contact)
     right, wrong = (
         cones.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
         for factor in (1.0, 1.01)

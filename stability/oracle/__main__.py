@@ -1,6 +1,6 @@
 """Random scenes, judged by a program that shares no code with the package.
 
-    ./env python3 -m stability.oracle [--plane N] [--space N] [--first SEED] [--jobs N] [--out DIR]        (make oracle)
+    ./env python3 -m stability.oracle [--plane N] [--space N] [--bodies N] [--first SEED] [--jobs N]      (make oracle)
     ./env python3 -m stability.oracle --only plane SEED      one scene, with its file and every figure
     ./env python3 -m stability.oracle --only space SEED --same-units      the same in units of the body
 
@@ -25,11 +25,10 @@ from pathlib import Path
 
 from stability.oracle.convex import cvxopt
 from stability.oracle.judge import CONVERGED, CRASHED, DOUBTFUL, FAILURES, KINDS, REFUSED, REPORTED, RIGHT
-from stability.oracle.units import same
-from stability.oracle.worker import MARK, TRIAL, Row, examined
+from stability.oracle.worker import MARK, TRIAL, Row, examined, same_units
 
-# Wall seconds for one scene; the first one of a process also compiles.
-_LIMIT, _START = 180.0, 300.0
+# Wall seconds more for the first scene of a process, which also compiles.
+_START = 120.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,10 +36,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python3 -m stability.oracle", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--plane", type=int, metavar="N", help="how many scenes in the plane (2000)")
     parser.add_argument(
-        "--space", type=int, metavar="N", help="how many scenes in space (1000); one of the two alone: no others"
+        "--space", type=int, metavar="N", help="how many scenes in space (1000); one of these alone: no others"
     )
+    parser.add_argument("--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
+    parser.add_argument("--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)")
     parser.add_argument("--only", nargs=2, metavar=("WHERE", "SEED"), help="one scene, with its file and every figure")
     parser.add_argument("--same-units", action="store_true", help="units of the body, none at random")
     parser.add_argument("--out", type=Path, default=Path("results/oracle"), metavar="DIR")
@@ -48,17 +49,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if cvxopt is None:
         print("no CVXOPT (Debian: python3-cvxopt): conditions are judged, no programme is solved", file=sys.stderr)
     if given.only is not None:
-        return _one(_DIMENSIONS[given.only[0]], int(given.only[1]), given.out, same_units=given.same_units)
-    counts = {2: given.plane, 3: given.space}
-    if given.plane is None and given.space is None:
-        counts = {2: 2000, 3: 1000}
+        return _one(given.only[0], int(given.only[1]), given.out, own=given.same_units)
+    counts = {where: getattr(given, where) for where in _SHOWN}
+    if all(count is None for count in counts.values()):
+        counts = {"plane": 2000, "space": 1000, "bodies": 1000}
     begin, rows = time.monotonic(), list[Row]()
-    for dimension, count in counts.items():
-        rows += _examined(dimension, given.same_units, given.first, count or 0, given.jobs)
+    for where, count in counts.items():
+        rows += _examined(where, given, count or 0)
     shown = "\n\n".join(
-        f"Scenes {'in the plane' if dimension == 2 else 'in space'}\n\n{table(some)}"
-        for dimension in counts
-        if (some := [row for row in rows if row.dimension == dimension])
+        f"Scenes {_SHOWN[where]}\n\n{table(some)}"
+        for where in counts
+        if (some := [row for row in rows if row.where == where])
     )
     print(f"\n{shown}\n")
     given.out.mkdir(parents=True, exist_ok=True)
@@ -74,15 +75,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(bool(told))
 
 
-_DIMENSIONS = {"plane": 2, "space": 3}
+_SHOWN = {"plane": "in the plane", "space": "in space", "bodies": "of several bodies, in the plane and in space"}
 
 
-def _examined(dimension: int, same_units: bool, first: int, count: int, jobs: int) -> list[Row]:
+def _examined(where: str, given: argparse.Namespace, count: int) -> list[Row]:
     """The rows of ``count`` scenes, by seed; what is wrong is printed when it is found."""
+    first, jobs = given.first, given.jobs
     begin, rows = time.monotonic(), list[Row]()
     found: queue.Queue[Row | None] = queue.Queue()
     for job in range(jobs):
-        arguments = (dimension, same_units, first + job, first + count, jobs, found)
+        arguments = (where, given.same_units, given.limit, first + job, first + count, jobs, found)
         threading.Thread(target=_work, args=arguments, daemon=True).start()
     working = jobs
     while working:
@@ -100,12 +102,12 @@ def _examined(dimension: int, same_units: bool, first: int, count: int, jobs: in
     return sorted(rows, key=lambda row: row.seed)
 
 
-def _one(dimension: int, seed: int, out: Path, *, same_units: bool) -> int:
+def _one(where: str, seed: int, out: Path, *, own: bool) -> int:
     """Examine one scene and show everything."""
-    drawn = TRIAL[dimension](seed, same(dimension) if same_units else None)
-    path = drawn.write(out / f"scene_{dimension}d_{seed}")
+    drawn = TRIAL[where](seed, same_units(where, seed) if own else None)
+    path = drawn.write(out / f"scene_{where}_{seed}")
     print(path.read_text(encoding="utf-8"))
-    verdict, about = examined(drawn)
+    verdict, about = examined(drawn, where)
     print(f"{path}\n{verdict.kind}: {verdict.outcome} {about} {verdict.note}")
     for name, value in sorted(verdict.figures.items(), key=lambda item: -item[1]):
         print(f"{value:10.2e}  {name}")
@@ -116,8 +118,9 @@ def line(row: Row) -> str:
     """A scene in one line."""
     figure = f"{row.figure}: {row.value:.1e} times what is tolerated" if row.figure and row.value > 0 else row.note
     note = f"; {row.note}" if row.note and row.note != figure else ""
-    where = "plane" if row.dimension == 2 else "space"
-    return f"{where} {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
+    return (
+        f"{row.where} {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
+    )
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -148,21 +151,25 @@ def _counts(title: str, kinds: Sequence[str], order: Iterable[str], groups: Sequ
     return "\n".join([*lines, f"| all | {' | '.join(map(str, total))} |"])
 
 
-def _work(dimension: int, same_units: bool, first: int, stop: int, stride: int, found: queue.Queue[Row | None]) -> None:
+def _work(
+    where: str, own: bool, most: float, first: int, stop: int, stride: int, found: queue.Queue[Row | None]
+) -> None:
     """Let worker processes examine every ``stride``-th scene; one that dies or is stuck costs its scene only."""
     while first < stop:
         command = [
             sys.executable,
+            "-W",
+            "error::RuntimeWarning",
             "-m",
             "stability.oracle.worker",
-            *map(str, (dimension, int(same_units), first, stop, stride)),
+            *map(str, (where, int(own), first, stop, stride)),
         ]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
             assert process.stdout is not None
             lines: queue.Queue[str] = queue.Queue()
             reader = threading.Thread(target=_read, args=(process.stdout, lines), daemon=True)
             reader.start()
-            limit, reason = _START, ""
+            limit, reason = most + _START, ""
             while not reason:
                 try:
                     text = lines.get(timeout=limit)
@@ -174,10 +181,10 @@ def _work(dimension: int, same_units: bool, first: int, stop: int, stride: int, 
                     reason = f"exit code {process.wait()}"
                 elif "row" in (message := json.loads(text)):
                     found.put(Row(**message["row"]))
-                    first, limit = first + stride, _LIMIT
+                    first, limit = first + stride, most
             reader.join()
         if first < stop:
-            found.put(Row(first, CRASHED, dimension, "process died", note=reason))
+            found.put(Row(first, CRASHED, where, "process died", note=reason))
             first += stride
     found.put(None)
 

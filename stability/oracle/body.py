@@ -316,6 +316,15 @@ class Body:
         return np.stack(columns, axis=1)
 
 
+def behind(x: Array, cells: Ints, corners: int) -> Array:
+    """The mean of the middles of the cells around each node, shape (nodes, d)."""
+    middles = np.repeat(x[cells[:, :corners]].mean(axis=1), cells.shape[1], axis=0)
+    found, count = np.zeros_like(x), np.zeros(len(x))
+    np.add.at(found, cells.ravel(), middles)
+    np.add.at(count, cells.ravel(), 1.0)
+    return np.asarray(found / count[:, None])
+
+
 def _pair(a: int, b: int) -> tuple[int, int]:
     return (int(a), int(b)) if a < b else (int(b), int(a))
 

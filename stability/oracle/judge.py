@@ -78,6 +78,8 @@ class Answer:
         gamma: gamma_1 and gamma_2 that the package reports, of the last load step.
         events: what the run said of fall-backs.
         regularisation_error: what path-following says that gamma leaves, relative, in the energy norm.
+        behind: the mean of the middles of the cells around each place, by which nodes of two bodies at one place
+            differ; None: not told.
     """
 
     outcome: str
@@ -86,6 +88,7 @@ class Answer:
     gamma: tuple[float, float]
     events: Sequence[str] = ()
     regularisation_error: float | None = None
+    behind: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,11 @@ from signorini_fx.body.contact_table import contact_table
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
-from stability.oracle.body import Mesh
+from stability.oracle.body import Mesh, behind
 from stability.oracle.judge import Answer, Step
 from stability.oracle.units import Units, same
+
+_CORNERS = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
 
 
 def solution_of(scene: Path) -> Solution:
@@ -34,9 +36,12 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
     tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
     told = solution.parameters
     stiffness = units.of((-1, 1))
+    place = space.tabulate_dof_coordinates()[:, :dimension]
+    corners = space.mesh.topology.cell_name()
     return Answer(
         outcome=solution.status.value,
-        place=space.tabulate_dof_coordinates()[:, :dimension] / units.length,
+        place=place / units.length,
+        behind=behind(place, space.dofmap.list, _CORNERS[corners]) / units.length,
         steps=[
             Step(
                 displacement.x.array.reshape(-1, dimension) / units.length,

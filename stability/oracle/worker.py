@@ -1,6 +1,6 @@
 """Solves and judges some of the random scenes, and reports each on standard output; started by ``__main__``.
 
-python3 -m stability.oracle.worker DIMENSION SAME_UNITS FIRST STOP STRIDE
+python3 -m stability.oracle.worker WHERE SAME_UNITS FIRST STOP STRIDE
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,34 @@ from typing import Any
 from signorini_fx.errors import SignoriniError
 from stability.oracle import judge as plane
 from stability.oracle import scenes
+from stability.oracle.bodies import judge as bodies
+from stability.oracle.bodies import scenes as bodies_scenes
 from stability.oracle.judge import CRASHED, REFUSED, REFUSED_WRONGLY, Verdict
 from stability.oracle.package import answer_of, mesh_of, solution_of
 from stability.oracle.scenes import Trial
 from stability.oracle.space import judge as space
 from stability.oracle.space import scenes as space_scenes
-from stability.oracle.units import same
+from stability.oracle.units import Units, same
 
-# By dimension: the scene of a seed, and the verdict.
-TRIAL = {2: scenes.trial, 3: space_scenes.trial}
-JUDGE = {2: plane.judge, 3: space.judge}
+# The scenes of a seed, and the verdict, by their names; several bodies by turns in the plane and in space.
+TRIAL: dict[str, Callable[..., Trial]] = {
+    "plane": scenes.trial,
+    "space": space_scenes.trial,
+    "bodies": lambda seed, units=None: bodies_scenes.trial(seed, dimension_of("bodies", seed), units),
+}
+JUDGE = {"plane": plane.judge, "space": space.judge, "bodies": bodies.judge}
 # Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
+
+
+def dimension_of(where: str, seed: int) -> int:
+    """Of a scene."""
+    return {"plane": 2, "space": 3}.get(where, 2 + seed % 2)
+
+
+def same_units(where: str, seed: int) -> Units:
+    """Units of the body."""
+    return same(dimension_of(where, seed))
 
 
 @dataclass(frozen=True)
@@ -38,7 +54,7 @@ class Row:
 
     seed: int
     kind: str
-    dimension: int = 2
+    where: str = "plane"
     outcome: str = ""
     algorithm: str = ""
     law: str = ""
@@ -58,7 +74,7 @@ _NO_EXACT = "exact cannot be used here"
 _REASONS = ("prescribes the normal displacement on", "initial_contact: holds no contact node")
 
 
-def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
+def examined(drawn: Trial, where: str) -> tuple[Verdict, dict[str, Any]]:
     """Solve a scene and judge the answer: the verdict, and remarks on the run."""
     with tempfile.TemporaryDirectory() as folder:
         try:
@@ -67,7 +83,7 @@ def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
             message = str(error).split("\n")[0]
             if _NO_EXACT in message and drawn.scene["solver"]["algorithm"] == "exact":
                 # As documented; the message names this method.
-                return examined(replace(drawn, scene=drawn.scene | {"solver": {"algorithm": "alm"}}))
+                return examined(replace(drawn, scene=drawn.scene | {"solver": {"algorithm": "alm"}}), where)
             kind = REFUSED if any(reason in message for reason in _REASONS) else REFUSED_WRONGLY
             return Verdict(kind, type(error).__name__, note=message), {}
         except Exception as error:
@@ -85,20 +101,20 @@ def examined(drawn: Trial) -> tuple[Verdict, dict[str, Any]]:
         "solves": solution.history.linear_solves,
         "steps": len(answer.steps),
     }
-    return JUDGE[dimension](drawn.scene, mesh, answer), about
+    return JUDGE[where](drawn.scene, mesh, answer), about
 
 
-def row_of(seed: int, dimension: int = 2, *, same_units: bool = False) -> Row:
-    """The row of a scene."""
+def row_of(seed: int, where: str = "plane", *, own: bool = False) -> Row:
+    """The row of a scene; ``own``: in units of the body."""
     begin = time.process_time()
-    drawn = TRIAL[dimension](seed, same(dimension) if same_units else None)
-    verdict, about = examined(drawn)
+    drawn = TRIAL[where](seed, same_units(where, seed) if own else None)
+    verdict, about = examined(drawn, where)
     figure, value = verdict.worst
-    laws = sorted({effect["friction"]["law"] for effect in drawn.scene["contact"]} - {"none"})
+    laws = sorted({effect.get("friction", {"law": "none"})["law"] for effect in drawn.scene["contact"]} - {"none"})
     return Row(
         seed=seed,
         kind=verdict.kind,
-        dimension=dimension,
+        where=where,
         outcome=verdict.outcome,
         law=" and ".join(laws) or "none",
         compared=verdict.compared,
@@ -112,10 +128,10 @@ def row_of(seed: int, dimension: int = 2, *, same_units: bool = False) -> Row:
 
 def main(arguments: Sequence[str]) -> None:
     """Examine the scenes FIRST, FIRST + STRIDE, ... before STOP."""
-    dimension, same_units, *seeds = map(int, arguments)
-    for seed in range(*seeds):
+    where, own, *seeds = arguments
+    for seed in range(*map(int, seeds)):
         _say({"begin": seed})
-        _say({"row": asdict(row_of(seed, dimension, same_units=bool(same_units)))})
+        _say({"row": asdict(row_of(seed, where, own=bool(int(own))))})
 
 
 def _say(message: dict[str, Any]) -> None:

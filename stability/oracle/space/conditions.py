@@ -1,7 +1,11 @@
-"""The conditions that a solution of a contact problem in space has to meet, point by point, from plain arrays."""
+"""The conditions that a solution of a contact problem has to meet, point by point, from plain arrays.
+
+Of one body in space, or of several bodies in the plane (d = 2) or in space.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import null_space
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import coo_array, csr_array, eye_array, kron, vstack
 
 from stability.oracle import elements as plane
 from stability.oracle.body import listed
@@ -29,8 +33,9 @@ class Contact:
     Attributes:
         part: which contact boundary.
         x: position.
-        shares: share of each node of the body in the displacement of each point: one of its own node, or with
-            quadratic tetrahedra the averages (psi_i, N_j) / w_i with the function psi_i of the vertex, see ``_points``.
+        operator: from displacements of nodes to those of the points, which between two bodies are relative: those of
+            its own node; with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function psi_i of the vertex,
+            see ``points_of``; or see ``bodies.mortar``.  Shape (points d, nodes d).
         weight: the area that it stands for.
         normal: outward normal, or the scene's direction.
         gap: distance to the foundation.
@@ -38,11 +43,12 @@ class Contact:
         coefficient: coefficient of Coulomb friction.
         cap: largest bound of Coulomb friction.
         bilateral: whether the contact cannot open.
+        between: whether some points are between two bodies.
     """
 
     part: Ints
     x: Array
-    shares: csr_array
+    operator: csr_array
     weight: Array
     normal: Array
     gap: Array
@@ -50,10 +56,11 @@ class Contact:
     coefficient: Array
     cap: Array
     bilateral: npt.NDArray[np.bool_]
+    between: bool
 
     @cached_property
     def tangents(self) -> Array:
-        """Two orthonormal vectors across the normal of each point, shape (points, 2, 3)."""
+        """D - 1 orthonormal vectors across the normal of each point, shape (points, d - 1, d)."""
         _, _, rows = np.linalg.svd(self.normal[:, None, :])
         return rows[:, 1:, :]
 
@@ -79,55 +86,76 @@ class Contact:
     def forces(self, pressure: Array, shear: Array) -> Array:
         """What the contact tractions take from the body, a force per dof."""
         traction = self.weight[:, None] * (pressure[:, None] * self.normal + shear)
-        return np.asarray(self.shares.T @ traction).ravel()
+        return np.asarray(self.operator.T @ traction.ravel())
+
+    @cached_property
+    def meetings(self) -> tuple[Ints, Ints]:
+        """Each point with each node that its displacement depends on."""
+        dimension = self.x.shape[1]
+        rows, columns = abs(self.operator).nonzero()
+        pairs = np.unique(np.stack([rows // dimension, columns // dimension], axis=1), axis=0)
+        return pairs[:, 0], pairs[:, 1]
 
     def of(self, u: Array) -> Array:
-        """The displacement of each point from that of the nodes, shape (points, 3)."""
-        return np.asarray(self.shares @ u)
+        """The displacement of each point from that of the nodes, shape (points, d)."""
+        return np.asarray(self.operator @ u.ravel()).reshape(self.x.shape)
 
     def moves(self, motions: Array) -> Array:
-        """Motions of the nodes, a column each, at the points: shape (points, 3, motions)."""
-        nodes = motions.reshape(-1, 3 * motions.shape[1])
-        return np.asarray(self.shares @ nodes).reshape(-1, 3, motions.shape[1])
+        """Motions of the nodes, a column each, at the points: shape (points, d, motions)."""
+        return np.asarray(self.operator @ motions).reshape(*self.x.shape, motions.shape[1])
 
 
-def contact_of(body: Body) -> Contact:
-    """The contact points of a scene with their data."""
-    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__}
+def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) -> Contact:
+    """The contact points of a scene; ``points``: those of a contact by its number, None: on a rigid foundation."""
+    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__ if name != "between"}
     for part, effect in enumerate(listed(body.scene, "contact")):
-        vertices, shares, weight, normal = _points(body, effect["boundary"])
-        x, count = body.x[vertices], len(vertices)
+        here = (points or points_of)(body, part)
+        x, count, normal = here.x, len(here.x), here.normal
         if "direction" in effect:
             direction = np.array(effect["direction"], dtype=float)
             normal = np.tile(direction / np.linalg.norm(direction), (count, 1))
         friction = effect.get("friction", {"law": "none"})
         coulomb, tresca = friction["law"] == "coulomb", friction["law"] == "tresca"
-        reached = np.unique(shares.indices)
-        gap = np.zeros(len(body.x))
-        gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        kind = effect.get("kind", "unilateral")
         columns["part"].append(np.full(count, part))
         columns["x"].append(x)
-        columns["shares"].append(shares)
-        columns["weight"].append(weight)
+        columns["operator"].append(here.operator)
+        columns["weight"].append(here.weight)
         columns["normal"].append(normal)
-        columns["gap"].append(shares @ gap)
-        columns["given"].append(at_points(friction["bound"] if tresca else 0.0, x))
+        columns["gap"].append(here.gap)
+        given = np.inf if kind == "bonded" else friction["bound"] if tresca else 0.0
+        columns["given"].append(at_points(given, x))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
         capped = coulomb and "cap" in friction
         columns["cap"].append(at_points(friction["cap"], x) if capped else np.full(count, np.inf))
-        columns["bilateral"].append(np.full(count, effect.get("kind", "unilateral") == "bilateral"))
-    shares = vstack(columns.pop("shares")).tocsr()
-    return Contact(shares=shares, **{name: np.concatenate(values) for name, values in columns.items()})
+        columns["bilateral"].append(np.full(count, kind != "unilateral"))
+    operator = csr_array(vstack(columns.pop("operator")))
+    between = any("against" in effect for effect in listed(body.scene, "contact"))
+    return Contact(
+        operator=operator, between=between, **{name: np.concatenate(values) for name, values in columns.items()}
+    )
 
 
-def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
-    """Nodes of the contact points of a boundary, shares of all nodes in them, weights, normals.
+@dataclass(frozen=True)
+class Points:
+    """The points of one contact boundary: see ``Contact``."""
+
+    x: Array
+    operator: csr_array
+    weight: Array
+    normal: Array
+    gap: Array
+
+
+def points_of(body: Body, part: int) -> Points:
+    """The points of a boundary on a rigid foundation.
 
     The weight times the normal is the integral of the basis function times the normal; on quadratic tetrahedra, whose
     functions of vertices have the integral zero, that of the hat function, and the weight is that of its area. The
     shares there are those of the functions that are dual to the hats on each facet.
     """
-    facets = body.facets(name)
+    effect = listed(body.scene, "contact")[part]
+    facets = body.facets(effect["boundary"])
     averaged = body.cells.shape[1] == 10
     xi, weights = plane.triangle(5) if body.corners.shape[1] == 4 else plane.square(6)
     values, _ = plane.shape(facets.nodes.shape[1], xi)
@@ -139,11 +167,18 @@ def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
     vertices = np.unique(points)
     size = np.linalg.norm(moments[vertices], axis=1)
     normals = moments[vertices] / size[:, None]
+
+    def found(shares: csr_array, weight: Array) -> Points:
+        reached = np.unique(shares.indices)
+        gap = np.zeros(len(body.x))
+        gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        return Points(body.x[vertices], csr_array(kron(shares, eye_array(3))), weight, normals, shares @ gap)
+
     if not averaged:
         own = coo_array(
             (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)), shape=(len(vertices), len(body.x))
         )
-        return vertices, own.tocsr(), size, normals
+        return found(own.tocsr(), size)
     area = np.linalg.norm(normal, axis=2)
     products, hats_only = (np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats))
     # The functions of the points on a facet: the hats' integrals are their own, and they are dual to the hats.
@@ -152,7 +187,7 @@ def _points(body: Body, name: str) -> tuple[Ints, csr_array, Array, Array]:
     every = coo_array((products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))).tocsr()
     mine = every[vertices]
     weight = np.asarray(mine.sum(axis=1)).ravel()
-    return vertices, csr_array(mine.multiply(1 / weight[:, None])), weight, normals
+    return found(csr_array(mine.multiply(1 / weight[:, None])), weight)
 
 
 @dataclass(frozen=True)
@@ -170,9 +205,9 @@ class Origin:
     elastic: Array
 
     @classmethod
-    def nothing(cls, count: int) -> Origin:
+    def nothing(cls, contact: Contact) -> Origin:
         """The origin of the first load step."""
-        return cls(*np.zeros((3, count, 3)))
+        return cls(*np.zeros((3, *contact.x.shape)))
 
     def after(self, u_t: Array, shear: Array, compliance: float) -> Origin:
         """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
@@ -194,7 +229,7 @@ class Tractions:
 
 def null_motions(body: Body) -> Array:
     """Rigid motions of the pieces that the supports allow, a column each."""
-    rigid = body.rigid.reshape(len(body.x), 3, -1)
+    rigid = body.rigid.reshape(*body.x.shape, -1)
     resisted = np.einsum("nij,njk->nik", body.held, rigid).reshape(-1, rigid.shape[2])
     return body.rigid @ null_space(resisted, rcond=1e-9) if resisted.any() else body.rigid
 
@@ -219,7 +254,7 @@ def violations(
     origin: Origin,
     compliance: tuple[float, float],
 ) -> dict[str, float]:
-    """How far a displacement (nodes, 3) with its tractions is from each condition, as a share of what is tolerated.
+    """How far a displacement (nodes, d) with its tractions is from each condition, as a share of what is tolerated.
 
     Args:
         body: the body.
@@ -247,13 +282,10 @@ def violations(
     # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
     # Where a support holds a point in part, pressure and shear may be anything: what the body feels sets the scale.
-    loose = np.eye(3) - body.held
+    loose = np.eye(body.x.shape[1]) - body.held
     traction = pressure[:, None] * contact.normal + shear
     acting = max(
-        (
-            float(np.abs(loose[node] @ traction[point]).max())
-            for point, node in zip(*contact.shares.nonzero(), strict=True)
-        ),
+        (float(np.abs(loose[node] @ traction[point]).max()) for point, node in zip(*contact.meetings, strict=True)),
         default=0.0,
     )
     stress = max(acting, 1e-3 * body.young * shape / body.size)
@@ -292,10 +324,10 @@ def violations(
 
 def judged(body: Body, contact: Contact) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """At which points normal and tangential conditions are judged: where a support leaves some direction free."""
-    loose = np.eye(3) - body.held
+    loose = np.eye(body.x.shape[1]) - body.held
     normal = np.zeros(len(contact.x), dtype=bool)
     tangential = np.zeros(len(contact.x), dtype=bool)
-    for point, node in zip(*contact.shares.nonzero(), strict=True):
+    for point, node in zip(*contact.meetings, strict=True):
         normal[point] |= bool(np.linalg.norm(loose[node] @ contact.normal[point]) > _FREE)
         tangential[point] |= bool(np.abs(loose[node] @ contact.tangents[point].T).max() > _FREE)
     return normal, tangential
@@ -308,6 +340,6 @@ def _most(values: Array) -> float:
 
 def reached(free: csr_array, contact: Contact) -> Ints:
     """The columns of free directions at nodes that contact points reach."""
-    nodes = np.unique(contact.shares.indices)
-    dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
+    nodes, dimension = np.unique(contact.meetings[1]), contact.x.shape[1]
+    dofs = (dimension * nodes[:, None] + np.arange(dimension)).ravel()
     return np.unique(free[dofs].nonzero()[1]).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Contact with given friction in space a second time, as a second-order cone programme solved by CVXOPT.
+"""Contact with given friction a second time, as a second-order cone programme solved by CVXOPT.
 
 With given friction the displacement minimises the energy a(u, u) / 2 - L(u) + (bound, |slip|) over what does not enter
 the foundation; with regularisation constraint and cone are smoothed by a layer of compliance 1 / gamma.  The body is
@@ -36,7 +36,7 @@ class Condensed:
         columns: which of the free directions.
         stiffness: S.
         load: f.
-        start: the displacement that meets the supports, shape (nodes, 3).
+        start: the displacement that meets the supports, shape (nodes, d).
         lift: the other free directions are ``rest`` - ``lift`` v.
         rest: see ``lift``.
         others: which ones these are.
@@ -51,11 +51,11 @@ class Condensed:
     others: Ints
 
     def displacement(self, body: Body, v: Array) -> Array:
-        """The displacement of all nodes, shape (nodes, 3)."""
+        """The displacement of all nodes, shape (nodes, d)."""
         every = np.zeros(body.free.shape[1])
         every[self.columns] = v
         every[self.others] = self.rest - self.lift @ v
-        return np.asarray(self.start + (body.free @ every).reshape(-1, 3))
+        return np.asarray(self.start + (body.free @ every).reshape(body.x.shape))
 
 
 def condense(body: Body, contact: Contact, step: int) -> Condensed:
@@ -103,7 +103,7 @@ class Minimum:
 def compare(
     body: Body, contact: Contact, step: int, u: Array, bound: Array, origin: Origin, compliance: tuple[float, float]
 ) -> Programme | None:
-    """Solve with a given friction bound, and compare with an answer u (nodes, 3); None where CVXOPT fails."""
+    """Solve with a given friction bound, and compare with an answer u (nodes, d); None where CVXOPT fails."""
     reduced = condense(body, contact, step)
     if not reduced.columns.size:
         return None
@@ -148,7 +148,7 @@ def minimise(
 ) -> Minimum | None:
     """The minimum for a given friction bound, None where CVXOPT fails; ``length`` is the size of displacements."""
     basis = body.free[:, reduced.columns].toarray()
-    # Rows from the unknowns to each point: shape (points, 3, unknowns), and what supports prescribe there.
+    # Rows from the unknowns to each point: shape (points, d, unknowns), and what supports prescribe there.
     moves = contact.moves(basis)
     shift = contact.of(reduced.start)
     normal = np.einsum("nik,ni->nk", moves, contact.normal)
@@ -162,45 +162,54 @@ def minimise(
     soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
     # Rows without unknowns are no condition.
     acts = np.abs(normal).max(axis=1) > 1e-8
-    rub = np.flatnonzero((np.abs(tangent).max(axis=(1, 2)) > 1e-8) & (bound > 0))
+    moves_across = np.abs(tangent).max(axis=(1, 2)) > 1e-8
+    rub, tied = (np.flatnonzero(moves_across & (bound > 0) & (np.isinf(bound) == bonded)) for bonded in (False, True))
+    across = contact.x.shape[1] - 1
     one, two = np.flatnonzero(acts & ~contact.bilateral), np.flatnonzero(acts & contact.bilateral)
     layer_n, layer_t = compliance[0] > 0, compliance[1] > 0
     # Unknowns: v, then the square root of the layers' energies, then the moduli of the slips.
-    ends = np.cumsum([0, len(reduced.load), len(one) * layer_n, len(two) * layer_n, 2 * len(rub) * layer_t, len(rub)])
-    v, p, q, m, t = (slice(a, b) for a, b in pairwise(ends))
+    layers = len(one) * layer_n, len(two) * layer_n, across * len(tied) * layer_t, across * len(rub) * layer_t
+    ends = np.cumsum([0, len(reduced.load), *layers, len(rub)])
+    v, p, q, b, m, t = (slice(a, b) for a, b in pairwise(ends))
     quadratic = np.zeros((ends[-1], ends[-1]))
     quadratic[v, v] = reduced.stiffness / stiff
-    for block in (p, q, m):
+    for block in (p, q, b, m):
         quadratic[block, block] = np.eye(block.stop - block.start)
     linear = np.zeros(ends[-1])
     linear[v] = -reduced.load / stiff / length
     linear[t] = contact.weight[rub] * bound[rub] / stiff / length
-    rows = np.zeros((len(one) + 3 * len(rub), ends[-1]))
+    rows = np.zeros((len(one) + (1 + across) * len(rub), ends[-1]))
     limits = np.zeros(len(rows))
     rows[: len(one), v], limits[: len(one)] = normal[one], gap[one]
     if layer_n:
         rows[: len(one), p] = -np.diag(soft_n[one])
     # Cones: (modulus, slip), as limits minus rows times unknowns.
     for number, point in enumerate(rub):
-        first = len(one) + 3 * number
+        first = len(one) + (1 + across) * number
         rows[first, t.start + number] = -1.0
-        rows[first + 1 : first + 3, v], limits[first + 1 : first + 3] = -tangent[point], -begin[point]
+        slip = slice(first + 1, first + 1 + across)
+        rows[slip, v], limits[slip] = -tangent[point], -begin[point]
         if layer_t:
-            rows[first + 1 : first + 3, m.start + 2 * number : m.start + 2 * number + 2] = soft_t[point] * np.eye(2)
-    equal = np.zeros((len(two), ends[-1]))
-    equal[:, v] = normal[two]
+            rows[slip, m.start + across * number : m.start + across * (number + 1)] = soft_t[point] * np.eye(across)
+    # Equations: of contact that cannot open, then of bonds along both.
+    equal = np.zeros((len(two) + across * len(tied), ends[-1]))
+    equal[: len(two), v], equal[len(two) :, v] = normal[two], tangent[tied].reshape(-1, len(reduced.load))
     if layer_n:
-        equal[:, q] = -np.diag(soft_n[two])
-    found = _solve(quadratic, linear, rows, limits, len(one), equal, gap[two])
+        equal[: len(two), q] = -np.diag(soft_n[two])
+    if layer_t:
+        equal[len(two) :, b] = -np.diag(np.repeat(soft_t[tied], across))
+    cones = len(one), 1 + across
+    found = _solve(quadratic, linear, rows, limits, cones, equal, np.concatenate((gap[two], begin[tied].ravel())))
     if found is None:
         return None
     best, (pushing, holding), primal, dual, residual = found
     pressure = np.zeros(len(contact.weight))
-    pressure[one], pressure[two] = pushing[: len(one)], holding
+    pressure[one], pressure[two] = pushing[: len(one)], holding[: len(two)]
     unit = stiff * length
     primal, dual = primal * unit * length, dual * unit * length
-    shear = np.zeros((len(contact.weight), 2))
-    shear[rub] = -pushing[len(one) :].reshape(-1, 3)[:, 1:]
+    shear = np.zeros((len(contact.weight), across))
+    shear[rub] = -pushing[len(one) :].reshape(-1, 1 + across)[:, 1:]
+    shear[tied] = holding[len(two) :].reshape(-1, across)
     vectors = np.einsum("nt,nti->ni", shear, contact.tangents) * (unit / contact.weight)[:, None]
     return Minimum(length * best[v], pressure * unit / contact.weight, vectors, primal, dual, residual)
 
@@ -208,7 +217,7 @@ def minimise(
 def coulomb_state(
     body: Body, contact: Contact, step: int, origin: Origin, pressure: Array
 ) -> tuple[Array, Array, Array] | None:
-    """Displacement (nodes, 3), pressure and shear of a solution with Coulomb friction, if a fixed point finds one.
+    """Displacement (nodes, d), pressure and shear of a solution with Coulomb friction, if a fixed point finds one.
 
     Args:
         body: the body.
@@ -231,12 +240,14 @@ def coulomb_state(
 
 
 def _solve(
-    quadratic: Array, linear: Array, rows: Array, limits: Array, signs: int, equal: Array, values: Array
+    quadratic: Array, linear: Array, rows: Array, limits: Array, cones: tuple[int, int], equal: Array, values: Array
 ) -> tuple[Array, tuple[Array, Array], float, float, float] | None:
     """Minimise x P x / 2 + q x over h - G x in the cone and A x = b: (x, multipliers of both, primal, dual, residual).
 
-    The cone is that of ``signs`` numbers that are not negative, and of vectors (t, y) with |y| <= t, y in the plane.
+    The cone is that of numbers that are not negative, and of vectors (t, y) with |y| <= t; ``cones``: how many numbers,
+    and the length of the vectors.
     """
+    signs, size = cones
     if not len(limits):  # linear equations
         blocks = np.block([[quadratic, equal.T], [equal, np.zeros((len(equal), len(equal)))]])
         solution = np.linalg.lstsq(blocks, np.concatenate([-linear, values]), rcond=None)[0]
@@ -244,7 +255,7 @@ def _solve(
         value = float(best @ quadratic @ best / 2 + linear @ best)
         return best, (limits, holding), value, value, 0.0
     matrix = cvxopt.matrix
-    dims = {"l": signs, "q": [3] * ((len(limits) - signs) // 3), "s": []}
+    dims = {"l": signs, "q": [size] * ((len(limits) - signs) // size), "s": []}
     arguments = [matrix(quadratic), matrix(linear), matrix(rows), matrix(limits), dims]
     if len(equal):
         arguments += [matrix(equal), matrix(values)]

@@ -1,4 +1,4 @@
-"""The verdict on the results of a scene in space, from the text of the scene and plain arrays alone."""
+"""The verdict on the results of a scene in space or with two bodies, from its text and plain arrays alone."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stability.oracle.body import Mesh, listed
+from stability.oracle.body import Mesh, behind, listed
 from stability.oracle.conditions import LEAST
 from stability.oracle.convex import cvxopt
 from stability.oracle.elements import Array, Ints
@@ -44,12 +44,19 @@ from stability.oracle.space.conditions import (
 
 # Distance that is allowed for what the cone programme misses of its own constraints.
 _PER_RESIDUAL = 100.0
+# Relative difference of what the table and the second program compute from the same displacement; between two bodies by
+# quadratures of rational functions, where cells are distorted.
+_TABLE, _TABLE_BETWEEN = 1e-9, 1e-7
 
 
 def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
     """Judge an answer."""
     body = Body(scene, mesh)
-    contact = contact_of(body)
+    return judged_by(body, contact_of(body), answer)
+
+
+def judged_by(body: Body, contact: Contact, answer: Answer) -> Verdict:
+    """Judge an answer by these contact points."""
     if answer.outcome == CONVERGED:
         return _converged(body, contact, answer)
     if answer.outcome in NO_EQUILIBRIUM:
@@ -67,16 +74,19 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
     if len(answer.steps) != body.steps:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
-    nodes = in_order(body.x, answer.place, body.size)
+    x, place = body.x, answer.place
+    if contact.between and answer.behind is not None:
+        x, place = np.hstack((x, behind(x, body.cells, body.corners.shape[1]))), np.hstack((place, answer.behind))
+    nodes = in_order(x, place, body.size)
     if nodes is None:
         return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
-    origin, before = Origin.nothing(len(contact.weight)), 0.0
+    origin, before = Origin.nothing(contact), 0.0
     for number, step in enumerate(answer.steps):
         order = _rows(body, contact, step.table)
         if order is None:
             return Verdict(WRONG, answer.outcome, {"contact table": np.inf}, note="rows are not the contact points")
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
-        said = Tractions(table["pressure"], _vectors(table, "shear"), table["state"])
+        said = Tractions(table["pressure"], _vectors(table, "shear"), _states(table))
         u = step.displacement[nodes]
         worse(_table(contact, table, u, origin, before))
         law = _promised(body, answer, number, worse)
@@ -133,8 +143,16 @@ def _promised(body: Body, answer: Answer, number: int, worse: Any) -> tuple[floa
     return 1 / asked[0], 1 / asked[1]
 
 
+def _states(table: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.str_]:
+    """The states without the signs that they have in the plane."""
+    return np.char.rstrip(table["state"].astype(str), "+-")
+
+
 def _vectors(table: Mapping[str, Array], name: str) -> Array:
-    return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+    """Tangential vectors, in the plane from components along (-n_2, n_1)."""
+    if "n_z" in table:
+        return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+    return np.stack([-table["n_y"], table["n_x"]], axis=1) * table[name][:, None]
 
 
 def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float) -> dict[str, float]:
@@ -145,30 +163,35 @@ def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origi
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t
     moved = max(float(np.abs(u).max()), LEAST)
-    columns: dict[str, tuple[Array, float]] = {
-        "u_n": (u_n, moved),
-        "u_t": (np.linalg.norm(u_t, axis=1), moved),
-        "gap": (contact.gap, max(float(np.abs(contact.gap).max()), moved)),
-        "weight": (contact.weight, float(contact.weight.max())),
-        **{f"n_{axis}": (contact.normal[:, k], 1.0) for k, axis in enumerate("xyz")},
-        **{f"u_t_{axis}": (u_t[:, k], moved) for k, axis in enumerate("xyz")},
+    axes = "xyz"[: u.shape[1]]
+    columns: dict[str, tuple[Array, Array, float]] = {
+        "u_n": (table["u_n"], u_n, moved),
+        "u_t": (_vectors(table, "u_t"), u_t, moved),
+        "gap": (table["gap"], contact.gap, max(float(np.abs(contact.gap).max()), moved)),
+        "weight": (table["weight"], contact.weight, float(contact.weight.max())),
+        "normal": (np.stack([table[f"n_{axis}"] for axis in axes], axis=1), contact.normal, 1.0),
     }
-    if contact.rubs.any():
+    if "u_t_x" in table:
+        columns["length of u_t"] = (table["u_t"], np.linalg.norm(u_t, axis=1), moved)
+    rubs = contact.rubs & np.isfinite(contact.given)
+    if rubs.any():
         bound = contact.bound(table["pressure"])
-        columns["bound"] = (bound, max(float(bound.max()), LEAST))
-        # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
-        pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), LEAST)
-        columns["shear"] = (np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
-        columns |= {f"slip_{axis}": (slip[:, k], max(moved, before)) for k, axis in enumerate("xyz")}
+        columns["bound"] = (table["bound"][rubs], bound[rubs], max(float(bound[rubs].max()), LEAST))
+        columns["slip"] = (_vectors(table, "slip"), slip, max(moved, before))
+        if "shear_x" in table:
+            # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
+            pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), LEAST)
+            columns["shear"] = (table["shear"], np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
+    near = _TABLE_BETWEEN if contact.between else _TABLE
     return {
-        f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
-        for name, (own, scale) in columns.items()
+        f"table: {name}": float(np.nan_to_num(np.abs(said - own), nan=1e300).max()) / (near * scale)
+        for name, (said, own, scale) in columns.items()
     }
 
 
 def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -> Ints | None:
     """The row of the table that each contact point is."""
-    place = np.stack([table[axis] for axis in "xyz"], axis=1)
+    place = np.stack([table[axis] for axis in "xyz"[: contact.x.shape[1]]], axis=1)
     names = [effect["boundary"] for effect in listed(body.scene, "contact")]
     rows = np.zeros(len(contact.weight), dtype=np.int64)
     if len(place) != len(rows):
@@ -206,7 +229,7 @@ def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
 
 def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pressure: Array) -> bool:
     """Whether the oracle finds a solution with Coulomb friction of its own, from the load step before."""
-    origin = Origin.nothing(len(pressure))
+    origin = Origin.nothing(contact)
     if step > 0:
         table = answer.steps[step - 1].table
         if (order := _rows(body, contact, table)) is None:

@@ -1,4 +1,4 @@
-"""Checks outcomes without equilibrium in space by a cone programme of statics."""
+"""Checks outcomes without equilibrium by a cone programme of statics; see ``conditions``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def held(body: Body, contact: Contact) -> bool:
         return True
     moves = contact.moves(motions)
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
-    rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[contact.rubs] for k in range(2)]
+    across = range(contact.x.shape[1] - 1)
+    rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[contact.rubs] for k in across]
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
     largest = np.linalg.norm(moves.reshape(-1, motions.shape[1]), ord=2)
     return bool(np.sum(values > 1e-4 * largest) == motions.shape[1])
@@ -51,8 +52,9 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     moves = contact.moves(motions)
     share = contact.weight / contact.weight.sum()
     rubs = np.flatnonzero(contact.rubs)
-    # Unknowns: normal forces, two tangential forces of each point that rubs (over the scale), the room.
-    size = points + 2 * len(rubs) + 1
+    # Unknowns: normal forces, d - 1 tangential forces of each point that rubs (over the scale), the room.
+    across = contact.x.shape[1] - 1
+    size = points + across * len(rubs) + 1
     balance = np.zeros((count, size))
     balance[:, :points] = np.einsum("nik,ni->kn", moves, contact.normal)
     along = np.einsum("nik,nti->knt", moves, contact.tangents)[:, rubs]
@@ -81,12 +83,12 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     for point in np.flatnonzero(~contact.bilateral):
         less(0.0, (point, -1.0), (room, share[point]))
     straight = len(rows)
-    for first, point in zip(range(points, room, 2), rubs, strict=True):
+    for first, point in zip(range(points, room, across), rubs, strict=True):
         given, cap = (contact.weight[point] * value / scale for value in (contact.given[point], contact.cap[point]))
         # The radius of each cone as a limit and entries: what the tangential force may not exceed.
         heads: list[tuple[float, list[tuple[int, float]]]] = []
         if contact.given[point] > 0:
-            heads.append((given, []))
+            heads.append((min(given, _MOST), []))
         else:
             if np.isfinite(cap):
                 heads.append((cap, []))
@@ -96,9 +98,9 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
             heads.append((_MOST, []))
         for limit, entries in heads:
             less(limit, *entries, (room, share[point]))
-            less(0.0, (first, -1.0))
-            less(0.0, (first + 1, -1.0))
-            cones.append(3)
+            for axis in range(across):
+                less(0.0, (first + axis, -1.0))
+            cones.append(1 + across)
     cost = np.zeros(size)
     cost[-1] = -1.0
     matrix = cvxopt.matrix
