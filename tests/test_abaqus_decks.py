@@ -7,6 +7,8 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import cli
+from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 
@@ -97,6 +99,207 @@ def test_a_deck(tmp_path, capsys):
     assert (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*SURFACE BEHAVIOR")
 
 
+def lines_of(said):
+    """What is left out, without the places."""
+    found = [line.removeprefix("left out: ") for line in said.splitlines()[1:]]
+    return [line.partition(", *")[2] or line for line in found]
+
+
+NODES = [str(n) for n in range(1, (NX + 1) * (NY + 1) + 1)]
+RIGHT, TOP = NODES[NX :: NX + 1], NODES[-NX - 1 :]
+
+
+def test_what_single_nodes_have(tmp_path, capsys):
+    """Supports that agree are one boundary, which a later step refers to; those that hold no facet are counted."""
+    lines = ["*BOUNDARY", *(f"{n}, 1, 2, 0.5" for n in RIGHT), *(f"{n}, 1" for n in NODES[:: NX + 1])]
+    lines += ["3, 2", "21, 2,, 7.0", "*Boundary", *(f"{n}, 4, 6" for n in TOP), "REF, 11, 11, 20.0"]
+    lines += ["*STEP", "*STATIC", "*BOUNDARY", *(f"{n}, 2, 2, 1.D0" for n in RIGHT), "*END STEP"]
+    scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
+    assert data["displacement"] == [{"boundary": "support_1", "x": 0.5, "y": 1.0}, {"boundary": "WALL", "x": 0.0}]
+    mesh = read_file(scene.parent / data["mesh"]["file"])
+    assert (mesh.points[mesh.facets[mesh.boundaries["support_1"]]][..., 0] == LENGTH).all()
+    assert len(mesh.boundaries["support_1"]) == NY
+    found = lines_of(said)
+    assert "BOUNDARY: support of 2 single nodes, which hold no whole facet: a scene supports boundaries" in found
+    assert "BOUNDARY: what 'REF' has besides displacements and rotations" in found
+    assert len(found) == 2
+
+
+def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
+    """Nodes that a support leaves free are counted, and members that are nothing of the body."""
+    lines = ["*NSET, NSET=SOME, GENERATE", f"1, {2 * NX + 2}", "*NSET, NSET=SOME", "5000, 5001", "1001"]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "*BOUNDARY", "some, 2"], capsys)
+    assert data["displacement"] == [{"boundary": "SOME", "y": 0.0}]
+    assert lines_of(said) == [
+        "2 members of the set 'SOME', which are not defined or no part of the body",
+        f"BOUNDARY: support of {NX - 1} nodes of 'some', which are on none of its whole facets",
+    ]
+
+
+def test_pressures_on_faces(tmp_path, capsys):
+    """Those of elements and of sets of elements; a face inside the body has none."""
+    steps = ["*STEP", "*STATIC", "*DLOAD", "HIGH, P3, 2.0", "1, P1, 0.5", "2, P1, 0.5", f"{NX}, P2, 0.5"]
+    steps += ["*DSLOAD", "LID, P, 1.0", "*DLOAD", "5, P3, 3.0", "6, P4, -3.0", "7, P, 1.0", "1, P3, 4.0", "*END STEP"]
+    steps += ["*STEP", "*STATIC", "*DLOAD, OP=NEW", "1, P1, 0.25", "2, P1, 0.25", f"{NX}, P2, 0.25", "*END STEP"]
+    scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *steps], capsys)
+    assert data["traction"] == [
+        {"boundary": "LID", "pressure": 2.0, "factors": [1.0, 0.0]},
+        {"boundary": "pressure_1", "pressure": 0.5, "factors": [1.0, 0.5]},
+        {"boundary": "LID", "pressure": 1.0},
+    ]
+    mesh = read_file(scene.parent / data["mesh"]["file"])
+    assert len(mesh.boundaries["pressure_1"]) == 3
+    assert lines_of(said) == ["DLOAD: pressure on 3 faces inside the body", "DLOAD: load 7, P, 1.0"]
+
+
+def test_forces_at_nodes(tmp_path, capsys):
+    """Those of a uniform traction are one; others are summed up."""
+    weights = [0.5, *[1.0] * (NX - 1), 0.5]
+    forces = [f"{n}, 2, {-3.0 * weight * LENGTH / NX}" for n, weight in zip(TOP, weights, strict=True)]
+    steps = ["*STEP", "*STATIC", "*CLOAD", *forces, "WALL, 1, 1.0", "3, 3, 5.0", "3, 4, 1.0", "*END STEP"]
+    lines = [*block("CPS4")[:-1], "0.5", *MATERIAL, *steps]
+    _, data, said = drafted(tmp_path, lines, capsys)
+    assert data["traction"] == [{"boundary": "force_1", "y": pytest.approx(-6.0)}]
+    assert lines_of(said) == [
+        "SOLID SECTION: the thickness 0.5: forces are per unit of it",
+        f"CLOAD: forces at {NY + 1} nodes, in all {NY + 1} along x: "
+        "give a traction, force over area, on their boundary",
+        "CLOAD: moments at nodes",
+    ]
+
+
+@pytest.mark.parametrize(("kind", "dim"), [("CPE8R", 2), ("C3D20", 3)])
+def test_elements_without_nodes_in_the_middle_of_faces(tmp_path, capsys, kind, dim):
+    """They get them, the scene is quadratic, and forces are compared with those of the incomplete shape functions."""
+    whole = CELLS["quad9" if dim == 2 else "hexahedron27"]
+    nodes = [np.mean([whole.corners[c] for c in own], axis=0) for own in whole.nodes[: 8 if dim == 2 else 20]]
+    lines = ["*NODE", *(f"{n}, {', '.join(map(str, x))}" for n, x in enumerate(nodes, 1))]
+    lines += [f"*ELEMENT, TYPE={kind}", ", ".join(map(str, range(1 + len(nodes)))).replace("0", "1", 1), *MATERIAL]
+    share = {2: (1 / 6, 2 / 3), 3: (-1 / 12, 1 / 3)}[dim]  # of a corner, and of a node in the middle of an edge
+    top = [(n, x) for n, x in enumerate(nodes, 1) if x[-1] == 1]
+    lines += ["*BOUNDARY", *(f"{n}, {dim}" for n, x in enumerate(nodes, 1) if x[-1] == 0), "*STEP", "*STATIC", "*CLOAD"]
+    lines += [f"{n}, {dim}, {4 * share[int((x == 0.5).sum())]}" for n, x in top]
+    scene, data, said = drafted(tmp_path, [*lines, "*END STEP"], capsys)
+    axis = "xyz"[dim - 1]
+    assert data["element"] == {"degree": 2}
+    assert data["displacement"] == [{"boundary": "support_1", axis: 0.0}]
+    assert data["traction"] == [{"boundary": "force_1", axis: pytest.approx(4.0)}]
+    assert not lines_of(said)
+    mesh = read_file(scene.parent / data["mesh"]["file"])
+    np.testing.assert_allclose(mesh.points[-1], 0.5)
+    assert mesh.note == f"1 {whole.word} get nodes in the middle of their faces, and are {whole.kind}"
+
+
+def test_steps_that_are_not_static(tmp_path, capsys):
+    """They are left out whole; what the others begin and end is told."""
+    lines = ["*STEP", "*FREQUENCY", "5", "*DSLOAD", "LID, P, 9.0", "*END STEP"] * 2
+    lines += ["*STEP, NAME=one", "*STATIC", "*DSLOAD", "LID, P, 4.0", "*ENDSTEP"]
+    lines += ["*STEP, NAME=two", "*STATIC", "*BOUNDARY", "WALL, 1", "*ENDSTEP"]
+    lines += ["*STEP, PERTURBATION", "*STATIC", "*DSLOAD", "LID, P, 5.0", "*ENDSTEP"]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
+    assert data["load_steps"] == {"names": ["one", "two"]}
+    assert data["traction"] == [{"boundary": "LID", "pressure": 4.0}]
+    assert lines_of(said) == [
+        "STEP and 1 more: the step, *FREQUENCY: only static steps are taken",
+        "STEP: the step, a perturbation of the one before it",
+        "'WALL' is free along x in one: here it is held there",
+    ]
+
+
+def test_amplitudes(tmp_path, capsys):
+    """What acts at the end of each step."""
+    lines = [
+        "*AMPLITUDE, NAME=Up",
+        "0., 0., 4., 2.",
+        "*AMPLITUDE, NAME=DOWN, TIME=TOTAL TIME",
+        "0., 0., 2., 3., 4., 1.",
+    ]
+    lines += ["*STEP", "*STATIC", "1., 2.", "*DSLOAD, AMPLITUDE=UP", "LID, P, 5.0", "*BOUNDARY, AMPLITUDE=DOWN"]
+    lines += ["WALL, 1, 1, 0.1", "*END STEP", "*STEP", "*STATIC", "*BOUNDARY, AMPLITUDE=DOWN", "WALL, 1, 1, 0.1"]
+    lines += ["*DSLOAD, AMPLITUDE=NONE", "FLOOR SIDE, P, 1.0", "*END STEP", "*STEP", "*STATIC", "0.1, 3."]
+    lines += ["*DSLOAD, AMPLITUDE=DOWN", "FLOOR SIDE, TRVEC, 1., 1., 0., 0.", "*END STEP"]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
+    assert [load.get("factors") for load in data["traction"]] == [None, [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]
+    assert data["traction"][0]["pressure"] == 5.0
+    assert data["displacement"] == [
+        {
+            "boundary": "WALL",
+            "x": pytest.approx(0.3),
+            "factors": [1.0, pytest.approx(2 / 3)] * 1 + [pytest.approx(2 / 3)],
+        }
+    ]
+    assert lines_of(said) == ["DSLOAD: the amplitude 'NONE': the whole load is taken"]
+
+
+def test_directions_of_nodes(tmp_path, capsys):
+    """What is given in turned directions is left out, unless all of them are held."""
+    lines = ["*BOUNDARY", "WALL, 1", "FLOOR, 1, 2", "*TRANSFORM, NSET=WALL", "1., 1., 0., -1., 1., 0."]
+    lines += ["*TRANSFORM, NSET=FLOOR, TYPE=C", "0., 0., 0., 0., 0., 1."]
+    lines = ["*NSET, NSET=FLOOR, GENERATE", f"2, {NX + 1}", *lines]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
+    assert data["displacement"] == [{"boundary": "FLOOR", "x": 0.0, "y": 0.0}]
+    assert lines_of(said) == ["BOUNDARY: support of 'WALL' in the directions of *TRANSFORM"]
+
+
+def two_blocks():
+    """The block with another one beneath it, whose squares are larger by half."""
+    count, below = 1 + NX // 2, 2000
+    x = [(i, j) for j in (0, 1) for i in range(count)]
+    lines = [*block()[:-2], "*NODE", *(f"{below + n}, {2 * LENGTH * i / NX}, {j - 1}" for n, (i, j) in enumerate(x, 1))]
+    lines += ["*ELEMENT, TYPE=CPE4, ELSET=LOWER"]
+    lines += [
+        f"{below + n}, {', '.join(str(below + n + k) for k in (0, 1, count + 1, count))}" for n in range(1, count)
+    ]
+    lines += ["*SURFACE, NAME=ROOF", "LOWER, S3", "*SURFACE, NAME=GROUND", "LOWER, S1"]
+    lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=Steel", "*SOLID SECTION, ELSET=LOWER, MATERIAL=Steel", *MATERIAL]
+    lines += ["*NSET, NSET=LEFT", "WALL, 2001", f"{below + count + 1}", "*BOUNDARY", "LEFT, 1"]
+    lines += [f"{below + n}, 2" for n in range(1, count + 1)]
+    return [*lines, "*STEP", "*STATIC", "*DSLOAD", "LID, P, 4.0", "*END STEP"]
+
+
+@pytest.mark.parametrize("bonded", [False, True])
+def test_two_bodies(tmp_path, capsys, bonded):
+    """Tied, or in contact: in both cases they are compressed as one block; the first surface has the contact points."""
+    pair = ["*TIE, NAME=T", "floor side, ROOF", "*TIE, CYCLIC SYMMETRY, NAME=C", "LID, GROUND"]
+    if not bonded:
+        pair = ["*SURFACE INTERACTION, NAME=S", "*FRICTION", "0.2, 1e5", "*CONTACT PAIR, INTERACTION=s, ADJUST=0.1"]
+        pair += ["FLOOR SIDE, ROOF", "LID, LID"]
+    lines = two_blocks()
+    scene, data, said = drafted(
+        tmp_path, [*lines[: lines.index("*STEP")], *pair, *lines[lines.index("*STEP") :]], capsys
+    )
+    law = {"kind": "bonded"} if bonded else {"friction": {"law": "coulomb", "coefficient": 0.2}}
+    assert data["contact"] == [{"boundary": "FLOOR SIDE", "against": "ROOF", **law}]
+    assert lines_of(said) == (
+        ["TIE: cyclic symmetry: model the whole body"]
+        if bonded
+        else [
+            "CONTACT PAIR: ADJUST: no node is moved, the gap is what the mesh has",
+            "contact of 'LID' with 'LID': a surface with itself",
+        ]
+    )
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.converged
+    sinking = -4.0 * (HEIGHT + 1.0) * (1 - 0.25**2) / 1000.0
+    assert solution.displacement.x.array[1::2].min() == pytest.approx(sinking, rel=1e-4)
+
+
+def test_what_is_no_body(tmp_path, capsys):
+    """Springs and rigid parts of the body are told; a deck without a body is refused."""
+    lines = ["*ELEMENT, TYPE=SPRINGA, ELSET=SP", "7001, 1, 2", "*RIGIDBODY, NSET=WALL, REFNODE=1001", "*BOUNDARY"]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "1001, 1"], capsys)
+    assert "displacement" not in data
+    assert lines_of(said) == [
+        "RIGIDBODY: a rigid part of the body: it deforms here",
+        "ELEMENT: SPRINGA, which is no part of the body",
+        "BOUNDARY: support of node 1001, which holds no whole facet: a scene supports boundaries",
+    ]
+    deck = tmp_path / "beams.inp"
+    deck.write_text("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=B21\n1, 1, 2\n")
+    assert cli.main(["convert", str(deck), str(tmp_path / "beams.toml")]) == 2
+    assert "there is no body of solid or plane elements, but beams" in capsys.readouterr().err
+
+
 def test_it_is_solved(tmp_path, capsys):
     """The weight and the pressure of the first step are on the floor."""
     scene, _, _ = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *STEPS], capsys)
@@ -127,7 +330,7 @@ def test_parts_of_several_materials(tmp_path, capsys):
     np.testing.assert_allclose(direction, np.array([1.0, -2.0]) / np.sqrt(5))
     gap = eval(contact["gap"], {"x": [0.3, 0.0]})
     assert gap == pytest.approx((np.array([1.0, -0.5]) - [0.3, 0.0]) @ direction)
-    assert "tied" in said
+    assert "tie of 'A' with 'B': 'A' is no boundary of the body" in said
     assert data["displacement"] == [{"boundary": "WALL", "x": 0.0, "y": -0.1}]
 
 

@@ -1,5 +1,6 @@
 """Mesh files in space: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
 
+import itertools
 import json
 import re
 
@@ -16,7 +17,7 @@ from scenes import alone, table_of
 from signorini_fx import cli
 from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.cells import CELLS, completed
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.files.shape import measures, quality
 from signorini_fx.mesh.files.step import names_of_faces
@@ -188,6 +189,18 @@ def test_hexahedra_of_20_nodes(tmp_path):
     gmsh.finalize()
     assert len(meshio.read(tmp_path / "twenty.msh").cells_dict["hexahedron20"]) == 16
     check_quarter(read_file(tmp_path / "twenty.msh"), 3e-4)
+
+
+@pytest.mark.parametrize("kind", ["quad8", "hexahedron20"])
+def test_shape_of_completed_elements(kind):
+    """The nodes that are added are where the element has them: exact for all polynomials of its space."""
+    cell, weights = completed(kind)
+    x = 2 * np.array([np.mean([cell.corners[c] for c in own], axis=0) for own in cell.nodes]) - 1
+    powers = [p for p in itertools.product(range(3), repeat=cell.dim) if sum(n for n in p if n > 1) <= 2]
+    assert len(powers) == weights.shape[1]
+    for power in powers:
+        values = (x**power).prod(axis=1)
+        np.testing.assert_allclose(weights @ values[: weights.shape[1]], values, atol=1e-14)
 
 
 # The faces of a cube as the manual of Abaqus has them: S1 to S6.

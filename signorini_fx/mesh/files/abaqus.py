@@ -1,20 +1,24 @@
 """Meshes in Abaqus input files (.inp): nodes, elements, and the sets and surfaces that name parts of them.
 
 meshio knows neither the plane elements CPE3, CPE4, CPS4R ... nor surfaces on the faces of elements, so this is a reader
-of our own.  Keywords that say nothing of the mesh are passed over.
+of our own.  Keywords that say nothing of the mesh are passed over.  Supports, forces and pressures that are given for
+single nodes and faces name the boundary on which they act, so that a scene can refer to it.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from signorini_fx.errors import MeshError
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, blocks, components, real
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mesh.files.cells import Corners, straight
 from signorini_fx.mesh.files.raw import RawMesh, rows_of
@@ -24,7 +28,8 @@ _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
-_WITHOUT_STIFFNESS = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT")
+# Points, springs, dampers, couplings and networks of fluid: nothing of the body.
+NO_BODY = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT|SPRING|GAP|DCOUP|CONN|D$")
 _KIND_IN_SPACE = {
     4: "tetra",
     5: "pyramid",
@@ -71,37 +76,21 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
-@dataclass
-class Block:
-    """A keyword with its parameters, its line in the file, and its data lines split at commas."""
+@dataclass(frozen=True)
+class Group:
+    """Nodes or faces, given one by one, for which a keyword says the same.
 
-    keyword: str
-    parameters: dict[str, str]
-    line: int
-    rows: list[list[str]] = field(default_factory=list)
+    Attributes:
+        name: of the set that they make.
+        words: what is said, as a row says it of a set by its name.
+        nodes: their numbers in the file; of faces none.
+        values: of each node or face what is given there.
+    """
 
-
-def blocks(text: str) -> Iterator[Block]:
-    """The keywords one after the other."""
-    block: Block | None = None
-    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that is continued
-    following = 1
-    for whole in joined.split("\n"):
-        number, following = following, following + 1 + whole.count("\0")
-        line = whole.replace("\0", "").strip()
-        if not line or line.startswith("**"):
-            continue
-        if line.startswith("*"):
-            if block is not None:
-                yield block
-            first, *others = (word.strip() for word in line[1:].split(","))
-            pairs = (word.partition("=") for word in others)
-            parameters = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
-            block = Block(" ".join(first.upper().split()), parameters, number)
-        elif block is not None:
-            block.rows.append([word for word in (part.strip().strip('"') for part in line.split(",")) if word])
-    if block is not None:
-        yield block
+    name: str
+    words: tuple[str, ...]
+    nodes: tuple[int, ...]
+    values: tuple[float, ...]
 
 
 # Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
@@ -118,55 +107,115 @@ class _Reader:
     def __init__(self, room: int) -> None:
         self._room = room
         self._members = 0
+        self._spelt: dict[str, str] = {}  # names in capitals, which the programs do not distinguish -> as they are here
+        self._unnamed: list[tuple[Block, tuple[str, ...], dict[Any, float]]] = []
         self.points: dict[int, list[float]] = {}
         self.blocks: list[tuple[str, list[list[int]]]] = []
         self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
-        self.passed_over: set[int] = set()  # elements that do not deform
+        self.passed_over: set[int] = set()  # elements that are nothing of the body
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
+        self.groups: dict[int, list[Group]] = {}
+        self.undefined: dict[str, int] = {}
+        self.places: dict[int, int] = {}
 
-    def read(self, keyword: str, parameters: dict[str, str], rows: list[list[str]]) -> None:
-        match keyword:
+    def read(self, block: Block) -> None:
+        parameters, rows = block.parameters, block.rows
+        match block.keyword:
             case "NODE":
-                for number, *x in rows:
-                    if int(number) in self.points:
-                        raise ValueError(f"node {number} is defined twice: files with several parts are not supported")
-                    self.points[int(number)] = [float(value.upper().replace("D", "E")) for value in x[:3]]
+                for name, *x in rows:
+                    if int(name) in self.points:
+                        raise ValueError(f"node {name} is defined twice: files with several parts are not supported")
+                    self.points[int(name)] = [real(value) for value in x[:3]]
                 if "NSET" in parameters:
-                    self.node_sets.setdefault(parameters["NSET"], []).extend(int(row[0]) for row in rows)
+                    name = self._name(parameters["NSET"])
+                    self.node_sets.setdefault(name, []).extend(int(row[0]) for row in rows)
             case "ELEMENT":
                 self._read_elements(parameters, rows)
             case "NSET":
-                self._read_set(self.node_sets, parameters["NSET"], parameters, rows)
+                self._read_set(self.node_sets, self._name(parameters["NSET"]), parameters, rows)
             case "ELSET":
-                self._read_set(self.element_sets, parameters["ELSET"], parameters, rows)
+                self._read_set(self.element_sets, self._name(parameters["ELSET"]), parameters, rows)
             case "SURFACE":
                 self._read_surface(parameters, rows)
+            case "BOUNDARY" | "CLOAD" | "DLOAD":
+                self._read_single(block)
             case "INCLUDE":
                 raise ValueError("*INCLUDE is not followed: put everything into one file")
+            case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
+                raise ValueError("nodes and elements are not generated here: write them all into the file")
             case "INSTANCE" if rows:
                 raise ValueError("*INSTANCE moves its part: write the mesh in its final position")
 
+    def _name(self, name: str) -> str:
+        """A name as it was written first."""
+        return self._spelt.setdefault(name.upper(), name)
+
+    def _read_single(self, block: Block) -> None:
+        """Supports, forces and pressures of single nodes and elements: those that agree are a group."""
+        found: dict[tuple[str, ...], dict[Any, float]] = {}
+        for target, *words in block.rows:
+            single = self._single(target)
+            match block.keyword:
+                case "BOUNDARY" if single is not None:
+                    for component, value in components(words).items():
+                        if component not in ROTATIONS:
+                            found.setdefault((str(component), "", repr(value)), {})[single] = value
+                case "CLOAD":
+                    forces, value = found.setdefault((words[0],), {}), real((*words, "0")[1])
+                    for node in self._member(self.node_sets, target) if single is None else [single]:
+                        forces[node] = forces.get(node, 0.0) + value
+                case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
+                    members = self._member(self.element_sets, target) if single is None else [single]
+                    value = real((*words, "0")[1])
+                    faces = ((element, int(words[0][1:])) for element in members)
+                    found.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
+        self._unnamed += [(block, words, members) for words, members in found.items()]
+
+    @staticmethod
+    def _single(word: str) -> int | None:
+        """The number of a node or element, perhaps with the name of its instance before it."""
+        plain = word.rpartition(".")[2]
+        return int(plain) if plain.isdigit() else None
+
+    def _name_groups(self) -> None:
+        """Every group is a set: one that the file names, or one with a name of its own."""
+        words = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
+        known: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in self.node_sets.items()}
+        known |= {frozenset(faces): name for name, faces in self.surfaces.items()}
+        for block, said, members in self._unnamed:
+            key = frozenset(members)
+            if (name := known.get(key)) is None:
+                label = words[block.keyword]
+                name = next(name for n in itertools.count(1) if (name := f"{label}_{n}").upper() not in self._spelt)
+                known[key] = self._name(name)
+                if block.keyword == "DLOAD":
+                    self.surfaces[name] = list(members)
+                elif len(members) > 1:  # one node is no boundary
+                    self.node_sets[name] = list(members)
+            nodes = () if block.keyword == "DLOAD" else tuple(members)
+            self.groups.setdefault(block.line, []).append(Group(name, said, nodes, tuple(members.values())))
+
     def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
-        if _WITHOUT_STIFFNESS.match(parameters["TYPE"].upper()):
+        if NO_BODY.match(parameters["TYPE"].upper()):
             self.passed_over.update(int(row[0]) for row in rows)
             if "ELSET" in parameters:
-                self.element_sets.setdefault(parameters["ELSET"], [])
+                self.element_sets.setdefault(self._name(parameters["ELSET"]), [])
             return
         kind, count = _kind(parameters["TYPE"].upper())
         words = [int(word) for row in rows for word in row]
         if len(words) % (count + 1):
             raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes per element are expected")
         table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
-        for row, (number, *_) in enumerate(table):
-            if number in self.elements:
-                raise ValueError(f"element {number} is defined twice: files with several parts are not supported")
-            self.elements[number] = len(self.blocks), row
+        for row, (element, *_) in enumerate(table):
+            if element in self.elements:
+                raise ValueError(f"element {element} is defined twice: files with several parts are not supported")
+            self.elements[element] = len(self.blocks), row
         if table:
             self.blocks.append((kind, [nodes for _, *nodes in table]))
         if "ELSET" in parameters:
-            self.element_sets.setdefault(parameters["ELSET"], []).extend(row[0] for row in table)
+            self.element_sets.setdefault(self._name(parameters["ELSET"]), []).extend(row[0] for row in table)
 
     def _read_set(
         self, sets: dict[str, list[int]], name: str, parameters: dict[str, str], rows: list[list[str]]
@@ -183,7 +232,7 @@ class _Reader:
             for word in row:
                 if word.isdigit():
                     members[int(word)] = None
-                elif word == name:
+                elif self._name(word) == name:
                     raise ValueError(f"set {name!r} contains itself")
                 elif word not in taken:
                     taken.add(word)
@@ -196,14 +245,14 @@ class _Reader:
     def _member(self, sets: dict[str, list[int]], word: str) -> list[int]:
         """A set within a set, perhaps with the name of its instance before it."""
         for name in (word, word.rpartition(".")[2]):
-            if name in sets:
-                return sets[name]
-        if (number := word.rpartition(".")[2]).isdigit():
-            return [int(number)]
+            if (found := sets.get(self._name(name))) is not None:
+                return found
+        if (single := self._single(word)) is not None:
+            return [single]
         raise ValueError(f"set {word!r} does not exist")
 
     def _read_surface(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
-        name, kind = parameters["NAME"], parameters.get("TYPE", "ELEMENT").upper()
+        name, kind = self._name(parameters["NAME"]), parameters.get("TYPE", "ELEMENT").upper()
         for row in rows:
             if kind == "NODE":
                 self.node_sets.setdefault(name, []).extend(
@@ -218,16 +267,16 @@ class _Reader:
                     raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
 
     def result(self) -> RawMesh:
-        """Everything with the numbering of arrays."""
-        place = {number: index for index, number in enumerate(self.points)}
+        """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
+        self._name_groups()
+        place = self.places = {node: index for index, node in enumerate(self.points)}
         width = max((len(x) for x in self.points.values()), default=2)
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
-        blocks = [
-            (kind, np.array([[place[n] for n in row] for row in nodes], dtype=np.int64)) for kind, nodes in self.blocks
-        ]
-        sets = {name: self._rows(members, len(blocks)) for name, members in self.element_sets.items()}
+        blocks = [(kind, self._table(block, nodes, place)) for block, (kind, nodes) in enumerate(self.blocks)]
+        sets = {name: self._rows(name, members, len(blocks)) for name, members in self.element_sets.items()}
         for name, faces in self.surfaces.items():
-            sides = [self._side(blocks, name, element, face) for element, face in faces]
+            solid = self._defined(name, [face for face in faces if self._is_body(face[0])], len(faces))
+            sides = [self._side(blocks, name, element, face) for element, face in solid]
             for kind, corners in (("line", 2), ("triangle", 3), ("quad", 4)):
                 own = [side for side in sides if len(side) == corners]
                 if not own:
@@ -238,17 +287,37 @@ class _Reader:
                 before = sets.get(name, [none] * len(blocks))
                 sets[name] = [*before[:-1], np.arange(len(own))]
         node_sets = {
-            name: np.array([place[n] for n in nodes], dtype=np.int64) for name, nodes in self.node_sets.items()
+            name: np.array(self._defined(name, [place[n] for n in nodes if n in place], len(nodes)), dtype=np.int64)
+            for name, nodes in self.node_sets.items()
         }
         return RawMesh(points, blocks, sets, node_sets)
 
-    def _rows(self, members: list[int], count: int) -> list[Ints]:
+    def _is_body(self, element: int) -> bool:
+        """Whether an element is defined and no line."""
+        return element in self.elements and not self.blocks[self.elements[element][0]][0].startswith("line")
+
+    def _defined(self, name: str, members: list[Any], given: int) -> list[Any]:
+        """The members of a set that the file defines; how many it does not is kept."""
+        if len(members) < given:
+            self.undefined[name] = given - len(members)
+        return members
+
+    def _table(self, block: int, nodes: list[list[int]], place: dict[int, int]) -> Ints:
+        try:
+            return np.array([[place[n] for n in row] for row in nodes], dtype=np.int64)
+        except KeyError:
+            row = next(k for k, row in enumerate(nodes) if not place.keys() >= set(row))
+            element = next(one for one, where in self.elements.items() if where == (block, row))
+            node = next(n for n in nodes[row] if n not in place)
+            raise ValueError(f"element {element} has the node {node}, which the file does not define") from None
+
+    def _rows(self, name: str, members: list[int], count: int) -> list[Ints]:
         found: list[list[int]] = [[] for _ in range(count)]
-        for member in members:
-            if member in self.passed_over:
-                continue
-            block, row = self.elements[member]
-            found[block].append(row)
+        known = [member for member in members if member in self.elements or member in self.passed_over]
+        for member in self._defined(name, known, len(members)):
+            if member not in self.passed_over:
+                block, row = self.elements[member]
+                found[block].append(row)
         return [np.array(rows, dtype=np.int64) for rows in found]
 
     def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
@@ -260,11 +329,27 @@ class _Reader:
         return [int(nodes[row, corner]) for corner in faces[face - 1]]
 
 
-def read(file: Path) -> RawMesh:
-    """The mesh of an Abaqus input file.
+@dataclass(frozen=True)
+class Model:
+    """An Abaqus input file.
 
-    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
-    surfaces name boundaries.
+    Attributes:
+        raw: its mesh.
+        blocks: its keywords.
+        groups: line of a keyword -> what it says of single nodes and faces.
+        undefined: name of a set -> how many of its members the file does not define.
+        places: number of a node -> its row in the mesh.
+    """
+
+    raw: RawMesh
+    blocks: list[Block]
+    groups: dict[int, list[Group]]
+    undefined: dict[str, int]
+    places: dict[int, int]
+
+
+def read_model(file: Path) -> Model:
+    """The mesh of an Abaqus input file, and all of its keywords.
 
     Raises:
         MeshError: it is not such a file, or has several parts; elements that are neither plane nor solid.
@@ -273,13 +358,27 @@ def read(file: Path) -> RawMesh:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
-    reader = _Reader(len(text))
-    for block in blocks(text):
-        with _named(file, f"line {block.line}, *{block.keyword}"):
-            reader.read(block.keyword, block.parameters, block.rows)
+    reader, every = _Reader(len(text)), list(blocks(text))
+    for block in every:
+        with _named(file, f"line {block.line}, *{block.name}"):
+            reader.read(block)
     with _named(file, "sets and elements"):
         mesh = reader.result()
-    return mesh
+        if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
+            raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
+    return Model(mesh, every, reader.groups, reader.undefined, reader.places)
+
+
+def read(file: Path) -> RawMesh:
+    """The mesh of an Abaqus input file.
+
+    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
+    surfaces name boundaries.
+
+    Raises:
+        MeshError: see ``read_model``.
+    """
+    return read_model(file).raw
 
 
 @contextmanager

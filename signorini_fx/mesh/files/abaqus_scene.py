@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_deck import Deck, plain_name, read_deck
+from signorini_fx.mesh.files.abaqus_blocks import real
+from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
+from signorini_fx.mesh.files.abaqus_deck import read_deck
 from signorini_fx.mesh.files.arrays import MeshArrays
-from signorini_fx.mesh.files.shape import Floats
+from signorini_fx.mesh.files.shape import Floats, Ints
 
 _FLAT = 1e-6  # of its size: a rigid surface that deviates by less from a plane is one
 
@@ -38,7 +40,8 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str]]:
 
 def _written(deck: Deck, file: Path, target: Path) -> str:
     steps = max(1, len(deck.steps))
-    tables = [*_materials(deck), *_tables(deck, steps)]
+    tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
+    tables += [*_materials(deck), *_tables(deck, steps)]
     tables += [("[[contact]]", lines) for lines in _contacts(deck)]
     if len(deck.steps) > 1:
         tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]"]))
@@ -57,11 +60,11 @@ def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
     known: list[tuple[str | None, dict[str, float]]] = [(region, own) for region, own, _ in used if "young" in own]
     for region, own, name in used:
         if "young" not in own:
-            deck.left_out.append(f"material {name!r}" + (f" of {region!r}" if region else "") + ": it has no *ELASTIC")
+            deck.leave_out(None, f"material {name!r}" + (f" of {region!r}" if region else "") + ": it has no *ELASTIC")
     if not known:
         known += [(None, own) for own in deck.materials.values() if "young" in own][:1]
     if not known:
-        deck.left_out.append("the material: there is none with *ELASTIC, and steel in mm and MPa stands in its place")
+        deck.leave_out(None, "the material: there is none with *ELASTIC, and steel in mm and MPa stands in its place")
         known += [(None, {"young": 210000.0, "poisson": 0.3})]
     alike = len({(own["young"], own["poisson"]) for _, own in known}) == 1
     shown = known[:1] if alike else known
@@ -83,7 +86,7 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     for load in deck.loads.values():
-        values = load.by_step(steps)
+        values = _courses(deck, load, steps)
         largest = max(values, key=abs)
         if largest == 0 and load.table != "displacement":
             continue
@@ -97,7 +100,7 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     for (table, target, course, _), own in merged.items():
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
-            deck.left_out.append("several body forces: a scene has one, the first is taken")
+            deck.leave_out(None, "several body forces: a scene has one, the first is taken")
             continue
         lines = [f"boundary = {_quoted(target)}"] if target else []
         lines += [f"{key} = {value!r}" for key, value in own.items()]
@@ -106,33 +109,57 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     return found
 
 
+def _courses(deck: Deck, load: Load, steps: int) -> list[float]:
+    """The values of a load in the steps, and a word on supports that are not there in all of them."""
+    values = load.by_step(steps)
+    if load.table == "displacement" and None in values and any(value is not None for value in values):
+        free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
+        deck.leave_out(None, f"{load.target!r} is free along {''.join(load.keys)} in {free}: here it is held there")
+    return [value or 0.0 for value in values]
+
+
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
 def _contacts(deck: Deck) -> list[list[str]]:
     """The lines of each [[contact]]."""
-    found = []
-    for one, other, interaction in deck.pairs:
+    found: list[list[str]] = []
+    taken: dict[str, Ints] = {}
+    every = [(*names, None) for names in deck.ties] + deck.pairs
+    for one, other, interaction in every:
+        tie = interaction is None or interaction in deck.tied
+        said = f"{'tie' if tie else 'contact'} of {one!r} with {other!r}"
         names = [name for name in (one, other) if plain_name(name) in deck.rigid]
-        body = next((name for name in (one, other) if name not in names), one)
-        where = deck.boundary(body)
-        pair = f"contact of {one!r} with {other!r}"
-        if not names:
-            deck.left_out.append(f"{pair}: neither is rigid")
-            continue
-        if where is None:
-            deck.left_out.append(f"{pair}: {body!r} is no boundary of the body")
-            continue
-        lines = [f"boundary = {_quoted(where)}", *_gap(deck, where, names[0])]
-        own = deck.frictions.get(interaction, {})
-        if interaction in deck.rough:
-            deck.left_out.append(f"{pair}: rough friction, which never slides: give a coefficient")
-        elif own.get("coefficient"):
-            cap = f", cap = {own['cap']!r}" if "cap" in own else ""
-            lines.append(f'friction = {{ law = "coulomb", coefficient = {own["coefficient"]!r}{cap} }}')
-        found.append(lines)
+        sides = {name: deck.boundary(name) for name in (one, other) if name not in names}
+        missing = [name for name, where in sides.items() if where is None]
+        own = [where for where in sides.values() if where is not None]
+        rows = {where: deck.mesh.boundaries[where] for where in own}
+        shared = [where for where in own if any(np.intersect1d(rows[where], there).size for there in taken.values())]
+        if len(names) == 2 or one == other:
+            deck.leave_out(None, f"{said}: " + ("both are rigid" if names else "a surface with itself"))
+        elif missing:
+            deck.leave_out(None, f"{said}: {missing[0]!r} is no boundary of the body")
+        elif shared:
+            deck.leave_out(None, f"{said}: facets of {shared[0]!r} are in another contact, and have one only")
+        elif tie and names:
+            deck.leave_out(None, f"{said}: {names[0]!r} is rigid; give displacements instead")
+        else:
+            taken |= rows
+            lines = [f"boundary = {_quoted(own[0])}"]
+            lines += _gap(deck, own[0], names[0]) if names else [f"against = {_quoted(own[1])}"]
+            found.append([*lines, 'kind = "bonded"'] if tie else [*lines, *_friction(deck, said, interaction or "")])
     return found
+
+
+def _friction(deck: Deck, said: str, interaction: str) -> list[str]:
+    own = deck.frictions.get(interaction, {})
+    if interaction in deck.rough:
+        deck.leave_out(None, f"{said}: rough friction, which never slides: give a coefficient")
+    elif own.get("coefficient"):
+        cap = f", cap = {own['cap']!r}" if "cap" in own else ""
+        return [f'friction = {{ law = "coulomb", coefficient = {own["coefficient"]!r}{cap} }}']
+    return []
 
 
 def _gap(deck: Deck, where: str, rigid: str) -> list[str]:
@@ -141,7 +168,7 @@ def _gap(deck: Deck, where: str, rigid: str) -> list[str]:
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
     plane = None if points is None else _plane(points[:, : deck.mesh.dim])
     if plane is None:
-        deck.left_out.append(f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
+        deck.leave_out(None, f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
     middle, normal = plane
     side = float(np.mean(body, axis=0) @ normal - middle @ normal)
@@ -169,15 +196,15 @@ def _points_of_surface(deck: Deck, name: str) -> Floats | None:
     if (rows := deck.drawn.get(name)) is not None:
         if deck.mesh.dim == 3 or [row[0].upper() for row in rows] != ["START", "LINE"]:
             return None
-        return np.array([[float(word) for word in row[1:3]] for row in rows])
+        return np.array([[real(word) for word in row[1:3]] for row in rows])
     own = {name, *deck.parts.get(name, ())}
     nodes = [
         block[rows].ravel()
-        for label, members in deck.raw.sets.items()
+        for label, members in deck.model.raw.sets.items()
         if label.upper() in own
-        for (_, block), rows in zip(deck.raw.blocks, members, strict=True)
+        for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
     ]
-    return np.asarray(deck.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
+    return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
 
 
 def _plane(points: Floats) -> tuple[Floats, Floats] | None:

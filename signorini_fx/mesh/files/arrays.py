@@ -111,7 +111,9 @@ def from_raw(
     raw, note = cut(raw, name)
     kind, body = _body(raw, name)
     if (whole := completed(kind)) is not None:
+        count = sum(len(raw.blocks[n][1]) for n in body)
         raw, kind = _completed(raw, body, *whole)
+        note = f"{count} {whole[0].word} get nodes in the middle of their faces, and are {kind}"
     cell = CELLS[kind]
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
@@ -165,16 +167,16 @@ def _corners_of(kind: str) -> int:
 
 
 def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
-    """The raw mesh with the nodes that its cells lack, each as often as cells have it, joined where cells meet."""
+    """The raw mesh with the nodes that its cells lack, those on a face joined where cells meet."""
     incomplete = np.concatenate([raw.blocks[n][1] for n in body])
     there = incomplete.shape[1]
     new = cell.nodes[there:]
     # A face is identified by its corners, a cell by its number.
-    faces = np.concatenate([incomplete[:, list(own)] for own in new[:-1]])
+    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(own)] for own in new[:-1])])
     first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
     inside = len(first) + np.arange(len(incomplete))
     count = len(raw.points)
-    added = np.column_stack((number.reshape(len(new) - 1, -1).T, inside)) + count
+    added = np.column_stack((number.reshape(len(new) - 1, len(incomplete)).T, inside)) + count
     x = np.einsum("nt,ctd->cnd", weights[there:], np.asarray(raw.points, dtype=np.float64)[incomplete])
     points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
     blocks, start = list(raw.blocks), 0

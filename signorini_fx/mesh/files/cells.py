@@ -147,6 +147,10 @@ def straight(cell: Cell) -> Cell:
     return next(one for one in _ALL if one.corners == cell.corners and one.degree == 1)
 
 
+# Elements of the serendipity family, which have no nodes in the middle of faces, and their complete kind.
+_COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
+
+
 def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
     """How to complete an element without nodes in the middle of its faces, with exactly the same shape.
 
@@ -154,23 +158,24 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
         The complete kind, and the weights of the existing nodes in each of its nodes, shape (nodes, existing nodes);
         None for any other kind.
     """
-    if kind != "hexahedron20":
+    if kind not in _COMPLETE:
         return None
-    whole = CELLS["hexahedron27"]
+    whole = CELLS[_COMPLETE[kind]]
     x = 2 * np.array([np.mean([whole.corners[c] for c in own], axis=0) for own in whole.nodes]) - 1
     corner = 2.0 * np.array(whole.corners) - 1
-    at_corners = [((1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - 2)) / 8 for c in corner]
-    at_edges = [_serendipity(x, np.mean(corner[list(own)], axis=0)) for own in _EDGES_8]
+    at_corners = [(1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - whole.dim + 1) / len(corner) for c in corner]
+    edges = [own for own in whole.nodes if len(own) == 2]
+    at_edges = [_serendipity(x, np.mean(corner[list(own)], axis=0)) for own in edges]
     return whole, np.stack([*at_corners, *at_edges], axis=1)
 
 
 def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Shape function of the node in the middle of an edge, on [-1, 1]^3."""
+    """Shape function of the node in the middle of an edge, on [-1, 1]^d."""
     factors: list[Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]] = [
         (lambda v: 1 - v * v) if c == 0 else (lambda v, c=c: 1 + v * c)  # type: ignore[misc]
         for c in edge
     ]
-    return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 4
+    return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 2 ** (x.shape[1] - 1)
 
 
 __all__ = ["CELLS", "Cell", "completed", "of_gmsh", "straight"]

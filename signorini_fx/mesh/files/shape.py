@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -30,8 +32,19 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
         nodes: of each element in the order of its kind, shape (m, k).
         cell: the kind, of d dimensions or of one less.
     """
+    found = [np.empty(0), *(size @ weights for size, weights, _ in _sizes(points, nodes, cell))]
+    return np.concatenate(found)
+
+
+def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
+    """The integral of each shape function over each element, which is the share of its node, shape (m, k)."""
+    found = [size @ (weights[:, None] * cell.shape(x)) for size, weights, x in _sizes(points, nodes, cell)]
+    return np.concatenate([np.empty((0, len(cell.nodes))), *found])
+
+
+def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Of some elements after others the measure at each place of a quadrature, with its weights and places."""
     x, weights = _quadrature(cell)
-    found = [np.empty(0)]
     for start in range(0, len(nodes), _CHUNK):
         jacobian = _jacobian(points, nodes[start : start + _CHUNK], cell, x)
         if cell.dim == points.shape[1]:
@@ -39,8 +52,7 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
         else:
             gram = np.einsum("mqdi,mqdj->mqij", jacobian, jacobian)
             size = np.sqrt(np.maximum(np.linalg.det(gram), 0.0))
-        found.append(size @ weights)
-    return np.concatenate(found)
+        yield size, weights, x
 
 
 def _quadrature(cell: Cell) -> tuple[Floats, Floats]:

@@ -1,0 +1,82 @@
+"""Abaqus input files as text: keywords with their parameters and data lines, and the words in them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Block:
+    """A keyword with its parameters, its line in the file, and its data lines split at commas.
+
+    Attributes:
+        keyword: in capitals and without blanks, which the programs ignore.
+        parameters: in capitals -> value.
+        line: in the file, from 1.
+        rows: the data lines.
+        name: the keyword as it is written, in capitals.
+    """
+
+    keyword: str
+    parameters: dict[str, str]
+    line: int
+    rows: list[list[str]] = field(default_factory=list)
+    name: str = ""
+
+
+def blocks(text: str) -> Iterator[Block]:
+    """The keywords one after the other."""
+    block: Block | None = None
+    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that is continued
+    following = 1
+    for whole in joined.split("\n"):
+        number, following = following, following + 1 + whole.count("\0")
+        line = whole.replace("\0", "").strip()
+        if not line or line.startswith("**"):
+            continue
+        if line.startswith("*"):
+            if block is not None:
+                yield block
+            first, *others = (word.strip() for word in line[1:].split(","))
+            pairs = (word.partition("=") for word in others)
+            parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
+            name = " ".join(first.upper().split())
+            block = Block(name.replace(" ", ""), parameters, number, name=name)
+        elif block is not None:
+            words = [part.strip().strip('"') for part in line.rstrip(", \t").split(",")]
+            # In a support an empty word says that there is one component only.
+            block.rows.append([word for word in words if word or block.keyword == "BOUNDARY"])
+    if block is not None:
+        yield block
+
+
+def real(word: str) -> float:
+    """A number, perhaps as Fortran writes it."""
+    return float(re.sub("[dD]", "E", word))
+
+
+_LABELS = {
+    **{"ENCASTRE": "123456", "PINNED": "123", "XSYMM": "156", "YSYMM": "246", "ZSYMM": "345"},
+    **{"XASYMM": "234", "YASYMM": "135", "ZASYMM": "126"},
+}
+
+
+ROTATIONS = range(4, 7)
+
+
+def components(words: Sequence[str]) -> dict[int, float]:
+    """The components that a row of *BOUNDARY prescribes: 1 to 3 are displacements, 4 to 6 rotations.
+
+    Args:
+        words: the row without its node or set.
+
+    Raises:
+        ValueError: a number is none.
+        IndexError: nothing is prescribed.
+    """
+    if (held := _LABELS.get(words[0].upper())) is not None:
+        return {int(component): 0.0 for component in held}
+    first, last, value = (*words, "", "")[:3]
+    return dict.fromkeys(range(int(first), int(last or first) + 1), real(value) if value else 0.0)

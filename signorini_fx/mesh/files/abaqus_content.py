@@ -1,0 +1,155 @@
+"""The content of an Abaqus input file in terms of a scene: loads by step, names of boundaries, what was left out.
+
+No dolfinx here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.mesh.files.abaqus import Model
+from signorini_fx.mesh.files.abaqus_blocks import Block
+from signorini_fx.mesh.files.arrays import MeshArrays
+from signorini_fx.mesh.files.cells import CELLS, completed
+from signorini_fx.mesh.files.shape import Ints
+
+
+@dataclass
+class Load:
+    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was.
+
+    Attributes:
+        table: of the scene.
+        target: name of its boundary.
+        keys: of the table.
+        direction: share of the value in each key.
+        keyword: that gives it.
+        values: step -> value; None: it ends with this step.
+    """
+
+    table: str
+    target: str
+    keys: tuple[str, ...]
+    direction: tuple[float, ...] = (1.0,)
+    keyword: str = ""
+    values: dict[int, float | None] = field(default_factory=dict)
+
+    def by_step(self, steps: int) -> list[float | None]:
+        """Its value in each step, None where there is none; what was given before the first one holds in all."""
+        now, found = self.values.get(-1), []
+        for step in range(steps):
+            now = self.values.get(step, now)
+            found.append(now)
+        return found
+
+
+@dataclass
+class Deck:
+    """What has been read, and what was left out."""
+
+    mesh: MeshArrays
+    model: Model
+    said: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    title: str = ""
+    materials: dict[str, dict[str, float]] = field(default_factory=dict)
+    sections: list[tuple[str, str]] = field(default_factory=list)
+    stress: bool = False
+    thickness: float = 1.0
+    steps: list[str] = field(default_factory=list)
+    period: float = 1.0
+    time: float = 0.0
+    loads: dict[tuple[Any, ...], Load] = field(default_factory=dict)
+    ended: set[tuple[int, str]] = field(default_factory=set)
+    amplitudes: dict[str, Block] = field(default_factory=dict)
+    turned: set[int] = field(default_factory=set)
+    frictions: dict[str, dict[str, float]] = field(default_factory=dict)
+    pairs: list[tuple[str, str, str]] = field(default_factory=list)
+    ties: list[tuple[str, str]] = field(default_factory=list)
+    tied: set[str] = field(default_factory=set)
+    rigid: set[str] = field(default_factory=set)
+    parts: dict[str, list[str]] = field(default_factory=dict)
+    movers: set[str] = field(default_factory=set)
+    drawn: dict[str, list[list[str]]] = field(default_factory=dict)
+    rough: set[str] = field(default_factory=set)
+
+    @property
+    def step(self) -> int:
+        """The current one, from 0; -1 before the first."""
+        return len(self.steps) - 1
+
+    @property
+    def axes(self) -> str:
+        """Of the mesh."""
+        return "xyz"[: self.mesh.dim]
+
+    def leave_out(self, block: Block | None, why: str) -> None:
+        """Say that something is not in the scene."""
+        lines = self.said.setdefault((block.name if block else "", why), [])
+        if block and block.line not in lines:
+            lines.append(block.line)
+
+    @property
+    def left_out(self) -> list[str]:
+        """What is not in the scene; what is so for the same reason several times is one line."""
+        found = []
+        for (name, why), lines in self.said.items():
+            more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
+            found.append(f"line {lines[0]}, *{name}{more}: {why}" if lines else why)
+        return found
+
+    def boundary(self, name: str) -> str | None:
+        """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
+        return _known(name, (own for own, facets in self.mesh.boundaries.items() if facets.size))
+
+    def region(self, name: str) -> str | None:
+        """The same for a part of the body."""
+        return _known(name, self.mesh.regions)
+
+    @cached_property
+    def numbers(self) -> Ints:
+        """Row of the file of each node of the body, ascending; nodes that complete its cells have none."""
+        raw = self.model.raw
+        used = [nodes.ravel() for kind, nodes in raw.blocks if dimension(kind) == self.mesh.dim]
+        return np.unique(np.concatenate(used))
+
+    def nodes(self, name: str) -> Ints:
+        """Rows of the file of the nodes of a set that the body has."""
+        own = _known(name, self.model.raw.node_sets)
+        return np.empty(0, np.int64) if own is None else np.intersect1d(self.model.raw.node_sets[own], self.numbers)
+
+    def held(self, boundary: str) -> Ints:
+        """Rows of the file of the nodes of a boundary."""
+        nodes = np.unique(self.mesh.facets[self.mesh.boundaries[boundary]])
+        return self.numbers[nodes[nodes < len(self.numbers)]]
+
+    def inside(self, boundary: str) -> int:
+        """How many faces of a surface of the file its boundary does not have, because they are inside the body."""
+        raw, held = self.model.raw, self.held(boundary)
+        faces = [
+            nodes[rows]
+            for (kind, nodes), rows in zip(raw.blocks, raw.sets.get(boundary, ()), strict=False)
+            if dimension(kind) == self.mesh.dim - 1
+        ]
+        return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
+
+
+def dimension(kind: str) -> int:
+    """Of an element."""
+    if kind in ("wedge", "wedge15", "pyramid"):
+        return 3
+    return (CELLS[kind] if kind in CELLS else whole[0] if (whole := completed(kind)) else CELLS["line"]).dim
+
+
+def _known(name: str, names: Iterable[str]) -> str | None:
+    wanted = (name.upper(), plain_name(name))
+    return next((one for one in names if one.upper() in wanted), None)
+
+
+def plain_name(name: str) -> str:
+    """The name of a set in capitals, without its instance."""
+    return name.rpartition(".")[2].upper()
