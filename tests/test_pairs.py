@@ -88,7 +88,7 @@ def test_functions_of_a_whole_facet():
     for element, rows in wanted.items():
         slave = curve(element, 3, flat, (0, -1))
         master = curve("P1", 1, lambda s: [1.2 * s - 0.1, 0.0], (0, 1))
-        overlap = plane_overlap(slave, master, 1.0)
+        overlap = plane_overlap(slave, master, 1.0, np.arange(3))
         # Which function is which follows from the order of the places.
         np.testing.assert_allclose(dual_coefficients(slave, overlap), [rows] * 3, atol=1e-12)
 
@@ -98,7 +98,7 @@ def test_functions_of_a_whole_facet():
     for element in ("P1", "P2"):
         slave = sheet(element, (1, 1), level, (0, -1, 0))
         master = sheet("P1", (1, 1), lambda s, t: [1.4 * s - 0.2, 0.0, 1.4 * t - 0.2], (0, 1, 0))
-        overlap = space_overlap(slave, master, 1.0)
+        overlap = space_overlap(slave, master, 1.0, np.arange(2))
         np.testing.assert_allclose(dual_coefficients(slave, overlap), [4 * np.eye(3) - 1] * 2, atol=1e-11)
         if element == "P2":
             found = couple(slave, master, np.zeros(9, dtype=bool))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, on, per_cell
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
@@ -102,12 +103,12 @@ def nothing(mesh, v):
     return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
 
 
-def example1(count, degree=1, stiffer=1.0, rigid=False, **settings):
+def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **settings):
     """Example 1 of the paper without friction on a foundation of its own material, which may be stiffer."""
     bodies = [grid("quadrilateral", (count, count // 3), (0, 0), (3, 1))]
     if not rigid:
         bodies.append(grid("quadrilateral", (4 * count // 5, count // 4), (0, -1), (3, 0)))
-    mesh = assembled("quadrilateral", *bodies)
+    mesh = assembled("quadrilateral", *bodies, comm=comm)
     space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 5000.0 * (1.0 if x[1] > 0 else stiffer)), 0.4)
     ends = facets(mesh, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 3))
     bcs = [held(space, ends, 0), *(held(space, facets(mesh, lambda x: np.isclose(x[1], -1)), k) for k in (0, 1))]
@@ -272,7 +273,7 @@ def test_the_certificate_notices_a_wrong_map(monkeypatch):
         assert problem.certificate.coupling > 1e-5
 
 
-def paraboloids(kind, degree, counts, **settings):
+def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
     """Two bodies with rounded faces pressed and sheared in space."""
 
     def body(radius, sign, along, through):
@@ -282,7 +283,7 @@ def paraboloids(kind, degree, counts, **settings):
 
         return grid(kind, (along, along, through), (-1, -1, 0), (1, 1, 1), place)
 
-    mesh = assembled(kind, body(8.0, 1.0, counts[0], 2), body(12.0, -1.0, counts[1], 2))
+    mesh = assembled(kind, body(8.0, 1.0, counts[0], 2), body(12.0, -1.0, counts[1], 2), comm=comm)
     space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0))
     sides = [
         facets_of_piece(
@@ -324,12 +325,13 @@ def test_multigrid_moves_both_bodies_together(kind, degree, counts, share, monke
     assert together < share * cycles[0]
 
 
-@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
-def test_three_bodies_on_a_foundation(kind):
-    """A stack that nothing else holds, with meshes of all sizes: each contact carries what is above it."""
+def stack(kind, comm=MPI.COMM_SELF):
+    """Three bodies on each other and on a foundation, that nothing else holds, with meshes of all sizes."""
     heights, counts = (0.0, 1.0, 1.6, 2.6), ((5, 3), (4, 2), (7, 3))
     mesh = assembled(
-        kind, *(grid(kind, n, (0.0, a), (1.0, b)) for a, b, n in zip(heights, heights[1:], counts, strict=False))
+        kind,
+        *(grid(kind, n, (0.0, a), (1.0, b)) for a, b, n in zip(heights, heights[1:], counts, strict=False)),
+        comm=comm,
     )
     _, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
 
@@ -341,7 +343,13 @@ def test_three_bodies_on_a_foundation(kind):
     weight = ufl.inner(fem.Constant(mesh, (0.2, -1.0)), v) * ufl.dx
     problem = ContactProblem(a, weight, contact=contact)
     problem.solve()
-    state = problem.state
+    return problem
+
+
+@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
+def test_three_bodies_on_a_foundation(kind):
+    """Each contact carries what is above it."""
+    state = stack(kind).state
     forces = -state.boundary.nodal_forces(state.pressure, state.shear)
     for number, carried in enumerate((1.6, 1.0, 2.6)):
         total = forces[state.boundary.part == number].sum(axis=0)

@@ -27,13 +27,16 @@ def grid(kind, counts, low, high, place=None):
     return cells, x if place is None else np.asarray(place(x))
 
 
-def assembled(kind, *bodies):
+def assembled(kind, *bodies, comm=MPI.COMM_SELF):
     """One mesh of several pieces, each (cells, points)."""
     before = np.cumsum([0, *(len(x) for _, x in bodies)])
     cells = np.concatenate([cells + start for (cells, _), start in zip(bodies, before, strict=False)])
     x = np.concatenate([points for _, points in bodies])
     element = basix.ufl.element("Lagrange", kind, 1, shape=(x.shape[1],))
-    return dmesh.create_mesh(MPI.COMM_SELF, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element))
+    if comm.rank:  # the first rank has all of it
+        cells, x = cells[:0], x[:0]
+    shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet)
+    return dmesh.create_mesh(comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element), partitioner=shared)
 
 
 def facets(mesh, marker):
@@ -45,7 +48,8 @@ def per_cell(mesh, value):
     """A number for each cell, from its middle, of shape (d,)."""
     found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     dim = mesh.topology.dim
-    count = mesh.topology.index_map(dim).size_local
+    cells = mesh.topology.index_map(dim)
+    count = cells.size_local + cells.num_ghosts
     middles = dmesh.compute_midpoints(mesh, dim, np.arange(count, dtype=np.int32))
     found.x.array[:] = [value(x) for x in middles]
     return found

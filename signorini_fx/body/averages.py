@@ -231,3 +231,15 @@ def from_owners(known: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Flo
         scatter.scatter(column, received)
         found[:, k] = received.getArray(readonly=True)
     return found
+
+
+def to_owners(values: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> _Floats:
+    """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned, k); collective."""
+    column = PETSc.Vec().createMPI((owned, None), comm=comm)
+    found = np.empty((owned, values.shape[1]))
+    for k in range(values.shape[1]):
+        column.set(0.0)
+        column.setValues(nodes.astype(PETSc.IntType), values[:, k], addv=PETSc.InsertMode.ADD_VALUES)
+        column.assemble()
+        found[:, k] = column.getArray(readonly=True)
+    return found

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.map import ContactMap
 
@@ -62,17 +63,17 @@ def contact_map(
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
-    """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; one rank."""
+    """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; collective."""
     averages = boundary.averages
     if averages is None or averages.turning is None or averages.lift is None:
         return None
-    if boundary.points.shared is not None and boundary.points.shared.here.size:
+    shared = boundary.points.shared
+    if parallel.any_rank(boundary.comm, shared is not None and shared.here.size > 0):
         return None
-    frames = sp.block_diag(list(boundary.frames), format="csr")
     dim = boundary.x.shape[1]
-    rows, columns = averages.nodes[:, None] * dim + np.arange(dim), np.arange(dim * averages.nodes.size)
-    shape = (operator.getSize()[1], dim * averages.nodes.size)
-    place = sp.csr_array(sp.coo_array((np.ones(rows.size), (rows.ravel(), columns)), shape=shape))
-    lift = sp.csr_array(place @ sp.kron(averages.lift, sp.eye_array(dim)) @ frames)
-    csr = (lift.indptr.astype(PETSc.IntType), lift.indices.astype(PETSc.IntType), lift.data)
-    return PETSc.Mat().createAIJ((operator.getSizes()[1], operator.getSizes()[0]), csr=csr, comm=operator.comm)
+    blocks, size = (boundary.frames, np.arange(boundary.size), np.arange(boundary.size + 1)), dim * boundary.size
+    frames = sp.bsr_array(blocks, shape=(size, size))
+    lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
+    columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]
+    csr = (lift.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), lift.data)
+    return PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())

@@ -195,18 +195,11 @@ def _elastic(
 def _foundations(
     scene: Scene, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
 ) -> Foundations:
-    """The contact of a scene, from the facets of all boundaries.
-
-    Raises:
-        SceneError: two bodies are in contact, and there is more than one rank.
-    """
+    """The contact of a scene, from the facets of all boundaries."""
     on = [facets[effect.boundary] for effect in scene.contact]
     masters = {
         place: facets[effect.against] for place, effect in enumerate(scene.contact) if effect.against is not None
     }
-    if masters and space.mesh.comm.size > 1:
-        path = f"contact[{min(masters)}].against"
-        raise SceneError([(path, "contact of two bodies is solved on one rank only: start it without mpirun")])
     names = [f"contact {effect.boundary}" for effect in scene.contact]
     return Foundations(space, foundations_of(scene, on, masters), on, names, inventory, masters)
 

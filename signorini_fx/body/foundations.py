@@ -183,7 +183,10 @@ class Foundations:
         return found.boundary(space, self.facets[number], number, flags)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
-        """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective."""
+        """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.
+
+        The geometry of a pair is in it at the points of this rank alone.
+        """
         one, at = self._contact[number], self._values[number]
         if not isinstance(one, Pair):
             return at(one.gap, f"contact[{number}].gap"), None
@@ -191,8 +194,8 @@ class Foundations:
         if not pair.by_geometry:
             return at(0.0 if one.bonded else one.gap, f"contact[{number}].gap"), None
         allowance = at(one.allowance, f"contact[{number}].allowance")
-        found = allowance.copy()
-        found[pair.slave.nodes[pair.coupling.nodes]] += pair.coupling.gap
+        found, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
+        found[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.gap
         return found, allowance
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix
 import numpy as np
@@ -11,9 +12,9 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import adjugates, facet_entities
-from signorini_fx.body.averages import Averages
+from signorini_fx.body.averages import Averages, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.body.foundation import Pair
 from signorini_fx.body.turned_supports import TurnedNodes
@@ -30,12 +31,12 @@ _ALONG = 1e-8
 
 @dataclass(frozen=True)
 class Side:
-    """Facets of the body as a surface.
+    """Facets of the body as a surface, the same on every rank but for ``facets``.
 
     Attributes:
         surface: with nodes numbered from 0.
-        nodes: local number of each of them in the space, shape (N,).
-        facets: local numbers, shape (f,).
+        nodes: global number of each of them in the space, ascending, shape (N,).
+        facets: those of this rank, local numbers.
     """
 
     surface: Surface
@@ -43,43 +44,46 @@ class Side:
     facets: Indices
 
     def columns(self, among: npt.NDArray[np.int64]) -> sp.csr_array:
-        """The matrix that takes values at the nodes of the surface from those at some nodes, ascending."""
-        places = (np.arange(self.nodes.size), np.searchsorted(among, self.nodes))
-        return sp.csr_array(sp.coo_array((np.ones(self.nodes.size), places), shape=(self.nodes.size, among.size)))
+        """The matrix from values at some nodes, ascending, to those at the nodes of the surface, zero at others."""
+        here = np.flatnonzero(np.isin(self.nodes, among))
+        places = (here, np.searchsorted(among, self.nodes[here]))
+        return sp.csr_array(sp.coo_array((np.ones(here.size), places), shape=(self.nodes.size, among.size)))
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices) -> Side:
-        """Those facets; one rank.  Positions interpolate those of the nodes of the displacement."""
+        """Those facets of all ranks; collective.  Positions interpolate those of the nodes of the displacement."""
         mesh, element = space.mesh, space.element.basix_element
         dim, entities = mesh.topology.dim, facet_entities(space.mesh, facets)
         vertices, topology = basix.geometry(element.cell_type), basix.topology(element.cell_type)[dim - 1]
         geometry, corners = compat.geometry_element(mesh), compat.geometry_cells(mesh)
-        layout, functions = space.dofmap.dof_layout, None
-        found, sign = [], np.zeros(len(facets))
+        layout, places = space.dofmap.dof_layout, None
+        local, sign = [], np.zeros(len(facets))
         order = []
         for number, corner in enumerate(topology):
             here = np.flatnonzero(entities[:, 1] == number)
             start, *ends = vertices[corner[:dim]]
             along = np.array(ends) - start
             closure = np.array(layout.entity_closure_dofs(dim - 1, number))
-            places = np.linalg.lstsq(along.T, (element.points[closure] - start).T, rcond=None)[0].T
-            if functions is None:
-                functions = Lagrange(places)
+            at = np.linalg.lstsq(along.T, (element.points[closure] - start).T, rcond=None)[0].T
+            places = at if places is None else places
             # The nodes of every facet in the same order.
-            apart = np.linalg.norm(functions.places[:, None] - places[None], axis=2)
+            apart = np.linalg.norm(places[:, None] - at[None], axis=2)
             cells = entities[here, 0]
-            found.append(space.dofmap.list[cells][:, closure[apart.argmin(axis=1)]])
+            local.append(space.dofmap.list[cells][:, closure[apart.argmin(axis=1)]])
             order.append(here)
             middle = start + along.sum(axis=0) / 2
             slopes = geometry.tabulate(1, middle[None])[1:, 0, :, 0]
             jacobian = np.einsum("kg,cgi->ikc", slopes, mesh.geometry.x[corners[cells], :dim])
             across = np.array([along[0, 1], -along[0, 0]]) if dim == 2 else np.cross(*along)
             sign[here] = np.sign(adjugates(jacobian)[1] * (across @ (start - vertices.mean(axis=0))))
-        assert functions is not None
-        every = np.concatenate(found)[np.argsort(np.concatenate(order))]
-        nodes, numbers = np.unique(every, return_inverse=True)
-        x = np.array(space.tabulate_dof_coordinates()[nodes, :dim], dtype=np.float64)
-        surface = Surface(numbers.reshape(every.shape).astype(np.int64), x, functions, sign)
+        assert places is not None
+        own = np.concatenate(local)[np.argsort(np.concatenate(order))]
+        names = space.dofmap.index_map.local_to_global(own.ravel()).reshape(own.shape)
+        positions = space.tabulate_dof_coordinates()[own, :dim]
+        names, positions, signs = (parallel.gather_rows(mesh.comm, one) for one in (names, positions, sign))
+        nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
+        x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
+        surface = Surface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs)
         return cls(surface, nodes.astype(np.int64), facets)
 
 
@@ -110,14 +114,14 @@ class PairedSides:
         taken: Sequence[Indices],
         turned: TurnedNodes | None = None,
     ) -> PairedSides:
-        """Pair two parts of the boundary; one rank.
+        """Pair two parts of the boundary; collective.
 
         Args:
             space: the displacements.
             pair: the pair.
-            facets: of the slave and of the master, local numbers.
+            facets: of the slave and of the master, owned, local numbers.
             name: of the pair, for errors.
-            fixed: which displacement components are prescribed, shape (nodes, d).
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
             taken: facets of other contacts, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
 
@@ -126,47 +130,74 @@ class PairedSides:
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
+        comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
         slave, master = (Side.of(space, here) for here in facets)
+        taken_nodes = np.zeros(owned, dtype=bool)
+        for others in (*taken, facets[1]):
+            there = fem.locate_dofs_topological(space, dim - 1, others)
+            taken_nodes[there[there < owned]] = True
+        known = [fixed, taken_nodes]
+        if turned is not None:
+            known.append(turned.frames_at(np.arange(owned)).reshape(owned, -1))
+        there = from_owners(np.column_stack(known).astype(np.float64), slave.nodes, comm)
         normals = slave.surface.nodal_normals
         if turned is not None:
-            normals = np.einsum("nij,ni->nj", turned.frames_at(slave.nodes), normals)
+            normals = np.einsum("nij,ni->nj", there[:, dim + 1 :].reshape(-1, dim, dim), normals)
         normals = np.abs(normals)
-        unable = np.where(fixed[slave.nodes], 0.0, normals).max(axis=1) <= _ALONG
+        unable = np.where(there[:, :dim] > 0, 0.0, normals).max(axis=1) <= _ALONG
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        dim = space.mesh.topology.dim
-        for others in (*taken, facets[1]):
-            unable |= np.isin(slave.nodes, fem.locate_dofs_topological(space, dim - 1, others))
+        unable |= there[:, dim] > 0
+        first, last = space.dofmap.index_map.local_range
+        mine = (slave.nodes >= first) & (slave.nodes < last)
         try:
-            found = couple(slave.surface, master.surface, unable, bonded=pair.bonded, reach=pair.reach)
+            found = couple(
+                slave.surface, master.surface, unable, bonded=pair.bonded, reach=pair.reach, comm=comm, mine=mine
+            )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         return cls(slave, master, found, not pair.bonded and isinstance(pair.gap, str))
 
+    @cached_property
+    def reached(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""
+        found, dim = self.coupling, self.slave.surface.dimension
+        lift = found.lift(self.slave.surface)
+        own = np.concatenate((found.slave.indices, np.flatnonzero(np.diff(lift.tocsr().indptr))))
+        others = np.concatenate((found.master.indices, found.turning.indices // dim))
+        return np.unique(np.concatenate((self.slave.nodes[own], self.master.nodes[others])))
+
+    def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """D and M of ``Coupling``, shape (n, m), and the turning, shape (n d, m d), from the nodes ``reached``."""
+        found = self.coupling
+        own, others = (side.columns(self.reached) for side in (self.slave, self.master))
+        turning = found.turning @ sp.kron(others, sp.eye_array(self.slave.surface.dimension))
+        return sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others), sp.csr_array(turning)
+
     def boundary(
         self, space: fem.FunctionSpace, facets: Indices, index: int, fixed: npt.NDArray[np.bool_]
     ) -> ContactBoundary:
-        """The contact points.
+        """The contact points of this rank; collective.
 
         Args:
             space: the displacements.
             facets: of the slave, local numbers.
             index: of the pair among the contacts.
-            fixed: which displacement components are prescribed, shape (nodes, d).
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         """
         found, dim = self.coupling, space.mesh.geometry.dim
         nodes = self.slave.nodes[found.nodes]
-        reached = np.unique(np.concatenate((self.slave.nodes, self.master.nodes)))
-        own, others = (side.columns(reached) for side in (self.slave, self.master))
-        shares = sp.csr_array(found.slave @ own - found.master @ others)
-        turning = sp.csr_array(found.turning @ sp.kron(others, sp.eye_array(dim)))
-        x = space.tabulate_dof_coordinates()[:, :dim]
+        local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
+        own, others, turning = self.shares()
+        known = np.column_stack((space.tabulate_dof_coordinates()[: len(fixed), :dim], fixed)).astype(np.float64)
+        there = from_owners(known, self.reached, space.mesh.comm)
         centre = np.asarray(found.slave @ self.slave.surface.x)
-        lift = sp.csr_array(own.T @ found.lift(self.slave.surface))
-        averages = Averages(shares, reached, x[reached], fixed[reached], turning, centre, lift)
+        lift = sp.csr_array(self.slave.columns(self.reached).T @ found.lift(self.slave.surface))
+        moved = sp.csr_array(own - others)
+        averages = Averages(moved, self.reached, there[:, :dim], there[:, dim:] > 0, turning, centre, lift)
         return ContactBoundary(
             comm=space.mesh.comm,
-            nodes=nodes.astype(np.int32),
-            x=x[nodes],
+            nodes=local,
+            x=self.slave.surface.x[found.nodes],
             weight=found.weight,
             normal=found.normal,
             part=np.full(nodes.size, index, dtype=np.int32),

@@ -20,6 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from signorini_fx import parallel
+from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.pieces import Pieces
@@ -42,6 +43,7 @@ class RigidMotions:
         pieces: the connected pieces of the body, p of them.
         x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
         piece: number of the piece that each of these nodes is in, shape (nodes,); at pins any of them.
+        owned: how many of these nodes this rank owns.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
         length: size of each piece, which makes its rotations comparable with translations, shape (p,).
         free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
@@ -52,6 +54,7 @@ class RigidMotions:
     pieces: Pieces
     x: _Floats
     piece: npt.NDArray[np.int64]
+    owned: int
     centre: _Floats
     length: _Floats
     free: _Floats
@@ -63,7 +66,7 @@ class RigidMotions:
         return KINEMATICS[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
-        """The free motions at the contact points of this rank: B times them.
+        """The free motions at the contact points of this rank: B times them; collective.
 
         What is prescribed at a point does not move but for round-off.
         """
@@ -72,8 +75,9 @@ class RigidMotions:
         if boundary.averages is None or boundary.averages.turning is None:
             moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ own[piece]
         else:
-            nodes = boundary.averages.nodes
-            at_nodes = self._modes(nodes) @ own[self.piece[nodes]]
+            nodes, x = boundary.averages.nodes, boundary.averages.x
+            of = self._pieces_at(boundary)
+            at_nodes = rigid_modes(x, self.centre[of], self.length[of]) @ own[of]
             dim, count = self.x.shape[1], self.free.shape[1]
             flat = at_nodes.reshape(dim * nodes.size, count)
             moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
@@ -81,16 +85,23 @@ class RigidMotions:
         return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece])
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
-        """The same with bodies that can come into contact with each other as one assembly; one rank."""
+        """The same with bodies that can come into contact with each other as one assembly; collective."""
         if boundary.averages is None or boundary.averages.turning is None:
             return self
-        shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly[self.piece]
-        links = of[boundary.nodes[shares.row]], of[boundary.averages.nodes[shares.col]]
+        shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
+        links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]
+        links = tuple(parallel.gather_rows(boundary.comm, np.unique(np.column_stack(links), axis=0)).T)
         count = int(of.max()) + 1
         graph = coo_array((np.ones(len(links[0])), links), shape=(count, count))
         number = connected_components(graph, directed=False)[1].astype(np.int64)
         pieces = replace(self.pieces, assembly=number[self.pieces.assembly])
         return replace(self, pieces=pieces, assembly=number[self.assembly])
+
+    def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
+        """The pieces that the nodes of averages are in, shape (m,); collective."""
+        assert boundary.averages is not None
+        own = self.piece[: self.owned, None].astype(np.float64)
+        return from_owners(own, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
 
     def displacement(self, motion: _Floats) -> _Floats:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
@@ -164,14 +175,14 @@ def rigid_motions(
     centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
     length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
     none = np.zeros((0, 0))
-    motions = RigidMotions(pieces, x, piece, centre, length, none, np.zeros(0, dtype=np.int64))
+    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, none, np.zeros(0, dtype=np.int64))
     supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
     free, assembly = _null_space(supported, motions)
     # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
     for column in free.T:
         moved = motions.of_pieces(column)[owned]
         column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
-    return RigidMotions(pieces, x, piece, centre, length, free, assembly)
+    return replace(motions, free=free, assembly=assembly)
 
 
 def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:

@@ -145,8 +145,6 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
     own = slice(facet_map.size_local)
     pairs = [k for k, one in enumerate(contact) if isinstance(one, Pair)]
-    if pairs and mesh.comm.size > 1:
-        raise FormError([(f"contact[{pairs[0]}]", "contact of two bodies is solved on one rank only")])
     listed = [(f"contact[{k}].facets", one.facets) for k, one in enumerate(contact)]
     listed += [(f"contact[{k}].against", one.against) for k, one in enumerate(contact) if isinstance(one, Pair)]
     problems, marks = [], []

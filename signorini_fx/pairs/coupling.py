@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from mpi4py import MPI
 
+from signorini_fx import parallel
 from signorini_fx.pairs.functions import carried, dual_coefficients, hats
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.overlap_plane import plane_overlap
@@ -44,7 +46,7 @@ class PairingError(ValueError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """The contact points of a pair, n of them.
+    """The contact points of a pair on this rank, n of them.
 
     Attributes:
         nodes: the slave node of each, shape (n,).
@@ -54,7 +56,8 @@ class Coupling:
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
         turning: omega_i(u_m) x d_i, sparse, shape (n d, d nodes of the master).
-        overlap: where both sides meet.
+        overlap: where both sides meet, as far as this rank has found it.
+        covered: area (in the plane: length) of the slave where they meet, of all ranks.
         alone: points that have taken over no function of another node, shape (n,).
         hats: whether the functions are hats, not dual ones.
         reach: distance beyond which facets were no partners, length.
@@ -68,6 +71,7 @@ class Coupling:
     master: sp.csr_array
     turning: sp.csr_array
     overlap: Overlap
+    covered: float
     alone: npt.NDArray[np.bool_]
     hats: bool
     reach: float
@@ -101,8 +105,10 @@ def couple(
     *,
     bonded: bool = False,
     reach: float | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    mine: npt.NDArray[np.bool_] | None = None,
 ) -> Coupling:
-    """The map of a pair.
+    """The map of a pair; collective.
 
     Args:
         slave: the side with the points.
@@ -110,6 +116,8 @@ def couple(
         unable: nodes of the slave that cannot carry a point, because supports or another contact own them.
         bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
         reach: distance beyond which facets are no partners, length; None: a default.
+        comm: the ranks that share the work; the other arguments are the same on all of them.
+        mine: nodes of the slave whose points this rank takes; None: all.
 
     Raises:
         PairingError: no facet finds a partner, one finds two sheets of them, or the bodies lie inside each other.
@@ -117,8 +125,13 @@ def couple(
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
         reach = default_reach(*used)
-    overlap = (plane_overlap if slave.dimension == 2 else space_overlap)(slave, master, reach)
-    _check(slave, overlap, reach)
+    ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
+    some = np.arange(*ends)
+    overlap = (plane_overlap if slave.dimension == 2 else space_overlap)(slave, master, reach, some)
+    found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
+    area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
+    covered = np.flatnonzero(area)
+    _check(slave, area, reach)
     whole = bonded and len(slave.tests.places) < len(slave.functions.places)
     coefficients = hats(slave) if whole else dual_coefficients(slave, overlap)
     tests = slave.tests.values(overlap.at)
@@ -127,26 +140,31 @@ def couple(
 
     points = slave.points[overlap.slave]
     count = len(slave.x)
-    weight = _gather(points, weighted.sum(axis=1), count)
+    weight = parallel.global_sum(comm, _gather(points, weighted.sum(axis=1), count))
     own = _products(points, slave.nodes[overlap.slave], weighted, slave.functions.values(overlap.at), count, count)
     seen = master.nodes[overlap.master]
     others = _products(points, seen, weighted, master.functions.values(overlap.over), count, len(master.x))
-    distance = _gather(points, np.einsum("pqi,pqd->pid", weighted, overlap.distance(slave, master)), count)
+    moment = np.einsum("pqi,pqd->pid", weighted, overlap.distance(slave, master))
+    distance = parallel.global_sum(comm, _gather(points, moment, count))
     spread = np.broadcast_to(overlap.weight.sum(axis=1)[:, None, None], (*points.shape, seen.shape[1]))
     arms = _sparse(points, seen, spread, count, len(master.x))
+    own, others, arms = (_over_ranks(comm, matrix) for matrix in (own, others, arms))
 
-    nodes, shares = carried(slave, overlap, weight, unable)
+    nodes, shares = carried(slave, covered, weight, unable)
     if not nodes.size:
         raise PairingError("supports or other contacts own all nodes of its covered part")
+    if mine is not None:
+        nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
     distance = (shares @ distance) / weight[:, None]
     own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in (own, others))
     turning = _turning(sp.csr_array(shares @ arms), master.x, distance)
     normal, alone = slave.nodal_normals[nodes], np.diff(shares.indptr) == 1
-    found = Coupling(nodes, weight, normal, distance, own, others, turning, overlap, alone, whole, reach)
+    total = float(area.sum())
+    found = Coupling(nodes, weight, normal, distance, own, others, turning, overlap, total, alone, whole, reach)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := -float(found.gap.min())) > _DEEP * size:
+    if (deepest := parallel.global_max(comm, parallel.local_max(-found.gap, -np.inf))) > _DEEP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
@@ -154,14 +172,19 @@ def couple(
     return found
 
 
-def _check(slave: Surface, overlap: Overlap, reach: float) -> None:
-    """Whether both sides meet, and every facet has one partner at most at each of its points."""
-    if not overlap.slave.size:
+def _check(slave: Surface, covered: Array, reach: float) -> None:
+    """Whether both sides meet, and every facet has one partner at most at each of its points.
+
+    Args:
+        slave: the side with the points.
+        covered: area (in the plane: length) of each facet that is under the other side, shape (f,).
+        reach: length.
+    """
+    if not covered.any():
         raise PairingError(
             f"none of its facets finds one of the other side that faces it within {reach:.3g}: check the facets, and "
             "that the bodies do not lie inside each other"
         )
-    covered = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
     twice = np.flatnonzero(covered > (1.0 + _TWICE) * slave.facet_areas)
     if twice.size:
         place = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
@@ -185,6 +208,15 @@ def _products(points: Indices, nodes: Indices, weighted: Array, shape: Array, ro
 def _sparse(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
     here, there = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
     return sp.csr_array(sp.coo_array((values.ravel(), (here.ravel(), there.ravel())), shape=(rows, columns)))
+
+
+def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
+    """The sum of the matrices of all ranks, on every rank."""
+    if comm.size == 1:
+        return matrix
+    part = matrix.tocoo()
+    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
+    return sp.csr_array(sp.coo_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape))
 
 
 def _clean(matrix: sp.csr_array) -> sp.csr_array:

@@ -45,13 +45,13 @@ def hats(side: Surface) -> Array:
 
 
 def carried(
-    side: Surface, overlap: Overlap, weight: Array, unable: npt.NDArray[np.bool_]
+    side: Surface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
     """Which nodes carry a point, and how these take over the functions of the others.
 
     Args:
         side: the slave.
-        overlap: of both.
+        covered: its facets that meet the other side.
         weight: the integral of the function of each node, shape (N,).
         unable: nodes that cannot carry a point, shape (N,).
 
@@ -59,7 +59,6 @@ def carried(
         The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
         sparse, shape (n, N).
     """
-    covered = np.unique(overlap.slave)
     there = np.zeros(len(weight), dtype=bool)
     there[side.points[covered]] = True
     able = there & ~unable & (weight > _KEPT * side.area)

@@ -14,6 +14,7 @@ from signorini_fx.pairs.search import Patches, candidates
 from signorini_fx.pairs.surface import Surface
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 # The continuous normal and that of a facet enclose an angle with at most this tangent.
 _TURNING = 1.0
@@ -25,15 +26,17 @@ _BISECTIONS, _STEPS = 30, 3
 _NOTHING = 1e-10
 
 
-def plane_overlap(slave: Surface, master: Surface, reach: float) -> Overlap:
+def plane_overlap(slave: Surface, master: Surface, reach: float, some: Indices) -> Overlap:
     """The overlap, one piece for each pair of facets that meet.
 
     Args:
         slave: the side with the points, d = 2.
         master: the other one.
         reach: distance beyond which points are no partners, length.
+        some: the facets of the slave that are paired, shape (m,).
     """
-    here, there = candidates(patches(slave), patches(master), reach, _TURNING)
+    here, there = candidates(patches(slave, some), patches(master, np.arange(len(master.nodes))), reach, _TURNING)
+    here = some[here]
     normals = slave.nodal_normals[slave.nodes[here]]
     corners = slave.corners[here]
     ends = np.stack(
@@ -56,14 +59,13 @@ def plane_overlap(slave: Surface, master: Surface, reach: float) -> Overlap:
     return Overlap(here[near], there[near], found.at[near], found.over[near], weight[near])
 
 
-def patches(side: Surface) -> Patches:
-    """The facets of a side as straight patches."""
-    every = np.arange(len(side.nodes))
-    middle = side.normals(every, np.full((len(every), 1, 1), 0.5))[:, 0]
-    return Patches(side.corners, middle / np.linalg.norm(middle, axis=1, keepdims=True))
+def patches(side: Surface, some: Indices) -> Patches:
+    """Facets of a side as straight patches."""
+    middle = side.normals(some, np.full((len(some), 1, 1), 0.5))[:, 0]
+    return Patches(side.corners[some], middle / np.linalg.norm(middle, axis=1, keepdims=True))
 
 
-def _end(side: Surface, facets: npt.NDArray[np.int64], place: float) -> Array:
+def _end(side: Surface, facets: Indices, place: float) -> Array:
     return side.positions(facets, np.full((len(facets), 1, 1), place))[:, 0]
 
 

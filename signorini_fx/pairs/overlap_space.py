@@ -46,12 +46,11 @@ class Parts:
     patches: Patches
 
     @classmethod
-    def of(cls, side: Surface) -> Parts:
-        """Those of all facets."""
+    def of(cls, side: Surface, some: Indices) -> Parts:
+        """Those of some facets."""
         parts = side.functions.parts
-        every, count = np.arange(len(side.nodes)), len(parts)
-        facet = np.repeat(every, count)
-        reference = np.tile(parts, (len(every), 1, 1))
+        facet = np.repeat(some, len(parts))
+        reference = np.tile(parts, (len(some), 1, 1))
         corners = side.positions(facet, reference)
         first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
         if corners.shape[1] == 4:  # both diagonals
@@ -61,15 +60,16 @@ class Parts:
         return cls(facet, reference, Patches(corners, normal))
 
 
-def space_overlap(slave: Surface, master: Surface, reach: float) -> Overlap:
+def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) -> Overlap:
     """The overlap, some triangles for each pair of parts that meet.
 
     Args:
         slave: the side with the points, d = 3.
         master: the other one.
         reach: distance beyond which parts are no partners, length.
+        some: the facets of the slave that are paired, shape (m,).
     """
-    own, other = Parts.of(slave), Parts.of(master)
+    own, other = Parts.of(slave, some), Parts.of(master, np.arange(len(master.nodes)))
     here, there = candidates(own.patches, other.patches, reach, 0.0)
     normal, centre = own.patches.normal[here], own.patches.centre[here]
     axes = _axes(normal)

@@ -155,7 +155,7 @@ class ContactNodes:
             ]
             here = self._at_points(sums) / self.weight[:, None]
         for claim, part in self._paired():
-            here[part] = claim.relative(every)
+            here[part] = claim.relative(every[: self.evaluation.owned])
         normal = np.sum(here * self.normal, axis=1)
         return normal, here - normal[:, None] * self.normal
 
@@ -164,7 +164,7 @@ class ContactNodes:
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
         traction = self.traction
-        found = [claim.forces(traction[part]) for claim, part in self._paired()]
+        found = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired()]
         if self.spread is None:
             alone = self._of_one_body()
             found.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import scipy.sparse as sp
 from dolfinx import fem
 
@@ -11,25 +10,21 @@ from signorini_fx.results.paired_sides import Claim
 
 
 def claim_of(pair: PairedSides, space: fem.FunctionSpace) -> Claim:
-    """What the solver says of a pair, with all nodes of the space as columns."""
-    found, dim = pair.coupling, space.mesh.geometry.dim
-    nodes = np.arange(len(space.tabulate_dof_coordinates()))
-    own, others = (
-        sp.csr_array(shares @ side.columns(nodes))
-        for shares, side in ((found.slave, pair.slave), (found.master, pair.master))
-    )
-    turning = found.turning @ sp.kron(pair.master.columns(nodes), sp.eye_array(dim))
+    """What the solver says of a pair on this rank."""
+    found, (own, others, turning) = pair.coupling, pair.shares()
     return Claim(
+        space.mesh.comm,
         pair.slave.facets,
         pair.master.facets,
-        pair.slave.nodes[found.nodes],
+        pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
         found.weight,
         found.distance,
+        pair.reached,
         own,
         others,
-        sp.csr_array(sp.kron(own - others, sp.eye_array(dim)) + turning),
+        sp.csr_array(sp.kron(own - others, sp.eye_array(found.distance.shape[1])) + turning),
         found.alone,
-        float(found.overlap.weight.sum()),
+        found.covered,
         found.hats,
         found.reach,
     )

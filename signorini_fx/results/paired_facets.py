@@ -11,12 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from scipy.optimize import brentq
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import facet_entities
 
 Array = npt.NDArray[np.float64]
 
@@ -30,56 +34,86 @@ _FACING = -0.2
 _NOTHING = 1e-9
 
 
-class Cells:
-    """What the facets of a space have in common.
+class Facets:
+    """Facets of all ranks, each made from its rows when it is asked for; collective.
 
     Args:
         space: the displacements.
+        facets: those of this rank, local numbers.
+
+    Attributes:
+        nodes: global numbers of their nodes, shape (f, k).
     """
 
-    def __init__(self, space: fem.FunctionSpace) -> None:
-        self.dimension = int(space.mesh.geometry.dim)
-        self.element = space.element.basix_element
-        self.hats = basix.create_element(basix.ElementFamily.P, self.element.cell_type, 1)
-        self.topology = basix.topology(self.element.cell_type)[self.dimension - 1]
-        self.vertices = basix.geometry(self.element.cell_type)
-        layout = space.dofmap.dof_layout
-        self.closures = [
-            np.array(layout.entity_closure_dofs(self.dimension - 1, number)) for number in range(len(self.topology))
-        ]
-        self.nodes = space.dofmap.list
-        self.x = space.tabulate_dof_coordinates()[:, : self.dimension]
+    def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
+        dim, layout, comm = int(space.mesh.geometry.dim), space.dofmap.dof_layout, space.mesh.comm
+        self._element = space.element.basix_element
+        count = len(basix.topology(self._element.cell_type)[dim - 1])
+        self._closures = np.array([layout.entity_closure_dofs(dim - 1, k) for k in range(count)])
+        x = space.tabulate_dof_coordinates()[:, :dim]
+        cells, numbers = facet_entities(space.mesh, facets).T
+        of_cells = space.dofmap.list[cells]
+        nodes = of_cells[np.arange(len(cells))[:, None], self._closures[numbers]]
+        names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
+        rows = numbers, names, x[nodes], x[of_cells].mean(axis=1)
+        self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
+        self._low, self._high = self._x.min(axis=1), self._x.max(axis=1)
+
+    def __getitem__(self, k: Any) -> Facet:
+        return Facet(
+            self._element,
+            int(self._numbers[k]),
+            self._closures[self._numbers[k]],
+            self.nodes[k],
+            self._x[k],
+            self._inside[k],
+        )
+
+    def around(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """The facets that have some of these nodes."""
+        return np.flatnonzero(np.isin(self.nodes, nodes).any(axis=1))
+
+    def near(self, low: Array, high: Array, reach: float) -> npt.NDArray[np.int64]:
+        """The facets whose boxes are within a distance of a box."""
+        return np.flatnonzero(((self._low <= high + reach) & (self._high >= low - reach)).all(axis=1))
 
 
 class Facet:
     """A facet as the cell that it is of sees it.
 
     Args:
-        cells: of its space.
-        cell: local number of the cell.
-        number: of the facet in it.
+        element: of the displacement.
+        number: of the facet in its cell.
+        closure: its nodes in the cell, shape (k,).
+        nodes: their global numbers, shape (k,).
+        x: their positions, length, shape (k, d).
+        inside: the middle of the cell, shape (d,).
 
     Attributes:
-        nodes: local nodes on it, shape (k,).
+        nodes: see above.
         points: those with test functions, the vertices on quadratic triangles, shape (t,).
         kind: interval, triangle or quadrilateral.
     """
 
-    def __init__(self, cells: Cells, cell: int, number: int) -> None:
-        dim = cells.dimension
-        self._element, self._hats = cells.element, cells.hats
-        corner = cells.topology[number]
-        self._start, *ends = cells.vertices[corner[:dim]]
+    def __init__(
+        self,
+        element: Any,
+        number: int,
+        closure: npt.NDArray[Any],
+        nodes: npt.NDArray[np.int64],
+        x: Array,
+        inside: Array,
+    ) -> None:
+        dim = x.shape[1]
+        self._element, self._closure, self._x, self._inside, self.nodes = element, closure, x, inside, nodes
+        corner = basix.topology(element.cell_type)[dim - 1][number]
+        vertices = basix.geometry(element.cell_type)
+        self._start, *ends = vertices[corner[:dim]]
         self._along = np.array(ends) - self._start
-        self._closure = cells.closures[number]
-        self.nodes = cells.nodes[cell][self._closure]
-        self._x = cells.x[self.nodes]
         self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
-        vertex = len(corner)
         self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
-        self.points = self.nodes[:vertex] if self._quadratic_triangle else self.nodes
+        self.points = self.nodes[: len(corner)] if self._quadratic_triangle else self.nodes
         self._corner = np.array(corner)
-        self._inside = cells.x[cells.nodes[cell]].mean(axis=0)
 
     def _tabulated(self, at: Array, order: int) -> Array:
         points = self._start + at @ self._along
@@ -93,7 +127,8 @@ class Facet:
         """The functions that test functions are dual to, shape (q, t)."""
         if not self._quadratic_triangle:
             return self.shape(at)
-        return np.asarray(self._hats.tabulate(0, self._start + at @ self._along)[0, :, self._corner, 0].T)
+        hats = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
+        return np.asarray(hats.tabulate(0, self._start + at @ self._along)[0, :, self._corner, 0].T)
 
     def place(self, at: Array) -> Array:
         """Positions, length, shape (q, d)."""

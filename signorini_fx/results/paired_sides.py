@@ -12,16 +12,16 @@ slave is cut by each master in turn, and polygons are integrated by collapsed ru
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 from dolfinx import fem
+from mpi4py import MPI
 
-from signorini_fx.body.assembly import facet_entities
-from signorini_fx.results.paired_facets import Cells, Facet, Piece, interpolated_normals, pieces_of
+from signorini_fx import parallel
+from signorini_fx.body.averages import from_owners, to_owners
+from signorini_fx.results.paired_facets import Facet, Facets, Piece, interpolated_normals, pieces_of
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -34,28 +34,32 @@ _COVERED = 0.05
 
 @dataclass(frozen=True)
 class Claim:
-    """What the solver claims of a pair with n contact points, on one rank; N nodes in all.
+    """What the solver claims of a pair with n contact points on this rank, made of m nodes of all ranks.
 
     Attributes:
-        slave: facets of the side with the points, local numbers.
+        comm: the ranks; methods that take or give values at nodes are collective.
+        slave: owned facets of the side with the points, local numbers.
         master: those of the other side.
         points: local node of each point, shape (n,).
         weight: area (in the plane: length), shape (n,).
         distance: d_i, length, shape (n, d).
-        own: D, scipy sparse, shape (n, N).
-        others: M, scipy sparse, shape (n, N).
-        operator: the relative displacement from displacements of all nodes, scipy sparse, shape (n d, N d).
+        reached: global numbers of the m nodes, ascending.
+        own: D, scipy sparse, shape (n, m).
+        others: M, scipy sparse, shape (n, m).
+        operator: the relative displacement from displacements of these nodes, scipy sparse, shape (n d, m d).
         alone: points that have taken over no function of another node, shape (n,).
-        covered: area of the overlap.
+        covered: area of the overlap, of all ranks.
         hats: whether functions are the hats of the vertices themselves.
         reach: distance beyond which facets are no partners, length.
     """
 
+    comm: MPI.Comm
     slave: Indices
     master: Indices
     points: npt.NDArray[np.int64]
     weight: Array
     distance: Array
+    reached: npt.NDArray[np.int64]
     own: Any
     others: Any
     operator: Any
@@ -64,47 +68,48 @@ class Claim:
     hats: bool
     reach: float
 
-    @cached_property
-    def reached(self) -> npt.NDArray[np.int64]:
-        """Local nodes that the points act on, shape (m,)."""
-        columns = np.unique(sp.csr_array(self.operator).indices) // self.distance.shape[1]
-        return np.unique(columns).astype(np.int64)
-
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, length, shape (n,)."""
         return np.asarray(np.sum(normal * self.distance, axis=1))
 
-    def relative(self, every: Array) -> Array:
-        """The relative displacement at the points from that of all nodes, shape (N, d)."""
-        return np.asarray(self.operator @ every.ravel()).reshape(self.distance.shape)
+    def relative(self, owned: Array) -> Array:
+        """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d)."""
+        there = from_owners(owned, self.reached, self.comm)
+        return np.asarray(self.operator @ there.ravel()).reshape(self.distance.shape)
 
-    def forces(self, traction: Array) -> tuple[npt.NDArray[np.int64], Array, Array]:
-        """What tractions at the points, shape (n, d), do to both bodies: nodes, forces on them, and their areas."""
+    def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
+        """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
+        ``owned``: how many nodes this rank owns.
+        """
         dim = self.distance.shape[1]
         forces = (self.operator.T @ (self.weight[:, None] * traction).ravel()).reshape(-1, dim)
         area = (abs(self.own) + abs(self.others)).T @ self.weight
-        nodes = self.reached[area[self.reached] > 0]
-        return nodes, forces[nodes], area[nodes]
+        found = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
+        nodes = np.flatnonzero(found[:, -1] > 0)
+        return nodes, found[nodes, :-1], found[nodes, -1]
 
     def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Whether a node that a point depends on has a flag, from shape (N, d) to shape (n, d)."""
-        return np.asarray((abs(self.own) + abs(self.others)) @ flags.astype(np.float64) > 0)
+        """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
+        there = from_owners(flags.astype(np.float64), self.reached, self.comm)
+        return np.asarray((abs(self.own) + abs(self.others)) @ there > 0)
 
 
 def defect(claim: Claim, space: fem.FunctionSpace) -> float:
-    """The largest error of what is claimed, relative to one, to weights, or to sizes of facets."""
-    dim = space.mesh.geometry.dim
-    x = space.tabulate_dof_coordinates()[:, :dim]
-    used = x[claim.reached]
-    size, middle = float(np.linalg.norm(np.ptp(used, axis=0))), used.mean(axis=0)
-    arm = (x - middle) / size
-    found = [abs(claim.weight.sum() / claim.covered - 1.0), -float(claim.weight.min()) / claim.covered]
-    found += [_largest(shares @ np.ones(len(x)) - 1.0) for shares in (claim.own, claim.others)]
+    """The largest error of what is claimed, relative to one, to weights, or to sizes of facets; collective."""
+    dim, comm = space.mesh.geometry.dim, claim.comm
+    x = np.array(space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local, :dim], dtype=np.float64)
+    used = from_owners(x, claim.reached, comm)
+    low, high = parallel.global_bounds(comm, used)
+    size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
+    arm = (used - middle) / size
+    total = float(parallel.global_sum(comm, claim.weight.sum()))
+    found = [abs(total / claim.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / claim.covered]
+    found += [_largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     found.append(_largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
-    for motion in _rigid(arm):
+    for motion in _rigid((x - middle) / size):
         found.append(_largest(claim.relative(motion)))
     found.append(_sampled(claim, space))
-    return float(max(found))
+    return parallel.global_max(comm, float(max(found)))
 
 
 def _largest(values: Array) -> float:
@@ -123,52 +128,54 @@ def _rigid(arm: Array) -> list[Array]:
 
 
 def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
-    """The largest error of the integrals of some points, relative to their weights and the sizes of facets."""
+    """The largest error of the integrals of some points of this rank, relative to their weights and the sizes of
+    facets; collective.
+    """
     dim = space.mesh.geometry.dim
-    cells = Cells(space)
-    slave, master = (
-        [Facet(cells, *row) for row in facet_entities(space.mesh, own)] for own in (claim.slave, claim.master)
-    )
-    normals = interpolated_normals(slave) if dim == 2 else None
-    low, high = (np.array(ends) for ends in zip(*(facet.bounds for facet in master), strict=True))
-    around: dict[int, list[int]] = {}
-    for number, facet in enumerate(slave):
-        for node in facet.points:
-            around.setdefault(int(node), []).append(number)
+    slave, master = (Facets(space, own) for own in (claim.slave, claim.master))
+    names = claim.points + space.dofmap.index_map.local_range[0]
+    every = np.unique(np.concatenate((claim.reached, slave.nodes.ravel(), master.nodes.ravel())))
+    place = np.searchsorted(every, claim.reached)
     choice = np.flatnonzero(claim.alone)
-    choice = np.random.default_rng(len(claim.points)).permutation(choice)[: _SAMPLED[dim]]
-    known: dict[int, list[Piece]] = {}
+    most = -(-_SAMPLED[dim] // claim.comm.size)
+    choice = np.random.default_rng(len(claim.points)).permutation(choice)[:most]
+    around = {int(point): slave.around(names[[point]]) for point in choice}
+    numbers = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around.values()]))
+    normals = None
+    if dim == 2:
+        normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
+    facets = {int(number): slave[number] for number in numbers}
+    known = {
+        number: pieces_of(facet, [master[k] for k in master.near(*facet.bounds, claim.reach)], claim.reach, normals)
+        for number, facet in facets.items()
+    }
     worst = 0.0
     for point in choice:
-        node = int(claim.points[point])
-        total, own, others = 0.0, np.zeros(claim.own.shape[1]), np.zeros(claim.own.shape[1])
+        node = int(names[point])
+        total, own, others = 0.0, np.zeros(every.size), np.zeros(every.size)
         distance, size, clear = np.zeros(dim), 0.0, True
-        for number in around[node]:
-            facet = slave[number]
-            if number not in known:
-                near = (low <= facet.bounds[1] + claim.reach).all(axis=1) & (high >= facet.bounds[0] - claim.reach).all(
-                    axis=1
-                )
-                known[number] = pieces_of(facet, [master[k] for k in np.flatnonzero(near)], claim.reach, normals)
-            pieces = known[number]
+        for number in around[int(point)]:
+            facet, pieces = facets[int(number)], known[int(number)]
             if not pieces:
                 continue
             clear &= sum(piece.weight.sum() for piece in pieces) > _COVERED * facet.area
             psi = _functions(facet, pieces, claim.hats)
-            row = list(facet.points).index(node)
+            row = int(np.flatnonzero(facet.points == node)[0])
             size = max(size, facet.size)
             for piece, values in zip(pieces, psi, strict=True):
                 weighted = values[:, row] * piece.weight
                 total += weighted.sum()
-                np.add.at(own, facet.nodes, weighted @ facet.shape(piece.at))
-                np.add.at(others, piece.master.nodes, weighted @ piece.master.shape(piece.over))
+                for integrals, side, at in ((own, facet, piece.at), (others, piece.master, piece.over)):
+                    np.add.at(integrals, np.searchsorted(every, side.nodes), weighted @ side.shape(at))
                 distance += weighted @ (piece.master.place(piece.over) - facet.place(piece.at))
         if not clear or total <= 0:
             continue
         weight = claim.weight[point]
         errors = [abs(total / weight - 1.0), _largest(distance / weight - claim.distance[point]) / size]
         for integrals, shares in ((own, claim.own), (others, claim.others)):
-            errors.append(_largest(integrals / weight - shares[[point]].toarray().ravel()))
+            integrals /= weight
+            integrals[place] -= shares[[point]].toarray().ravel()
+            errors.append(_largest(integrals))
         worst = max(worst, *errors)
     return worst
 

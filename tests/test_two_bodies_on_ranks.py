@@ -1,0 +1,75 @@
+"""Contact of deformable bodies on several ranks: counts, tractions and forces are those of one rank."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_two_bodies import example1, paraboloids, stack
+from test_two_bodies_scenes import DEMO
+
+from signorini_fx import parallel, read_scene, solve
+
+pytestmark = pytest.mark.mpi
+WORLD = MPI.COMM_WORLD
+
+PROBLEMS = {
+    "plane": lambda comm: example1(24, comm=comm),
+    "Q2": lambda comm: example1(12, 2, comm=comm),
+    "stack": lambda comm: stack("triangle", comm),
+    "hexahedra": lambda comm: paraboloids("hexahedron", 1, (4, 5), comm, linear_algebra="full"),
+    "hexahedra, krylov": lambda comm: paraboloids("hexahedron", 1, (4, 5), comm, linear_algebra="krylov"),
+    "tetrahedra, krylov": lambda comm: paraboloids("tetrahedron", 1, (4, 5), comm, linear_algebra="krylov"),
+    "P2": lambda comm: paraboloids("tetrahedron", 2, (4, 5), comm, linear_algebra="full"),
+    "P2, krylov": lambda comm: paraboloids("tetrahedron", 2, (4, 5), comm, linear_algebra="krylov"),
+}
+
+
+def points_of(state):
+    """Part, position, weight, pressure and shear of the points of all ranks, sorted by place."""
+    boundary = state.boundary
+    shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
+    columns = (boundary.part, boundary.x, boundary.weight, state.pressure, shear)
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(columns))
+    return rows[np.lexsort(np.round(rows[:, : 1 + boundary.x.shape[1]], 9).T)]
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_one_rank_or_many(name):
+    """Every kind of element and system; the certificate tries the map on all ranks."""
+    together, alone = (PROBLEMS[name](comm) for comm in (WORLD, MPI.COMM_SELF))
+    loose = name.endswith("krylov")  # Newton's method may leave a residual of 1e-8 of the forces
+    counts = [[(r.active_contact, r.slip_plus, r.slip_minus) for r in p.history.iterations] for p in (together, alone)]
+    assert loose or counts[0] == counts[1]
+    ours, theirs = points_of(together.state), points_of(alone.state)
+    assert ours.shape == theirs.shape
+    size, close = np.abs(theirs).max(axis=0), 1e-6 if loose else 1e-9
+    size[-1 - alone.state.boundary.x.shape[1] :] = size[-1 - alone.state.boundary.x.shape[1]]  # tractions
+    assert (np.abs(ours - theirs) <= close * np.maximum(size, 1e-300)).all()
+    np.testing.assert_allclose(together.state.forces, alone.state.forces, atol=close * np.abs(alone.state.forces).max())
+    assert together.certificate.coupling < 1e-9
+    assert together.certificate.holds
+
+
+def test_a_scene():
+    """Table, resultants and certificate of the demo."""
+    scene = read_scene(DEMO)
+    together, alone = (solve(scene, comm, check=False) for comm in (WORLD, MPI.COMM_SELF))
+    assert together.converged
+    assert together.certificate.holds
+    ours, theirs = together.table.columns, alone.table.columns
+    for name in ("x", "weight", "gap", "u_n", "u_t", "pressure", "shear"):
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs["pressure"]).max())
+    assert ours["state"].tolist() == theirs["state"].tolist()
+    for one, other in zip(together.resultants.every(), alone.resultants.every(), strict=True):
+        np.testing.assert_allclose(one.force, other.force, atol=1e-9)
+        np.testing.assert_allclose(one.moment, other.moment, atol=1e-9)
+
+
+def test_errors_are_those_of_all_ranks():
+    """Sides that do not meet are refused on every rank alike."""
+    from test_two_bodies_scenes import altered
+
+    from signorini_fx import SceneError
+    from signorini_fx.scene.reading import parse_scene
+
+    with pytest.raises(SceneError, match="none of its facets finds one"):
+        solve(parse_scene(altered(against="bottom")), WORLD)
