@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
 from mpi4py import MPI
@@ -26,6 +26,9 @@ from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.contact.uniqueness import Uniqueness
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
@@ -218,6 +221,15 @@ class Solution:
     def contact_figures(self) -> list[ContactFigures]:
         """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
         return [] if self.contact is None else contact_figures(self.scene, self.contact)
+
+    @cached_property
+    def uniqueness(self) -> Uniqueness | None:
+        """Whether this is the only solution on its mesh; None without contact, or if it is none; collective."""
+        from signorini_fx.results.uniqueness import uniqueness
+
+        if self.contact is None or not self.converged:
+            return None
+        return uniqueness(self.discretisation, self.contact)
 
     @cached_property
     def safety(self) -> Safety | None:

@@ -66,6 +66,8 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
+    if solution.scene.solver.uniqueness and solution.uniqueness is not None:
+        summary["uniqueness"] = solution.uniqueness.as_dict()
     if solution.functionals is not None:
         values = solution.functionals
         summary["functionals"] = {
@@ -259,6 +261,8 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
     lines.append(_row("certificate", _certificate(certificate), "" if certificate["holds"] else "error"))
     if "contact_force" in summary:
         lines.append(_row("left by gamma", _left(certificate)))
+    if "uniqueness" in summary:
+        lines.append(_row("uniqueness", summary["uniqueness"]["statement"]))
     if "functionals" in summary:
         lines.append(_row("duality gap", f"{summary['functionals']['relative_duality_gap']:.1e}"))
     lines.append(_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))

@@ -85,6 +85,8 @@ class SolverSettings(Table):
             no meaning, and the outcome says so.
         fallbacks: whether other methods are tried where this one cycles or does not converge; the history lists them.
             A limit on iterations that is lower than its default ends the solve without them.
+        uniqueness: whether the summary says if the solution is the only one on its mesh; where that is not proved,
+            other ones are searched for. One rank.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
@@ -104,6 +106,7 @@ class SolverSettings(Table):
     tolerance: Positive = Settings.tolerance
     largest_deformation: Positive = 0.5
     fallbacks: bool = True
+    uniqueness: bool = False
 
     @field_validator("initial_contact", mode="before")
     @classmethod
