@@ -11,10 +11,9 @@ from test_coulomb_ways import one_triangle
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.contact.state import PointState
-from signorini_fx.contact.uniqueness import uniqueness_of
 from signorini_fx.errors import SignoriniError
 from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.results.uniqueness import uniqueness
+from signorini_fx.results.uniqueness import uniqueness, uniqueness_of
 from signorini_fx.scene.reading import parse_scene
 
 

@@ -28,7 +28,7 @@ from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.contact.uniqueness import Uniqueness
+    from signorini_fx.results.uniqueness import Uniqueness
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)

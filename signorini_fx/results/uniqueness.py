@@ -1,13 +1,119 @@
-"""Whether the solution of a scene is the only one on its mesh."""
+"""Whether Coulomb friction has one discrete solution only, proved from the stiffness of the contact points.
+
+Let v be the difference of the relative displacements of two solutions with the same loads, and r that of the nodal
+contact forces, so that S v = -r with the condensed stiffness S.  At every point
+
+    r_N v_N >= 0        and        r_T . v_T >= -F |r_N| |v_T|,
+
+the second one because the bound of a point is Lipschitz continuous in its pressure with the constant F, and the shear
+is monotone in the slip at a fixed bound.  Both hold with and without regularisation, for a cap, for bilateral contact
+and for an increment of a load step.  With weights nu_i > 0, tau_i = 1 and F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
+
+    v^T D S v <= F / 2 (sum d_i (S v)_N,i^2 + |v_T,i|^2 / d_i),        D = diag(nu, tau).
+
+So the solution is the only one if the symmetric part of D S minus the matrix on the right is positive definite.  Any
+weights give a proof; they are chosen to make the largest such F as large as possible.  docs/theory.md derives it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
+from scipy.linalg import LinAlgError, cholesky, eigh
+from scipy.optimize import minimize
 
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.uniqueness import MOST_COMPONENTS, Uniqueness, uniqueness_of
+from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.state import PointState
 from signorini_fx.linalg.schur import SchurComplement
+
+# Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
+_FREE = 1e-10
+# Exponent of the norm that replaces the largest eigenvalue, and how often it is evaluated.
+_SMOOTH, _EVALUATIONS = 60, 150
+# What it is where the weights prove nothing; a gain in its logarithm that is worth another search.
+_INDEFINITE, _GAIN = 100.0, 1e-3
+# Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.
+_PROVED = 1 - 1e-6
+# More components of contact points than this are not looked at: the matrices are dense.
+_MOST_COMPONENTS = 1200
+# Random starts of the search, steps of the friction coefficient on the way from zero and from a rough contact, the
+# multiple of the coefficient that is rough, and linear solves from one start.
+_STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
+# Conditions hold to this share of loads and displacements; solutions differ by more of them, and by less than that.
+_EXACT, _SAME, _AWAY = 1e-9, 1e-3, 1e6
+
+# Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
+_Sets = tuple[npt.NDArray[np.bool_], Nodal]
+
+
+@dataclass(frozen=True)
+class Uniqueness:
+    """Whether a discrete solution is the only one.
+
+    Attributes:
+        proved: that it is, up to free motions.
+        multiple: of the friction coefficients below which that is proved; infinite: for any; zero: for none.
+        coefficient: the same as a coefficient, where all points have the same one; None: they differ, or none has one.
+        others: different solutions that the search found.
+        starts: from which it searched; zero: it did not.
+        reason: why nothing is proved at any coefficient, or why no search was made; "": there is none.
+    """
+
+    proved: bool
+    multiple: float
+    coefficient: float | None = None
+    others: tuple[Nodal, ...] = ()
+    starts: int = 0
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """One sentence."""
+        if self.proved and self.multiple == np.inf:
+            return "the only solution on this mesh, up to free motions, whatever the loads are"
+        below = f"{self.multiple:.4g} times the coefficients" if self.coefficient is None else f"{self.coefficient:.4g}"
+        limit = f"with friction coefficients below {below} there is one solution on this mesh, whatever the loads are"
+        if self.proved:
+            return f"the only solution on this mesh: {limit}"
+        found = f"{len(self.others) or 'no'} other solution{'s' * (len(self.others) != 1)} found"
+        searched = f"{found} from {self.starts} starts" if self.starts else "none was searched for"
+        proof = limit if self.multiple > 0 else "it is proved for no coefficient"
+        return f"not proved to be the only one: {proof}{f' ({self.reason})' if self.reason else ''}; {searched}"
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON-safe; null for a multiple without a limit."""
+        return {
+            "proved": self.proved,
+            "multiple": None if self.multiple == np.inf else self.multiple,
+            "coefficient": self.coefficient,
+            "others": len(self.others),
+            "starts": self.starts,
+            "statement": str(self),
+        }
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """The components of contact points that move, condensed onto: normal ones first, then those with friction.
+
+    Attributes:
+        stiffness: S, force per length, shape (m, m).
+        normal: the points of the first components, shape (n,).
+        tangential: the points of the others, shape (m - n,).
+        beside: for each of these the place of its point in ``normal``, shape (m - n,).
+        free: an orthonormal basis of the motions without a force, shape (m, k).
+    """
+
+    stiffness: Nodal
+    normal: npt.NDArray[np.int64]
+    tangential: npt.NDArray[np.int64]
+    beside: npt.NDArray[np.int64]
+    free: Nodal
 
 
 def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None = None) -> Uniqueness:
@@ -28,15 +134,287 @@ def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None 
     operator = elasticity.contact.operator
     starts, columns, values = operator.getValuesCSR()
     retained = np.unique(columns).astype(np.int32)
-    if max(retained.size, len(starts) - 1) > MOST_COMPONENTS:
+    if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
         return Uniqueness(
             False,
             0.0,
             reason=f"there are {len(starts) - 1} components of contact points, the proof is "
-            f"for at most {MOST_COMPONENTS}",
+            f"for at most {_MOST_COMPONENTS}",
         )
     free = ~elasticity.fixed[retained]
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
     condensed = SchurComplement(elasticity.matrix, retained).dense[np.ix_(free, free)]
     return uniqueness_of(condensed, rows[:, free], law, contact, search=search)
+
+
+def uniqueness_of(
+    stiffness: Nodal, operator: Nodal, law: FrictionLaw, state: PointState, *, search: bool | None = None
+) -> Uniqueness:
+    """Whether the solution of a problem with Coulomb friction is the only one; one rank.
+
+    Args:
+        stiffness: of some unknowns without the prescribed ones, the others eliminated, shape (u, u).
+        operator: B on these, rows (n, T) of each of p points, shape (p d, u).
+        law: of friction.
+        state: the solution.
+        search: for other ones; None: where it is not proved to be the only one.
+    """
+    found = _condensed(stiffness, operator, law.coefficient)
+    if isinstance(found, str):
+        return Uniqueness(False, 0.0, reason=found)
+    multiple, why = _critical(found, law.coefficient)
+    acting = law.coefficient[np.unique(found.tangential)]
+    same = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
+    proved = multiple > 1
+    others: list[Nodal] = []
+    starts = 0
+    if search or (search is None and not proved):
+        if state.points.dimension > 2:
+            why = "; ".join(filter(None, (why, "only solutions in the plane are searched for")))
+        else:
+            others, starts = _other_solutions(found, law, state)
+    return Uniqueness(proved, multiple, float(multiple * acting[0]) if same else None, tuple(others), starts, why)
+
+
+def _condensed(stiffness: Nodal, operator: Nodal, coefficient: Nodal) -> _Rough | str:
+    """The stiffness of normal components and of tangential ones with friction; or why there is none."""
+    count = coefficient.size
+    moves = np.linalg.norm(operator, axis=1) > _FREE
+    by_point = moves.reshape(count, -1)
+    if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
+        return "a support takes the pressure at a point that friction acts on"
+    rows = operator[moves]
+    q, r = np.linalg.qr(rows.T, mode="complete")
+    r = r[: len(rows)]
+    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= _FREE:
+        return "some contact points share a node, or are held in a direction of their own"
+    # x = q1 r^-T v + q2 z, of which z has no force.
+    change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
+    whole = change.T @ stiffness @ change
+    point, component = np.nonzero(by_point)
+    keep = (component == 0) | (coefficient[point] > 0)
+    order = np.concatenate((np.flatnonzero(keep & (component == 0)), np.flatnonzero(keep & (component > 0))))
+    rest = np.setdiff1d(np.arange(len(whole)), order)
+    schur = whole[np.ix_(order, order)]
+    if rest.size:
+        coupling = whole[np.ix_(rest, order)]
+        values, vectors = np.linalg.eigh(whole[np.ix_(rest, rest)])
+        hard = values > _FREE * values[-1]
+        inside = vectors[:, hard].T @ coupling
+        schur = schur - inside.T @ (inside / values[hard, None])
+    schur = (schur + schur.T) / 2
+    normal = point[order[component[order] == 0]]
+    tangential = point[order[component[order] > 0]]
+    values, vectors = np.linalg.eigh(schur)
+    free = vectors[:, values <= _FREE * values[-1]]
+    return _Rough(schur, normal, tangential, np.searchsorted(normal, tangential), free)
+
+
+def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
+    """The multiple of the coefficients below which the solution is proved to be the only one; and why it is zero."""
+    normal, count = rough.normal.size, len(rough.stiffness)
+    if count == normal:
+        return np.inf, ""
+    if np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5:
+        return 0.0, "nothing but friction holds the body along its foundation"
+    unit = float(np.abs(rough.stiffness).max())
+    # In units of the stiffness, so that nodal compliance is of order one.
+    stiffness = rough.stiffness / unit
+    rows, sizes = stiffness[rough.beside], coefficient[rough.tangential]
+    basis = np.linalg.svd(rough.free, full_matrices=True)[0][:, rough.free.shape[1] :] if rough.free.size else None
+    compliance = np.diag(np.linalg.pinv(stiffness, rcond=_FREE, hermitian=True))[normal:]
+    first = np.concatenate(([0.0], np.log(np.sqrt(compliance / np.diag(stiffness)[rough.beside]))))
+
+    def matrices(weights: Nodal) -> tuple[Nodal, Nodal, Nodal]:
+        """The symmetric part of D S, half the right side for F, and D."""
+        extra = weights[0] if rough.free.size else weights[: weights.size - sizes.size]
+        d = np.exp(weights[-sizes.size :])
+        scale = np.concatenate((np.full(normal, 1.0) * np.exp(extra), np.ones(sizes.size)))
+        left = scale[:, None] * stiffness
+        right = rows.T @ ((sizes * d)[:, None] * rows)
+        places = np.arange(normal, count)
+        right[places, places] += sizes / d
+        return (left + left.T) / 2, right / 2, scale
+
+    def reduced(matrix: Nodal) -> Nodal:
+        return matrix if basis is None else basis.T @ matrix @ basis
+
+    def value(weights: Nodal) -> tuple[float, Nodal]:
+        """The logarithm of the smoothed largest eigenvalue, and its derivative."""
+        left, right, scale = matrices(weights)
+        try:
+            values, vectors = eigh(reduced(right), reduced(left), driver="gvd")
+        except LinAlgError:  # the left side is not positive definite
+            return _INDEFINITE, np.zeros_like(weights)
+        values = np.maximum(values, 0.0)
+        top = values[-1]
+        share = (values / top) ** _SMOOTH
+        x = vectors if basis is None else basis @ vectors
+        weight = share / values.clip(min=1e-300) / share.sum()
+        sx, d = stiffness @ x, np.exp(weights[-sizes.size :])
+        by_d = 0.5 * sizes[:, None] * (d[:, None] * sx[rough.beside] ** 2 - x[normal:] ** 2 / d[:, None])
+        by_nu = -values * scale[:normal, None] * x[:normal] * sx[:normal]
+        gradient = np.concatenate((by_nu, by_d)) @ weight
+        if rough.free.size:
+            gradient = np.concatenate(([gradient[:normal].sum()], gradient[normal:]))
+        return float(np.log(top) + np.log(share.sum()) / _SMOOTH), gradient
+
+    nus = np.zeros(1 if rough.free.size else normal)
+    best = np.concatenate((nus, first[1:]))
+    spent, reached = 0, value(best)[0]
+    while spent < _EVALUATIONS:  # a search that leaves the weights with a proof ends early, and begins again
+        found = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": _EVALUATIONS - spent})
+        spent += found.nfev
+        if not found.fun < reached - _GAIN:
+            break
+        best, reached = found.x, found.fun
+    left, right, _ = (*map(reduced, matrices(best)[:2]), None)
+    critical = 1.0 / float(eigh(right, left, eigvals_only=True, subset_by_index=(len(left) - 1, len(left) - 1))[0])
+    return (critical * _PROVED, "") if _definite(left - critical * _PROVED * right) else (0.0, "round-off hides it")
+
+
+def _definite(matrix: Nodal) -> bool:
+    """Whether a symmetric matrix is positive definite, proved with the round-off of the Cholesky factorisation.
+
+    S. M. Rump, Verification of positive definiteness, BIT 46 (2006) 433-452: it is if the factorisation of the matrix
+    minus (n + 2) eps times its trace succeeds; the entries of the matrix have the error of a few such sums.
+    """
+    scale = 1 / np.sqrt(np.diag(matrix)) if (np.diag(matrix) > 0).all() else None
+    if scale is None:
+        return False
+    scaled = scale[:, None] * matrix * scale
+    size = len(matrix)
+    try:
+        cholesky(scaled - 4 * (size + 2) * np.finfo(float).eps * np.trace(scaled) * np.eye(size), lower=True)
+    except LinAlgError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class _Law:
+    """The unregularised conditions of the kept components in the plane; forces are nodal, arrays one entry per point.
+
+    Attributes:
+        gap: of the normal components, length, shape (n,).
+        origin: of the slip of the tangential ones, length, shape (t,).
+        given: bound without pressure, force, shape (t,).
+        coefficient: F, shape (t,).
+        cap: largest bound, force, shape (t,).
+        bilateral: normal components that cannot open, shape (n,).
+        load: S v + r, force, shape (n + t,).
+        size: of displacements, length.
+    """
+
+    gap: Nodal
+    origin: Nodal
+    given: Nodal
+    coefficient: Nodal
+    cap: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    load: Nodal
+    size: float
+
+
+def _other_solutions(rough: _Rough, law: FrictionLaw, state: PointState) -> tuple[list[Nodal], int]:
+    """Solutions without regularisation that differ from the given one, as relative displacements; and the starts."""
+    weight, n = state.points.weight, rough.normal.size
+    v = np.concatenate((state.u_n[rough.normal], state.u_t[rough.tangential, 0]))
+    force = np.concatenate(((weight * state.pressure)[rough.normal], (weight * state.shear[:, 0])[rough.tangential]))
+    at, load = rough.tangential, rough.stiffness @ v + force
+    alone = np.linalg.lstsq(rough.stiffness, load, rcond=_FREE)[0]
+    data = _Law(
+        gap=state.gap[rough.normal],
+        origin=(state.u_t - state.slip_length)[at, 0],
+        given=(weight * law.given)[at],
+        coefficient=law.coefficient[at],
+        cap=np.full(at.size, np.inf) if law.cap is None else (weight * law.cap)[at],
+        bilateral=state.bilateral[rough.normal],
+        load=load,
+        size=float(max(np.abs(part).max() for part in (alone, v, state.gap))),
+    )
+    touching = state.in_contact[rough.normal]
+    side = np.sign(state.direction[at, 0])
+    same = _newton(rough, data, touching, side)
+    known = [v if same is None else same[0]]
+    chance = np.random.default_rng(0)
+    none, every = np.zeros(at.size), np.ones(n, dtype=bool)
+    starts: list[_Sets] = [
+        (~every, none),
+        (every, none),
+        (every, none + 1),
+        (every, none - 1),
+    ]
+    starts += [(touching, s) for s in (none, none + 1, none - 1)]
+    starts += [(chance.random(n) < 0.5, chance.integers(-1, 2, at.size).astype(float)) for _ in range(_STARTS)]
+    starts += [
+        *_along_path(rough, data, np.linspace(0, 1, _PATH)[:-1]),
+        *_along_path(rough, data, np.geomspace(_ROUGH, 1, _PATH)[:-1]),
+    ]
+    for start in starts:
+        found = _newton(rough, data, *start)
+        if found is not None and all(_apart(found[0], one) for one in known):
+            known.append(found[0])
+    return known[1:], len(starts)
+
+
+def _apart(a: Nodal, b: Nodal) -> bool:
+    """Whether two displacements differ by more than what regularisation and round-off do."""
+    return bool(np.abs(a - b).max() > _SAME * max(np.abs(a).max(), np.abs(b).max()))
+
+
+def _along_path(rough: _Rough, data: _Law, factors: npt.NDArray[np.floating[Any]]) -> Iterator[_Sets]:
+    """The sets of solutions with other multiples of the friction coefficient, each begun from the one before."""
+    sets: _Sets = np.ones(rough.normal.size, dtype=bool), np.zeros(rough.tangential.size)
+    for factor in factors:
+        changed = replace(data, coefficient=factor * data.coefficient)
+        found = _newton(rough, changed, *sets)
+        if found is not None:
+            sets = found[1], found[2]
+    yield sets
+
+
+def _newton(
+    rough: _Rough, data: _Law, contact: npt.NDArray[np.bool_], side: Nodal
+) -> tuple[Nodal, npt.NDArray[np.bool_], Nodal] | None:
+    """An active set method; the solution with its sets if all conditions hold, None if it ends elsewhere."""
+    n, stiffness = rough.normal.size, rough.stiffness
+    seen: set[bytes] = set()
+    for _ in range(_SOLVES):
+        contact = contact | data.bilateral
+        pressed = contact[rough.beside] | (data.given > 0)
+        key = contact.tobytes() + side.tobytes()
+        if key in seen:
+            return None
+        seen.add(key)
+        # One row per component: a displacement, or a force r = load - S v.
+        matrix, right = stiffness.copy(), data.load.copy()
+        matrix[:n][contact], right[:n][contact] = np.eye(n, len(matrix))[contact], data.gap[contact]
+        slips = side != 0
+        stick = pressed & ~slips
+        coefficient = np.where(pressed & slips, side * data.coefficient, 0.0)
+        matrix[n:] -= coefficient[:, None] * stiffness[rough.beside]
+        right[n:] -= coefficient * data.load[rough.beside] + np.where(pressed & slips, side * data.given, 0.0)
+        matrix[n:][stick], right[n:][stick] = np.eye(len(matrix))[n:][stick], data.origin[stick]
+        try:
+            v: Nodal = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return None
+        force = data.load - stiffness @ v
+        scale, size = np.abs(data.load).max(), data.size
+        if np.abs(v).max() > _AWAY * size:  # of a matrix that is singular but for round-off
+            return None
+        away = np.where(contact, force[:n] < -_EXACT * scale, v[:n] <= data.gap + _EXACT * size) & ~data.bilateral
+        bound = np.minimum(data.given + data.coefficient * np.abs(force[rough.beside]), data.cap)
+        slip = v[n:] - data.origin
+        turned = np.where(
+            stick, np.abs(force[n:]) > bound + _EXACT * scale, slips & pressed & (side * slip < -_EXACT * size)
+        )
+        new_side = np.where(stick & turned, np.sign(force[n:]), np.where(turned, 0.0, side))
+        new_contact = ~away
+        if (new_contact == contact).all() and not turned.any():
+            capped = pressed & slips & (data.given + data.coefficient * np.abs(force[rough.beside]) > data.cap)
+            return None if capped.any() else (v, contact, side)
+        contact, side = new_contact, new_side
+    return None
