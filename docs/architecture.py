@@ -32,6 +32,7 @@ LAYERS = (
     "body",
     "pairs",
     "meshes",
+    "shapes",
     "mesh",
     "effects",
     "scene",

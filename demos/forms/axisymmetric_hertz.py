@@ -2,7 +2,7 @@
 # # Hertz's point contact, axisymmetric
 #
 # All forms are multiplied by $2 \pi r$; `measure` says so of the contact. A flat elastic body is pressed onto a rigid
-# sphere of radius $R$: the gap is $r^2 / 2R$. With the force $F$ and $E^* = E / (1 - \nu^2)$,
+# sphere of radius $R$, which is a circle of the plane of $r$ and $z$. With the force $F$ and $E^* = E / (1 - \nu^2)$,
 #
 # $$a = \Bigl(\frac{3 F R}{4 E^*}\Bigr)^{1/3}, \qquad \lambda(r) = \frac{3 F}{2 \pi a^2} \sqrt{1 - r^2 / a^2} .$$
 
@@ -34,7 +34,7 @@ axis = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0.0))
 down = dirichletbc(-DOWN, locate_dofs_topological(V.sub(1), 1, top), V.sub(1))
 symmetric = dirichletbc(0.0, locate_dofs_topological(V.sub(0), 1, axis), V.sub(0))
 nothing = ufl.inner(Constant(mesh, (0.0, 0.0)), v) * ufl.dx
-ball = Foundation(bottom, gap=r**2 / (2 * RADIUS), measure=around)
+ball = Foundation(bottom, shape={"shape": "circle", "centre": (0, -RADIUS), "radius": RADIUS}, measure=around)
 problem = ContactProblem(ufl.inner(stress, strain(v)) * around * ufl.dx, nothing, [down, symmetric], ball)
 problem.solve()
 force = mesh.comm.allreduce(assemble_scalar(form(problem.pressure * around * ufl.ds)))

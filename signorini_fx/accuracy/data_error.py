@@ -124,7 +124,7 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
             bend = np.pad(np.abs(np.diff(nodal, 2)), 1, mode="edge") if nodal.size > 2 else np.zeros(nodal.size)
             return nodal, points - nodal[:-1, None] - np.diff(nodal)[:, None] * at, np.maximum(bend[:-1], bend[1:])
 
-        nodal, away, bend = between(effect.gap)
+        nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
         # In contact the body follows the gap; beside it the body may have entered a bump that lies between nodes.
         distance = np.maximum(nodal - c["u_n"][rows], 0.0)
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
@@ -167,7 +167,7 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
             return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[own]
 
-        nodal, away, bend = between(effect.gap)
+        nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
         pressed = c["pressure"][corners] != 0
         room = np.maximum(nodal - c["u_n"], 0.0)[corners] @ weights.T
         missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1)

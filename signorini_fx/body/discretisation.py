@@ -235,7 +235,8 @@ def foundations_of(
             choice = {"gap": gap} if nominal else {"allowance": gap}
             found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
             continue
-        found.append(Foundation(on, _evaluable(effect.gap), effect.direction, friction, bilateral))
+        gap, shape = _evaluable(effect.gap), effect.foundation
+        found.append(Foundation(on, gap, effect.direction, friction, bilateral, shape=shape))
     return found
 
 

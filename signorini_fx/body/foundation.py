@@ -46,6 +46,9 @@ class Foundation:
         bilateral: whether the contact cannot open; the pressure then has any sign.
         measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of axisymmetric
             ones; points at which it is zero carry no contact.  None: 1.
+        shape: the foundation as a thing, such as ``signorini_fx.shapes.sphere.Sphere(...)``: any object with
+            ``distance(x)``, see ``scene.rigid_shape.Shape``, or a table as a scene has it.  It determines the
+            direction, and ``gap`` is added to its distance.  None: gap and direction say where it is.
     """
 
     facets: Any
@@ -54,6 +57,7 @@ class Foundation:
     friction: Coulomb | Tresca | None = None
     bilateral: bool = False
     measure: Any = None
+    shape: Any = None
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.errors import FormError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
+from signorini_fx.scene.rigid_shape import Distance, distance_from
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
@@ -98,6 +99,27 @@ class Foundations:
         self._names, self._inventory = names, inventory
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
+        self._distances = self._shaped()
+
+    def _shaped(self) -> dict[int, Distance]:
+        """The distances from foundations that have shapes, by their numbers.
+
+        Raises:
+            FormError: a shape does not fit the mesh.
+        """
+        found, problems = dict[int, Distance](), list[tuple[str, str]]()
+        for k, one in enumerate(self._contact):
+            if isinstance(one, Pair) or one.shape is None:
+                continue
+            if one.direction is not None:
+                problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
+            try:
+                found[k] = distance_from(one.shape, self._dimension)
+            except SceneError as error:
+                problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
+        if problems:
+            raise FormError(problems)
+        return found
 
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
@@ -136,8 +158,9 @@ class Foundations:
                 factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.global_max(self._space.mesh.comm, parallel.local_max(np.nan_to_num(factor)))
                 factor[factor <= _ROUND_OFF * largest] = 0.0
-            if one.direction is not None:
-                direction = at(one.direction, f"contact[{k}].direction", self._dimension)
+            along: Any = self._distances[k].direction if k in self._distances else one.direction
+            if along is not None:
+                direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
                     raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
@@ -189,7 +212,8 @@ class Foundations:
         """
         one, at = self._contact[number], self._values[number]
         if not isinstance(one, Pair):
-            return at(one.gap, f"contact[{number}].gap"), None
+            gap = at(one.gap, f"contact[{number}].gap")
+            return (gap + self._distance_of(number) if number in self._distances else gap), None
         pair = self._pairs[number]
         if not pair.by_geometry:
             return at(0.0 if one.bonded else one.gap, f"contact[{number}].gap"), None
@@ -197,6 +221,21 @@ class Foundations:
         found, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
         found[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.gap
         return found, allowance
+
+    def _distance_of(self, number: int) -> Array:
+        """The signed distance from the shape of one contact at all nodes of this rank; collective.
+
+        Raises:
+            FormError: the whole body is inside of it.
+        """
+        comm, distance = self._space.mesh.comm, self._distances[number]
+        found = self._values[number](distance, f"contact[{number}].shape")
+        if not parallel.any_rank(comm, bool((found >= 0).any())):
+            every = distance(self._space.mesh.geometry.x.T.astype(np.float64))
+            if not parallel.any_rank(comm, bool((every >= 0).any())):
+                what = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
+                raise FormError([(f"contact[{number}]", what)])
+        return found
 
     @property
     def pairs(self) -> dict[int, PairedSides]:

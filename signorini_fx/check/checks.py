@@ -21,6 +21,7 @@ from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
+from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LOCKING_POISSON
 from signorini_fx.linalg.options import refuse_mistyped
@@ -222,6 +223,8 @@ def _contacts(d: Discretisation) -> list[Effect]:
         said = f"{effect.kind}, {count} nodes"
         if effect.against is not None:
             forms, said = (), f"{effect.kind}, against {effect.against}, {count} nodes"
+        if effect.foundation is not None:
+            said += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
         found.append(Effect(name, True, said, forms, solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
@@ -230,6 +233,16 @@ def _contacts(d: Discretisation) -> list[Effect]:
         found.append(Effect(name, law.acts, law.said, solves=_minus(total, previous)))
         previous = total
     return found
+
+
+def _gaps(d: Discretisation, index: int) -> str:
+    """The smallest and the largest gap of one contact in words; collective."""
+    assert d.boundary is not None
+    assert d.data is not None
+    here = d.data.gap[d.boundary.part == index]
+    low, high = (parallel.global_max(d.comm, parallel.local_max(sign * here, -np.inf)) for sign in (-1.0, 1.0))
+    found = (0.0 if abs(gap) < ZERO * d.tagged.size else gap for gap in (-low, high))
+    return " to ".join(f"{gap:.4g}" for gap in found)
 
 
 def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:

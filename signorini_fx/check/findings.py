@@ -212,7 +212,7 @@ def _heights(body: Discretisation) -> list[Finding]:
     assert boundary is not None
     found = []
     for index, effect in enumerate(body.scene.contact):
-        if effect.direction is not None or isinstance(effect.gap, float):
+        if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
             continue
         here = boundary.part == index
         step = _STEP * body.tagged.size

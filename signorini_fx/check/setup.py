@@ -25,6 +25,8 @@ from signorini_fx.scene.model import MeshFile, Scene
 from signorini_fx.units import names_of
 
 _SUFFIXES = (".png", ".pdf", ".svg")
+# How far beside the body, over its longer side, a foundation is drawn, on a grid of so many lines each way.
+_BESIDE, _GRID = 0.25, 300
 Floats = npt.NDArray[np.float64]
 
 
@@ -51,7 +53,26 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
         parallel.rows_on_root(comm, shown),
         tuple(_boundary(tagged, name, acting[name]) for name in _shown(tagged, acting)),
         {} if scene is None else names_of(scene.model_dump(include={"units"}), dim),
+        () if scene is None else _lines(scene, tagged),
     )
+
+
+def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
+    """The lines of the foundations of the plane that have shapes, near the body, each of shape (k, 2); collective."""
+    shapes = [effect.foundation for effect in scene.contact if effect.foundation is not None]
+    if tagged.dimension == 3 or not shapes:
+        return []
+    from contourpy import contour_generator  # matplotlib's
+
+    low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))[:, :2]
+    aside = _BESIDE * float((high - low).max())
+    x, y = (np.linspace(a - aside, b + aside, _GRID) for a, b in zip(low, high, strict=True))
+    grid = np.stack(np.meshgrid(x, y), axis=2)
+    found = []
+    for shape in shapes:
+        signed = shape.distance(grid.reshape(-1, 2))[0].reshape(_GRID, _GRID)
+        found += [np.asarray(line) for line in contour_generator(x, y, signed).lines(0.0)]
+    return found
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, field_validator
 
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.effect import Contradictions, Effect, text
+from signorini_fx.scene.rigid_shape import Distance, OneShape
 from signorini_fx.scene.values import Finite, NonNegativeValue, SampledValue, shown
 
 
@@ -91,6 +92,7 @@ class Contact(Effect):
     distance: Literal["geometry", "nominal"] = "geometry"
     gap: SampledValue = 0.0
     direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    foundation: OneShape = None
     friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
 
     @field_validator("direction")
@@ -104,6 +106,11 @@ class Contact(Effect):
         """See ``Effect``."""
         if any(other.boundary == self.boundary for other in scene.contact[:place]):
             yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: describe it in one [[contact]]"
+        if self.foundation is not None:
+            for other in ("against", "direction"):
+                if getattr(self, other) is not None:
+                    reason = "the other body" if other == "against" else "the direction, that of the closest point"
+                    yield ("contact", place, other), f"foundation already says {reason}: leave one of them out"
         if self.against is None:
             if self.distance == "nominal":
                 yield ("contact", place, "distance"), "is for contact against another boundary"
@@ -119,6 +126,10 @@ class Contact(Effect):
         ):
             if wrong:
                 yield key, f"{reason} is not possible yet where two bodies are in contact"
+
+    def gap_in(self, dimension: int) -> Any:
+        """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
+        return self.gap if self.foundation is None else Distance(self.foundation, self.gap, dimension)
 
     @property
     def coulomb(self) -> bool:
@@ -138,8 +149,10 @@ class UnilateralContact(Contact):
         boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
+            the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
+        foundation: a shape, whose closest points determine gap and direction, see ``scene.rigid_shape``; None: none.
         friction: the friction law.
         kind: its name.
     """
@@ -156,6 +169,7 @@ class BondedContact(Contact):
         distance: without effect.
         gap: without effect.
         direction: without effect.
+        foundation: without effect.
         friction: without effect.
         kind: its name.
     """
@@ -179,8 +193,10 @@ class BilateralContact(Contact):
         boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
+            the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
+        foundation: a shape, whose closest points determine gap and direction, see ``scene.rigid_shape``; None: none.
         friction: the friction law.
         kind: its name.
     """

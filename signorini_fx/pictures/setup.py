@@ -79,12 +79,14 @@ class Setup:
             from outside, shape (m, k, d).
         boundaries: those with a name.
         units: for labels, see ``signorini_fx.units``.
+        foundations: in the plane, lines of the foundations that have shapes, lengths, each of shape (k, 2).
     """
 
     title: str
     polygons: Floats
     boundaries: Sequence[Boundary]
     units: Mapping[str, str] = field(default_factory=dict)
+    foundations: Sequence[Floats] = ()
 
     @property
     def dimension(self) -> int:
@@ -131,6 +133,7 @@ class Setup:
                 axes.add_collection(LineCollection(list(one.corners), colors=one.colour, linewidths=2.2, zorder=4))
             else:
                 axes.add_collection(LineCollection(list(one.corners), colors=_NAMED, linewidths=1.2, zorder=3))
+        axes.add_collection(LineCollection(list(self.foundations), colors=ORANGE, linewidths=1.2, zorder=2))
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(xlabel=f"$x${bracketed('length')}", ylabel=f"$y${bracketed('length')}")
         axes.spines[:].set_visible(False)

@@ -271,19 +271,23 @@ def sides_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> list
     def side(place: int, effect: Any) -> ContactSide:
         bonded = isinstance(effect, BondedContact)
 
+        gap = effect.gap_in(x.shape[1])
+
         def along(nodes: npt.NDArray[Any]) -> Nodal:
+            if effect.foundation is not None:
+                return np.asarray(gap.direction(in_space(x[nodes])).T)
             return np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
 
         return ContactSide(
             effect.boundary,
-            lambda nodes: sample(effect.gap, in_space(x[nodes])),
+            lambda nodes: sample(gap, in_space(x[nodes])),
             lambda nodes, pressure: (
                 np.full(nodes.size, np.inf)
                 if bonded
                 else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
             ),
             bonded or isinstance(effect, BilateralContact),
-            None if effect.direction is None else along,
+            None if effect.direction is None and effect.foundation is None else along,
             claim=claims.get(place),
             by_geometry=not bonded and effect.distance == "geometry",
         )

@@ -29,6 +29,9 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
     for index, effect in enumerate(scene.contact):
         if effect.direction is not None and len(effect.direction) != dimension:
             yield f"contact[{index}].direction", f"{where}: give {dimension} numbers, not {len(effect.direction)}"
+        if effect.foundation is not None:
+            for key, reason in effect.foundation.contradictions(dimension):
+                yield f"contact[{index}].foundation.{key}", reason
         for other in scene.displacement:
             if other.boundary == effect.boundary and None not in other.components[:dimension]:
                 yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"

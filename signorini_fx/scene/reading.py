@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.changes import Changes, changed
-from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import kind_of
 
@@ -24,7 +24,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     Args:
         data: the scene as nested mappings, as ``tomllib`` gives them.
         source: name of the scene in messages.
-        folder: the folder that paths of mesh files are relative to.
+        folder: the folder that paths of files in the scene are relative to.
 
     Raises:
         SceneError: with all errors at once.
@@ -33,9 +33,18 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
         scene = Scene.model_validate(dict(data))
     except ValidationError as error:
         raise SceneError(problems_of(error, data, Scene.described()), source) from None
-    if folder is not None and isinstance(scene.mesh, MeshFile) and not scene.mesh.file.is_absolute():
-        scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"file": folder / scene.mesh.file})})
-    return scene
+    if folder is None:
+        return scene
+    contact = [
+        effect.model_copy(update={"foundation": _found_from(folder, effect.foundation)}) for effect in scene.contact
+    ]
+    return scene.model_copy(update={"mesh": _found_from(folder, scene.mesh), "contact": tuple(contact)})
+
+
+def _found_from(folder: Path, table: Any) -> Any:
+    """A table whose file, if it has one, is found from a folder."""
+    file = getattr(table, "file", None)
+    return table.model_copy(update={"file": folder / file}) if isinstance(file, Path) else table
 
 
 _LARGEST_FILE = 1_000_000

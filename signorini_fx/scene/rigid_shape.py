@@ -1,0 +1,225 @@
+"""What the rigid foundations of ``shapes/`` have in common, and how they are found: by the names of their files.
+
+A shape is a solid with a signed distance phi: positive outside, where the body is, and negative inside, with the
+gradient n_f at the closest point, the outward normal of the foundation.  A point x that is displaced by u stays outside
+to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.
+"""
+
+from __future__ import annotations
+
+import math
+import pkgutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError, WithJsonSchema
+
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.validation import problems_of
+from signorini_fx.scene.values import Finite, kind_of, shown
+
+Array = npt.NDArray[np.float64]
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+
+
+def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(given):
+        raise ValueError("must not be zero")
+    return given
+
+
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
+
+
+def unit(vector: tuple[float, ...]) -> Array:
+    """The vector with the length one, shape (d,)."""
+    found = np.array(vector)
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def across(axis: Array) -> Array:
+    """Any unit vector perpendicular to a unit vector, shape (d,)."""
+    other = np.eye(axis.size)[np.argmin(np.abs(axis))]
+    found = other - (other @ axis) * axis
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
+    """Lengths of vectors, and the unit vectors; what has no direction gets another one. Shapes (n,) and (n, d)."""
+    size = np.linalg.norm(vectors, axis=1)
+    return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
+
+
+class Shape(Table):
+    """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
+
+    Attributes:
+        shape: the name of its file.
+        hollow: whether the foundation is all that the shape is not.
+        shift: by which it is moved, length; None: not at all.
+        rotation: by which it is turned before it is moved, degrees, counterclockwise; in space along the axis [a, b, c]
+            by the length of this vector; None: not at all.
+        pivot: the point that it is turned about, length; None: the origin.
+    """
+
+    # The dimensions of space in which there is such a shape.
+    exists_in: ClassVar[tuple[int, ...]] = (2, 3)
+
+    shape: str
+    hollow: bool = False
+    shift: Vector | None = None
+    rotation: Finite | Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | None = None
+    pivot: Vector | None = None
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """``distance`` before the shape is turned and moved, not hollow."""
+        raise NotImplementedError
+
+    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that do not fit the dimension of the mesh, and why."""
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        if dimension not in self.exists_in:
+            yield "shape", f"{where}: there is no {self.shape}"
+            return
+        for key in type(self).model_fields:
+            value = getattr(self, key)
+            wrong = isinstance(value, tuple) and key != "rotation" and isinstance(value[0], float)
+            if wrong and len(value) != dimension:
+                yield key, f"{where}: give {dimension} numbers, not {len(value)}"
+        if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
+            yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+
+    @property
+    def said(self) -> str:
+        """Its kind, and what is given of it."""
+        given = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
+        return ", ".join((self.shape, *(f"{key} = {_text(value)}" for key, value in given if key != "shape")))
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """The signed distance, length, and the outward normal of the foundation at the closest point.
+
+        Args:
+            x: points, length, shape (n, d).
+
+        Returns:
+            Shapes (n,) and (n, d).
+        """
+        dimension = x.shape[1]
+        turned = self._turning(dimension)
+        moved, pivot = (np.array(one or (0.0,) * dimension) for one in (self.shift, self.pivot))
+        signed, normal = self.initial((x - moved - pivot) @ turned + pivot)
+        normal = normal @ turned.T
+        return (-signed, -normal) if self.hollow else (signed, normal)
+
+    def _turning(self, dimension: int) -> Array:
+        """The matrix of its rotation, shape (d, d)."""
+        if self.rotation is None:
+            return np.eye(dimension)
+        if isinstance(self.rotation, tuple):
+            from scipy.spatial.transform import Rotation
+
+            return np.asarray(Rotation.from_rotvec(np.radians(self.rotation)).as_matrix())
+        cosine, sine = math.cos(math.radians(self.rotation)), math.sin(math.radians(self.rotation))
+        return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _text(value: Any) -> str:
+    """A value of a shape in words."""
+    if isinstance(value, tuple) and len(value) > 3:
+        return f"{len(value)} points"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# --- as the data of a foundation --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The gap to a shape, plus what is added to it: values of points of shape (3, n), as foundations take them.
+
+    Attributes:
+        shape: the foundation, with a method ``distance`` as ``Shape`` has it.
+        added: a number, an expression or a callable of the position, length.
+        dimension: of space.
+    """
+
+    shape: Any
+    added: Any
+    dimension: int
+
+    def __call__(self, x: Array) -> Array:
+        """The gap, shape (n,)."""
+        return self._of(x)[0] + sample(self.added, x)
+
+    def direction(self, x: Array) -> Array:
+        """The unit vector to the foundation, shape (d, n)."""
+        return -self._of(x)[1].T
+
+    def _of(self, x: Array) -> tuple[Array, Array]:
+        signed, normal = self.shape.distance(np.ascontiguousarray(x[: self.dimension].T))
+        return signed, normal
+
+
+def distance_from(given: Any, dimension: int) -> Distance:
+    """The distance from a shape, from the table of one, or from any object with a method ``distance``.
+
+    Raises:
+        SceneError: it is none of these, or does not fit the dimension of space.
+    """
+    try:
+        shape = given if callable(getattr(given, "distance", None)) else read_shape(given)
+    except ValidationError as error:
+        raise SceneError(problems_of(error, given, shape_class(given["shape"]))) from None
+    except ValueError as error:
+        raise SceneError([("", str(error))]) from None
+    if isinstance(shape, Shape) and (problems := list(shape.contradictions(dimension))):
+        raise SceneError(problems)
+    return Distance(shape, 0.0, dimension)
+
+
+# --- how they are found ----------------------------------------------------------------------------------------------
+
+PACKAGE = "signorini_fx.shapes"
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """The names of the files of ``shapes/``, none of which is imported."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
+
+
+@cache
+def shape_class(name: str) -> type[Shape]:
+    """The class of a shape, whose file is imported."""
+    found: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
+    return found
+
+
+def read_shape(given: Any) -> Any:
+    """A shape from a table; itself if it is one.
+
+    Raises:
+        ValueError: it is none, its name is not known, or its keys are wrong.
+    """
+    if given is None or isinstance(given, Shape):
+        return given
+    if not isinstance(given, Mapping):
+        raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(given)}')
+    name = given.get("shape")
+    if name not in names():
+        raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
+    return TypeAdapter(shape_class(name)).validate_python(given)
+
+
+OneShape = Annotated[Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})]

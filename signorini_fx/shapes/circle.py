@@ -1,0 +1,33 @@
+"""A circle in the plane: a cylinder across it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from signorini_fx.scene.rigid_shape import Array, Shape, Vector, normalised
+from signorini_fx.scene.values import Positive
+
+
+class Circle(Shape):
+    """A circle.
+
+    Attributes:
+        centre: its centre, length.
+        radius: length.
+    """
+
+    exists_in = (2,)
+
+    shape: Literal["circle"] = "circle"
+    centre: Vector
+    radius: Positive
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
+        return size - self.radius, normal
+
+
+Entry = Circle

@@ -1,0 +1,36 @@
+"""A cylinder without ends in space."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, across, normalised, unit
+from signorini_fx.scene.values import Positive
+
+
+class Cylinder(Shape):
+    """A cylinder without ends.
+
+    Attributes:
+        centre: a point of its axis, length.
+        axis: direction of its axis, any length.
+        radius: length.
+    """
+
+    exists_in = (3,)
+
+    shape: Literal["cylinder"] = "cylinder"
+    centre: Vector
+    axis: Direction
+    radius: Positive
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        away, axis = x - np.array(self.centre), unit(self.axis)
+        size, normal = normalised(away - np.outer(away @ axis, axis), across(axis))
+        return size - self.radius, normal
+
+
+Entry = Cylinder

@@ -1,0 +1,30 @@
+"""A plane, in the plane a straight line."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, unit
+
+
+class Plane(Shape):
+    """A half-space.
+
+    Attributes:
+        point: of its surface, length.
+        normal: out of it, towards the body, any length.
+    """
+
+    shape: Literal["plane"] = "plane"
+    point: Vector
+    normal: Direction
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        normal = unit(self.normal)
+        return (x - np.array(self.point)) @ normal, np.broadcast_to(normal, x.shape)
+
+
+Entry = Plane

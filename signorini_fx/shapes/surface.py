@@ -1,0 +1,182 @@
+"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in the plane the rim of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.scene.rigid_shape import Array, Shape
+from signorini_fx.scene.values import Positive
+from signorini_fx.shapes.polyline import from_pieces
+
+Rows = npt.NDArray[np.int64]
+# Of its distance from the surface, over the size of this, a point that is on it has less.
+_ON = 1e-12
+
+
+class Surface(Shape):
+    """A closed surface of flat triangles; in the plane a closed line of straight pieces.
+
+    Attributes:
+        file: .stl, or the drawing or mesh of a solid, in the plane of an area, in any format that a mesh may have.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the solid.
+        scale: by which the lengths of the file are multiplied.
+    """
+
+    shape: Literal["surface"] = "surface"
+    file: Path
+    size: Positive | None = None
+    scale: Positive = 1.0
+
+    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """See ``Shape``; the file is read."""
+        yield from super().contradictions(dimension)
+        try:
+            found = self._surface.dimension
+        except (MeshError, SceneError) as error:
+            yield "file", str(error)
+            return
+        if found != dimension:
+            words = {2: "plane", 3: "in space"}
+            yield "file", f"{self.file}: it is {words[found]}, and the mesh of the body {words[dimension]}"
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        signed, normal = self._surface(x / self.scale)
+        return self.scale * signed, normal
+
+    @property
+    def _surface(self) -> Any:
+        """The surface, which is read once.
+
+        Raises:
+            MeshError: the file cannot be read, its surface is not closed, or VTK is missing.
+        """
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        return _surface_of(self.file, self.size, changed)
+
+
+Entry = Surface
+
+
+@lru_cache(maxsize=8)
+def _surface_of(file: Path, size: float | None, _changed: int) -> Any:
+    """The surface in a file, once for each state of the file."""
+    if file.suffix.lower() == ".stl":
+        return InSpace(file, *_stl(file))
+    from signorini_fx.mesh.files.formats import read_file
+
+    mesh = read_file(file, degree=1, size=size)
+    if mesh.dim == 2:
+        return InThePlane(mesh.points, mesh.corners)
+    faces = mesh.facet_corners
+    return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, [0, 2, 3]])))
+
+
+def _stl(file: Path) -> tuple[Array, Rows]:
+    """Points and triangles of an STL file, points that are the same joined."""
+    from signorini_fx.mesh.files.reading import read_separately
+
+    if not file.is_file():
+        raise MeshError(f"{file}: no such file")
+    raw = read_separately(file, "meshio", {"kind": "stl"})
+    every = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
+    if not every or not np.isfinite(raw.points).all():
+        raise MeshError(f"{file}: it has no triangles, or points that are not finite")
+    points, joined = np.unique(raw.points, axis=0, return_inverse=True)
+    triangles = joined.reshape(-1)[np.concatenate(every)]
+    flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)  # two corners are one: no area
+    return points, triangles[~flat]
+
+
+class InThePlane:
+    """The rim of an area.
+
+    Args:
+        points: shape (n, 2).
+        cells: their corners along their perimeters, shape (m, 3 or 4).
+    """
+
+    dimension = 2
+
+    def __init__(self, points: Array, cells: Rows) -> None:
+        x, y = points[cells].transpose(2, 0, 1)
+        turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+        # Clockwise: outside is on the left.
+        cells = np.where((turning > 0)[:, None], cells[:, ::-1], cells)
+        sides = np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
+        keys = sides[:, 0] * len(points) + sides[:, 1]
+        self._pieces = sides[~np.isin(keys, sides[:, 1] * len(points) + sides[:, 0])]
+        self._points = points
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, 2)."""
+        return from_pieces(x, self._points, self._pieces)
+
+
+class InSpace:
+    """A closed surface of triangles, with VTK's signed distance.
+
+    Args:
+        file: where it is from, for messages.
+        points: shape (n, 3).
+        triangles: shape (m, 3), with any order of their corners.
+
+    Raises:
+        MeshError: it is not closed, has no inside, or VTK is missing.
+    """
+
+    dimension = 3
+
+    def __init__(self, file: Path, points: Array, triangles: Rows) -> None:
+        sides = np.sort(np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
+        _, counts = np.unique(sides[:, 0] * len(points) + sides[:, 1], return_counts=True)
+        if (counts != 2).any():
+            raise MeshError(
+                f"{file}: the surface is not closed: {np.count_nonzero(counts == 1)} sides of its {len(triangles)} "
+                f"triangles belong to one alone, {np.count_nonzero(counts > 2)} to more than two"
+            )
+        try:
+            from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+            from vtkmodules.vtkCommonCore import vtkPoints
+            from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+            from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance, vtkPolyDataNormals
+        except ModuleNotFoundError as error:
+            raise MeshError(f"{file}: a surface in space needs the Python package {error.name}: see pyvista") from None
+        data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
+        places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+        cells.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(triangles.ravel()), deep=True))
+        data.SetPoints(places)
+        data.SetPolys(cells)
+        outwards = vtkPolyDataNormals()
+        outwards.SetInputData(data)
+        outwards.SplittingOff()
+        outwards.ConsistencyOn()
+        outwards.AutoOrientNormalsOn()
+        outwards.Update()
+        faced = outwards.GetOutput()
+        order = vtk_to_numpy(faced.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+        directed = order * len(points) + np.roll(order, -1, axis=1)
+        if np.unique(directed).size < directed.size:
+            raise MeshError(f"{file}: the surface has no inside and outside: its triangles cannot be oriented alike")
+        self._distance = vtkImplicitPolyDataDistance()
+        self._distance.SetInput(faced)
+        self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, 3)."""
+        closest, signed = np.zeros_like(x), np.zeros(len(x))
+        for k, point in enumerate(x):
+            signed[k] = self._distance.EvaluateFunctionAndGetClosestPoint(point, closest[k])
+        far = np.abs(signed) > _ON * self._size
+        normal = np.zeros_like(x)
+        normal[far] = (x - closest)[far] / signed[far, None]
+        for k in np.flatnonzero(~far):
+            self._distance.EvaluateGradient(x[k], normal[k])
+        return signed, normal / np.linalg.norm(normal, axis=1)[:, None]
