@@ -106,7 +106,7 @@ def lines_of(said):
 
 
 NODES = [str(n) for n in range(1, (NX + 1) * (NY + 1) + 1)]
-RIGHT, TOP = NODES[NX :: NX + 1], NODES[-NX - 1 :]
+RIGHT, TOP, CORNERS = NODES[NX :: NX + 1], NODES[-NX - 1 :], NODES[::NX]
 
 
 def test_what_single_nodes_have(tmp_path, capsys):
@@ -131,7 +131,7 @@ def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "*BOUNDARY", "some, 2"], capsys)
     assert data["displacement"] == [{"boundary": "SOME", "y": 0.0}]
     assert lines_of(said) == [
-        "2 members of the set 'SOME', which are not defined or no part of the body",
+        "members of the set 'SOME' that are not defined, or no part of the body: 2",
         f"BOUNDARY: support of {NX - 1} nodes of 'some', which are on none of its whole facets",
     ]
 
@@ -149,20 +149,24 @@ def test_pressures_on_faces(tmp_path, capsys):
     ]
     mesh = read_file(scene.parent / data["mesh"]["file"])
     assert len(mesh.boundaries["pressure_1"]) == 3
-    assert lines_of(said) == ["DLOAD: pressure on 3 faces inside the body", "DLOAD: load 7, P, 1.0"]
+    assert lines_of(said) == ["DLOAD: pressure on faces inside the body: 3", "DLOAD: load 7, P, 1.0"]
 
 
 def test_forces_at_nodes(tmp_path, capsys):
     """Those of a uniform traction are one; others are summed up."""
     weights = [0.5, *[1.0] * (NX - 1), 0.5]
     forces = [f"{n}, 2, {-3.0 * weight * LENGTH / NX}" for n, weight in zip(TOP, weights, strict=True)]
+    forces += [f"{n}, 2, {0.5 if n in CORNERS else 1.0}" for n in NODES[: NX + 1]]
     steps = ["*STEP", "*STATIC", "*CLOAD", *forces, "WALL, 1, 1.0", "3, 3, 5.0", "3, 4, 1.0", "*END STEP"]
     lines = [*block("CPS4")[:-1], "0.5", *MATERIAL, *steps]
     _, data, said = drafted(tmp_path, lines, capsys)
-    assert data["traction"] == [{"boundary": "force_1", "y": pytest.approx(-6.0)}]
+    assert data["traction"] == [
+        {"boundary": "force_1", "y": pytest.approx(-6.0)},
+        {"boundary": "force_2", "y": pytest.approx(2.0 * NX / LENGTH)},
+    ]
     assert lines_of(said) == [
         "SOLID SECTION: the thickness 0.5: forces are per unit of it",
-        f"CLOAD: forces at {NY + 1} nodes, in all {NY + 1} along x: "
+        f"CLOAD: forces at nodes, {NY + 1} along x in all ({NY + 1} nodes): "
         "give a traction, force over area, on their boundary",
         "CLOAD: moments at nodes",
     ]
@@ -229,6 +233,19 @@ def test_amplitudes(tmp_path, capsys):
         }
     ]
     assert lines_of(said) == ["DSLOAD: the amplitude 'NONE': the whole load is taken"]
+
+
+def test_contact_that_changes(tmp_path, capsys):
+    """What contact is in the first step is taken; a soft one is named with its stiffness."""
+    lines = ["*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION", "0.7", "*END STEP"]
+    soft = [line.replace(", NO SEPARATION", "") for line in RIGID]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *soft, *lines], capsys)
+    assert data["contact"][0]["friction"] == {"law": "coulomb", "coefficient": 0.3}
+    assert lines_of(said) == [
+        "SURFACE BEHAVIOR: soft contact: hard here, or as soft with gamma_n = 1e+06 in [solver]",
+        "CHANGE FRICTION: not known to scenes",
+        "FRICTION: a change within a step: what holds at the beginning is taken",
+    ]
 
 
 def test_directions_of_nodes(tmp_path, capsys):

@@ -20,7 +20,7 @@ import numpy as np
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, blocks, components, real
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
-from signorini_fx.mesh.files.cells import Corners, straight
+from signorini_fx.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mesh.files.raw import RawMesh, rows_of
 from signorini_fx.mesh.files.shape import Ints
 
@@ -163,7 +163,11 @@ class _Reader:
                         if component not in ROTATIONS:
                             found.setdefault((str(component), "", repr(value)), {})[single] = value
                 case "CLOAD":
-                    forces, value = found.setdefault((words[0],), {}), real((*words, "0")[1])
+                    value = real((*words, "0")[1])
+                    # Those that pull one side and those that push another are two groups, unless both signs belong to
+                    # one face, because its elements have no nodes in the middle of faces.
+                    sign = "-" if value < 0 and not any(completed(kind) for kind, _ in self.blocks) else ""
+                    forces = found.setdefault((words[0], sign), {})
                     for node in self._member(self.node_sets, target) if single is None else [single]:
                         forces[node] = forces.get(node, 0.0) + value
                 case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):

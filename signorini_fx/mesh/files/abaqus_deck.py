@@ -48,7 +48,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     """
     deck = Deck(mesh, read_model(file))
     for name, missing in deck.model.undefined.items():
-        deck.leave_out(None, f"{missing} members of the set {name!r}, which are not defined or no part of the body")
+        deck.leave_out(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
     _find_rigid(deck)
     for block in deck.model.blocks:
         if block.keyword == "AMPLITUDE":
@@ -59,6 +59,8 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     for block in _kept(deck):
         try:
             match block.keyword:
+                case "ELASTIC" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
+                    deck.leave_out(block, "a change within a step: what holds at the beginning is taken")
                 case "MATERIAL":
                     material = block.parameters["NAME"].upper()
                     deck.materials.setdefault(material, {})
@@ -224,7 +226,11 @@ def _behaviour(deck: Deck, block: Block, interaction: str) -> None:
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if kind == "TIED":
         deck.tied.add(interaction)
+    elif kind == "LINEAR" and block.rows and block.rows[0]:
+        deck.leave_out(
+            block, f"soft contact: hard here, or as soft with gamma_n = {real(block.rows[0][0]):g} in [solver]"
+        )
     elif kind != "HARD":
-        deck.leave_out(block, "soft contact: here the body does not enter the foundation")
+        deck.leave_out(block, "soft contact: here it is hard")
     if "NOSEPARATION" in block.parameters:
         deck.leave_out(block, 'contact that does not open again: kind = "bilateral" does not open at all')

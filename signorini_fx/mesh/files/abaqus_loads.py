@@ -105,7 +105,7 @@ def read_surface_loads(deck: Deck, block: Block) -> None:
 
 def _say_inside(deck: Deck, block: Block, faces: int) -> None:
     if faces:
-        deck.leave_out(block, f"pressure on {faces} faces inside the body")
+        deck.leave_out(block, f"pressure on faces inside the body: {faces}")
 
 
 def read_body_forces(deck: Deck, block: Block) -> None:
@@ -164,7 +164,7 @@ def read_forces(deck: Deck, block: Block) -> None:
             deck.leave_out(block, "moments at nodes")
             continue
         total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
-        said = f"forces at {len(group.nodes)} nodes, in all {total:g} along {axis}"
+        said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} nodes)"
         deck.leave_out(block, f"{said}: give a traction, force over area, on their boundary")
 
 
