@@ -5,6 +5,7 @@ import pytest
 from surfaces import ELEMENTS, both, curve, sheet
 
 from signorini_fx.pairs.coupling import PairingError, couple
+from signorini_fx.pairs.functions import carried
 from signorini_fx.pairs.overlap_space import clip
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
@@ -184,3 +185,15 @@ def test_clipping():
         x, y = corners.T if len(corners) else (np.zeros(1), np.zeros(1))
         area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
         assert area == pytest.approx(hit.mean() * 3.2**2, abs=0.08)
+
+
+def test_points_have_positive_weights():
+    """A node whose own function has one, but takes over a larger negative one, carries no point: the next one does."""
+    from types import SimpleNamespace
+
+    side = SimpleNamespace(points=np.array([[0, 1], [1, 2]]), area=np.ones(3))
+    overlap = SimpleNamespace(slave=np.array([0, 1]))
+    weight = np.array([-0.5, 0.1, 1.0])
+    nodes, shares = carried(side, overlap, weight, np.zeros(3, dtype=bool))
+    assert nodes.tolist() == [2]
+    assert shares @ weight == pytest.approx([0.6])

@@ -61,17 +61,37 @@ def carried(
     """
     there = np.zeros(len(weight), dtype=bool)
     there[side.points[covered]] = True
-    able = there & ~unable & (weight > _KEPT * side.area)
-    able = able if able.any() else there & ~unable & (weight > 0)
-    nodes = np.flatnonzero(able)
     count, tests = len(weight), side.points[covered]
     rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
     columns = np.tile(tests, (1, tests.shape[1])).ravel()
     beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
     beside.data[:] = 1.0
+    for kept in (_KEPT, 0.0):
+        able = there & ~unable & (weight > kept * side.area)
+        while able.any():
+            nodes, shares = _taken_over(beside, there, able)
+            # What a point takes over may have a negative weight.
+            weak = shares @ weight <= kept * side.area[nodes]
+            if not weak.any():
+                return nodes, shares
+            able[nodes[weak]] = False
+    return np.zeros(0, dtype=np.int64), sp.csr_array((0, count))
+
+
+def _taken_over(
+    beside: sp.csr_array, there: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
+) -> tuple[Indices, sp.csr_array]:
+    """Nodes that carry a point, and how they take over the functions of others, ring by ring.
+
+    Args:
+        beside: which nodes are on a facet together, shape (N, N).
+        there: nodes of the covered part, shape (N,).
+        able: those of them that carry a point, shape (N,).
+    """
+    nodes, count = np.flatnonzero(able), there.size
     shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
     done, left = able.copy(), there & ~able
-    while left.any():  # ring by ring
+    while left.any():
         known = sp.diags_array(done.astype(np.float64))
         known_beside = sp.csr_array(known @ beside @ sp.diags_array(left.astype(np.float64)))
         number = np.asarray(known_beside.sum(axis=0)).ravel()

@@ -262,7 +262,7 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
     def beyond(s: float, value: float) -> float:
         return float(met(np.array([s]))[0]) - value
 
-    passed = [value for value in (0.0, 1.0) if lowest < value < highest]
+    passed = [value for value in (0.0, 1.0) if lowest + _NOTHING < value < highest - _NOTHING]
     cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=_PLACE)) for value in passed)})
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS["interval"])
     found = []

@@ -204,22 +204,33 @@ def _carried(
         free = np.linalg.norm(loose[node] @ normals[node]) > _HELD
         return bool(weight[node] > least * area[node] and free and node not in taken)
 
-    done = {node for node in beside if able(node, _KEPT)} or {node for node in beside if able(node, 0.0)}
-    found = lil_array((len(weight), len(weight)))
-    for node in done:
+    for least in (_KEPT, 0.0):
+        carry = {node for node in beside if able(node, least)}
+        while carry:
+            found = _ring_by_ring(beside, carry, len(weight))
+            weak = {node for node in carry if (found[[node]] @ weight)[0] <= least * area[node]}
+            if not weak:
+                return found
+            carry -= weak
+    raise ValueError("no node can carry a point")
+
+
+def _ring_by_ring(beside: dict[int, set[int]], carry: set[int], count: int) -> csr_array:
+    """Equal shares of the function of each other node for its neighbours that have points or shares already."""
+    found = lil_array((count, count))
+    for node in carry:
         found[node, node] = 1.0
-    left = set(beside) - done
+    done, left = set(carry), set(beside) - carry
     while left:
         ring = {node: sorted(beside[node] & done) for node in left if beside[node] & done}
         if not ring:
             break
         rows = found.tocsr()
         for node, known in ring.items():
-            column = sum(rows[:, [k]].toarray() for k in known) / len(known)
-            found[:, [node]] = column
+            found[:, [node]] = sum(rows[:, [k]].toarray() for k in known) / len(known)
         done |= set(ring)
         left -= set(ring)
-    return found.tocsr()
+    return csr_array(found.tocsr())
 
 
 def _turning(arms: Array, x: Array, distance: Array) -> Array:

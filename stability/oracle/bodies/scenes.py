@@ -83,6 +83,9 @@ def _mesh(dice: Dice, frame: _Frame, dimension: int, count: int) -> Mesh:
     cell = dice.one_of("triangle", "quadrilateral") if dimension == 2 else dice.one_of("tetrahedron", "hexahedron")
     slope, bend = dice.one_of(0.0, dice.between(-0.3, 0.3)), dice.one_of(0.0, 0.0, dice.between(-0.3, 0.3))
     levels = np.cumsum([0.0, *(dice.between(0.4, 1.0) for _ in range(count))])
+    # The surfaces between bodies do not reach those above and below.
+    rise = 1.2 * abs(slope) + 1.44 * (dimension - 1) * abs(bend)
+    flatter = min(1.0, 0.3 * float(np.diff(levels).min()) / rise) if rise > 0 else 1.0
     start, mesh = 0, None
     for k in range(count):
         counts = [dice.one_of(*_ALONG[dimension]) for _ in range(dimension - 1)]
@@ -102,7 +105,7 @@ def _mesh(dice: Dice, frame: _Frame, dimension: int, count: int) -> Mesh:
         def height(level: int, x: Array = x, k: int = k) -> Array:
             """Of the surface between two bodies; the bodies may be apart, or overlap a little."""
             inside = 0 < level < count
-            shape = slope * x[:, 0] + bend * (x**2).sum(axis=1) if inside else np.zeros(len(x))
+            shape = flatter * (slope * x[:, 0] + bend * (x**2).sum(axis=1)) if inside else np.zeros(len(x))
             return np.asarray(levels[level] + shape)
 
         apart = frame.size * dice.one_of(0.0, 0.0, 0.0, dice.between(-0.5, 1.0)) if k else 0.0

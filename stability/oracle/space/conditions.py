@@ -314,7 +314,8 @@ def violations(
     slipped = np.linalg.norm(xi, axis=1)
     # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
     trial = shear / faint + xi / near
-    excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / faint, 1e-300), 1.0)
+    with np.errstate(over="ignore"):
+        excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / faint, 1e-300), 1.0)
     figures["law of friction"] = _most(np.linalg.norm(shear / faint - trial / excess[:, None], axis=1)[judged_t])
     figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
     sliding = (said.state == "slip") & judged_t & (bound > 0)
