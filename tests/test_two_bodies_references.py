@@ -1,0 +1,255 @@
+"""Two deformable bodies against solutions in closed form."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from two_bodies import assembled, facets, facets_of_piece, forms, grid, held, on, per_cell, stress_of
+
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
+
+
+def nothing(mesh, v):
+    """No load."""
+    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
+
+
+def closed_ring(counts, inner, outer):
+    """A whole ring of quadrilaterals, cells and points."""
+
+    def place(x):
+        return np.stack((x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1])), axis=1)
+
+    cells, x = grid("quadrilateral", counts, (inner, 0.0), (outer, 2 * np.pi), place)
+    around = counts[1] + 1
+    kept = np.arange(len(x)) % around != counts[1]
+    number = np.cumsum(kept) - 1
+    last = ~kept
+    number[last] = number[np.flatnonzero(last) - counts[1]]
+    return number[cells], x[kept]
+
+
+def shrunk_ring(torque, friction=0.2, fit=0.002, radius=2.0):
+    """A ring shrunk onto another one, which is held in its bore along the circle; a torque on the outer one as a share
+    of what Lame's pressure can hold by friction.
+    """
+    pressure = 0.048940
+    mesh = assembled("quadrilateral", closed_ring((3, 30), 1.0, radius), closed_ring((3, 40), radius, 3.0))
+
+    def inner(x):
+        return np.hypot(*x[:2]) < radius
+
+    young, poisson = (per_cell(mesh, lambda x, of=of: of[0] if inner(x) else of[1]) for of in ((100, 300), (0.3, 0.25)))
+    space, a, v = forms(mesh, 2, young, poisson)
+    sides = [
+        facets_of_piece(mesh, lambda x: np.isclose(np.hypot(*x), radius), lambda x, s=s: inner(x) == s)
+        for s in (True, False)
+    ]
+    bore, rim = (on(mesh, facets(mesh, lambda x, r=r: np.isclose(np.hypot(*x), r))) for r in (1.0, 3.0))
+    u, x = ufl.TrialFunction(space), ufl.SpatialCoordinate(mesh)
+    around = ufl.as_vector((-x[1], x[0])) / ufl.sqrt(ufl.dot(x, x))
+    a += 100.0 * ufl.dot(u, around) * ufl.dot(v, around) * bore
+    # Its moment about the axis, from the integral over the polygon that the rim is.
+    arm = ufl.sqrt(ufl.dot(x, x))
+    turn = fem.assemble_scalar(fem.form(arm * rim))
+    moment = friction * pressure * 2 * np.pi * radius**2
+    load = torque * moment / turn * ufl.dot(v, around) * rim
+    problem = ContactProblem(a, load, contact=Pair(*sides, gap=-fit, friction=Coulomb(friction)))
+    return problem, moment
+
+
+def test_a_shrunk_ring_holds_the_torque_of_friction():
+    """At 0.99 of what Lame's pressure can transmit it sticks or creeps, and the contact carries the whole torque."""
+    problem, moment = shrunk_ring(0.99)
+    problem.solve()
+    state = problem.state
+    weight, x = state.boundary.weight, state.boundary.centre
+    assert state.pressure @ weight / weight.sum() == pytest.approx(0.048940, rel=2e-3)
+    forces = -state.boundary.nodal_forces(state.pressure, state.shear)
+    carried = np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])
+    assert abs(carried) == pytest.approx(0.99 * moment, rel=1e-6)
+
+
+def test_a_shrunk_ring_turns_under_more():
+    """At 1.01 nothing is in equilibrium, and nothing is said to be: statics alone cannot prove it, as the pressure of
+    a fit balances itself, whatever it is.
+    """
+    problem, _ = shrunk_ring(1.01)
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.status is Status.OUTER_MAX_ITERATIONS
+
+
+def quarter(kind, counts, inner, outer):
+    """A quarter of a ring."""
+
+    def place(x):
+        return np.stack((x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1])), axis=1)
+
+    return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
+
+
+@pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
+def test_disc_that_sticks_in_a_ring(exchanged):
+    """A disc cut at r = 0.6 under the pressure 1e7 + 1e6 cos 2t: the same pressure at the cut, and the shear
+    0.64e6 sin 2t (SSNP167 of the Code_Aster manuals).
+    """
+    mean, part, cut, bore = 1e7, 1e6, 0.6, 0.2
+    kind, degree = "quadrilateral", 2
+    mesh = assembled(kind, quarter(kind, (4, 16), bore, cut), quarter(kind, (4, 21), cut, 1.0))
+
+    def inner(x):
+        return np.hypot(*x[:2]) < cut
+
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 1e9), 0.2)
+    sides = [
+        facets_of_piece(mesh, lambda x: np.isclose(np.hypot(*x), cut), lambda x, s=s: inner(x) == s)
+        for s in (True, False)
+    ]
+    x = ufl.SpatialCoordinate(mesh)
+    r2 = ufl.dot(x, x)
+    outward = x / ufl.sqrt(r2)
+    around = ufl.as_vector((-outward[1], outward[0]))
+    cosine, sine = (x[0] ** 2 - x[1] ** 2) / r2, 2 * x[0] * x[1] / r2
+    radial, shear = -mean - part * cosine, part * (1 - r2) * sine
+    rim, hole = (facets(mesh, lambda x, r=r: np.isclose(np.hypot(*x), r)) for r in (1.0, bore))
+    order = np.argsort(np.concatenate((rim, hole)))
+    marks = np.repeat([1, 2], [rim.size, hole.size]).astype(np.int32)[order]
+    tags = dmesh.meshtags(mesh, 1, np.concatenate((rim, hole))[order], marks)
+    ds = ufl.ds(domain=mesh, subdomain_data=tags, metadata={"quadrature_degree": 6})
+    rim, hole = ds(1), ds(2)
+    load = radial * ufl.dot(v, outward) * rim
+    load -= (radial * ufl.dot(v, outward) + shear * ufl.dot(v, around)) * hole
+    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
+    pair = Pair(*(sides[::-1] if exchanged else sides), gap=0.0, friction=Coulomb(0.5))
+    problem = ContactProblem(a, load, bcs, contact=pair)
+    problem.solve()
+    state = problem.state
+    angle = np.arctan2(state.boundary.x[:, 1], state.boundary.x[:, 0])
+    inside = (angle > 0.1) & (angle < np.pi / 2 - 0.1)
+    pressure = mean + part * np.cos(2 * angle)
+    # Facets are chords of the circle, which scatters the pressure from node to node.
+    assert np.sqrt(np.mean((state.pressure - pressure)[inside] ** 2)) < 0.02 * mean
+    away = np.abs(state.shear[:, 0]) - 0.64 * part * np.sin(2 * angle)
+    assert np.sqrt(np.mean(away[inside] ** 2)) < 0.08 * part
+
+
+def octant(count, layers, inner, outer):
+    """An eighth of a hollow ball of tetrahedra: prisms over a grid of triangles, three tetrahedra each."""
+    corners = [(i, j, count - i - j) for i in range(count + 1) for j in range(count + 1 - i)]
+    number = {corner: k for k, corner in enumerate(corners)}
+    triangles = []
+    for i, j, k in corners:
+        if k > 0:
+            triangles.append([(i, j, k), (i + 1, j, k - 1), (i, j + 1, k - 1)])
+        if k > 1:
+            triangles.append([(i + 1, j, k - 1), (i, j + 1, k - 1), (i + 1, j + 1, k - 2)])
+    # A little towards equal angles, so that triangles are of like sizes.
+    directions = np.tan(np.array(corners) / count * np.pi / 4)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    radii = np.linspace(inner, outer, layers + 1)
+    points = np.concatenate([r * directions for r in radii])
+    cells = []
+    for layer in range(layers):
+        for triangle in triangles:
+            a, b, c = sorted(number[corner] + layer * len(corners) for corner in triangle)
+            up = len(corners)
+            cells += [(a, b, c, c + up), (a, b, b + up, c + up), (a, a + up, b + up, c + up)]
+    return np.array(cells), points
+
+
+@pytest.mark.parametrize(("degree", "counts", "error"), [(1, (8, 11), 0.03), (2, (5, 8), 0.02)])
+def test_hollow_balls_in_each_other(degree, counts, error):
+    """Radii 20, 30, 40 under 25 inside: Lame's pressure 4.894180 between them (SSNP173 of the Code_Aster manuals)."""
+    bodies = octant(counts[0], 3, 20.0, 30.0), octant(counts[1], 3, 30.0, 40.0)
+    mesh = assembled("tetrahedron", *bodies)
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 2000.0), 0.3)
+
+    def at(radius):
+        return lambda x: np.isclose(np.linalg.norm(x, axis=0), radius)
+
+    # On coarse meshes the middles of cells do not tell of which ball they are.
+    between = facets(mesh, at(30.0))
+    mesh.topology.create_connectivity(2, 3)
+    behind = [mesh.topology.connectivity(2, 3).links(facet)[0] for facet in between]
+    outer = mesh.topology.original_cell_index[behind] >= len(bodies[0][0])
+    sides = between[~outer], between[outer]
+    inner = on(mesh, facets(mesh, at(20.0)))
+    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in range(3)]
+    load = -25.0 * ufl.dot(ufl.FacetNormal(mesh), v) * inner
+    problem = ContactProblem(a, load, bcs, contact=Pair(*sides, gap=0.0))
+    problem.solve()
+    weight = problem.state.boundary.weight
+    assert problem.state.pressure @ weight / weight.sum() == pytest.approx(4.894180, rel=error)
+    assert problem.certificate.coupling < 1e-9
+
+
+@pytest.mark.parametrize("finer", ["slave", "master"])
+@pytest.mark.parametrize(("kind", "degree"), [("triangle", 1), ("quadrilateral", 1), ("triangle", 2)])
+def test_bonded_blocks_converge(kind, degree, finer):
+    """The solution (sin(2x + 1) cos 3y, cos 2x sin(3y + 1/2)) in two blocks that are tied: the error of the energy
+    norm falls with the degree of the elements, whichever side is finer.
+    """
+    errors = []
+    for count in (4, 8):
+        counts = (3 * count // 2, count) if finer == "slave" else (count, 3 * count // 2)
+        bodies = [grid(kind, (n, n), (0.0, y), (1.0, y + 1.0)) for n, y in zip(counts, (0.0, -1.0), strict=True)]
+        mesh = assembled(kind, *bodies)
+        space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 10.0))
+        x = ufl.SpatialCoordinate(mesh)
+        exact = ufl.as_vector((ufl.sin(2 * x[0] + 1) * ufl.cos(3 * x[1]), ufl.cos(2 * x[0]) * ufl.sin(3 * x[1] + 0.5)))
+        both = [facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: s * x[1] > 0) for s in (1, -1)]
+        outer = np.setdiff1d(facets(mesh, lambda x: np.full(x.shape[1], True)), np.concatenate(both)).astype(np.int32)
+        bcs = [
+            held(
+                space,
+                outer,
+                value=lambda x: (np.sin(2 * x[0] + 1) * np.cos(3 * x[1]), np.cos(2 * x[0]) * np.sin(3 * x[1] + 0.5)),
+            )
+        ]
+        load = -ufl.inner(ufl.div(stress_of(exact, 10.0, 0.3)), v) * ufl.dx
+        problem = ContactProblem(a, load, bcs, contact=Pair(*both, bonded=True), algorithm="alm")
+        problem.solve()
+        away = ufl.sym(ufl.grad(problem.u - exact))
+        errors.append(np.sqrt(fem.assemble_scalar(fem.form(ufl.inner(away, away) * ufl.dx(degree=8)))))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(degree, abs=0.15)
+
+
+def cap(radius, sign, along, through, size=3.0, power=1.7):
+    """A quarter of a body with a rounded face at the origin, hexahedra that are small there."""
+    cells, x = grid("hexahedron", (along, along, through), (0, 0, 0), (1, 1, 1))
+    x = np.column_stack([size * x[:, k] ** power for k in range(3)])
+    face = (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
+    return cells, np.column_stack((x[:, :2], sign * (face + (size - face) * x[:, 2] / size)))
+
+
+@pytest.mark.long
+def test_hertz_of_two_bodies_in_space():
+    """Paraboloids of radii 8 and 12 pressed together: the largest pressure and the radius of the contact are Hertz's
+    for the force that is found.
+    """
+    mesh = assembled("hexahedron", cap(8.0, 1.0, 13, 8), cap(12.0, -1.0, 10, 7))
+    young = per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0)
+    poisson = per_cell(mesh, lambda x: 0.3 if x[2] > 0 else 0.2)
+    space, a, v = forms(mesh, 1, young, poisson)
+    sides = [
+        facets_of_piece(
+            mesh,
+            lambda x, r=r, s=s: np.isclose(x[2], s * (x[0] ** 2 + x[1] ** 2) / (2 * r)),
+            lambda x, s=s: s * x[2] > 0,
+        )
+        for r, s in ((8.0, 1.0), (12.0, -1.0))
+    ]
+    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (3.0, -3.0)]
+    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
+    bcs += [held(space, ends[0], 2, -0.05), held(space, ends[1], 2)]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides))
+    problem.solve()
+    state = problem.state
+    force = 4 * abs(state.forces[0][2])
+    stiffness, radius = 1 / ((1 - 0.3**2) / 200 + (1 - 0.2**2) / 600), 1 / (1 / 8 + 1 / 12)
+    half = (3 * force * radius / (4 * stiffness)) ** (1 / 3)
+    assert state.pressure.max() == pytest.approx(3 * force / (2 * np.pi * half**2), rel=0.03)
+    touching = np.hypot(*state.boundary.x[state.pressure > 0, :2].T).max()
+    assert touching == pytest.approx(half, rel=0.12)
