@@ -126,3 +126,27 @@ def test_one_body_does_not_pay():
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=DEMO.parent.parent.parent
     )
     assert ended.stdout.strip().endswith("[]"), ended.stdout
+
+
+def test_pictures_tell_bodies_from_foundations(cylinders):
+    """Both sides have the colour of contact and no strokes of a foundation; curves are named for what they are."""
+    from mpi4py import MPI
+
+    from signorini_fx.check.setup import gather_setup
+    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
+
+    scene = read_scene(DEMO)
+    sides = {one.name: one for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene).boundaries}
+    assert "contact" in sides["upper"].kinds
+    assert "contact" in sides["lower"].kinds
+    assert not sides["upper"].grounded
+    assert not sides["lower"].grounded
+    columns = cylinders.table.columns
+    assert set(columns["against"]) == {"lower"}
+    (boundary,) = boundaries_of(columns)
+    panels = [panel for side in ("contact", "friction") for panel in panels_of(boundary, side)]
+    names = [curve.name for panel in panels for curve in panel.curves]
+    assert "the other body" in names
+    assert "relative tangential displacement" in names
+    assert not any("foundation" in name for name in names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +27,8 @@ class ContactTable:
         columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
             (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space
-            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.
+            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.  Where two bodies are in
+            contact, ``against`` names the other boundary.
         chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
             distance to the next node along a piece; at the last node it is positive where the piece is closed.
         nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
@@ -100,7 +102,9 @@ def is_closed(path: npt.NDArray[np.int64]) -> bool:
     return path.size > 1 and bool(path[0] == path[-1])
 
 
-def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
+def contact_table(
+    contact: ContactState, names: Sequence[str], against: Sequence[str | None] | None = None
+) -> ContactTable:
     """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
 
     In the plane the order is that along the boundary, which has no counterpart on a surface: there it is that of the
@@ -109,6 +113,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
     Args:
         contact: the nodes of this rank.
         names: name of the boundary of each effect in ``scene.contact``.
+        against: that of the other body of each; None: there is none at all, nor a column for it.
     """
     boundary = contact.boundary
     dim = boundary.x.shape[1]
@@ -156,6 +161,7 @@ def contact_table(contact: ContactState, names: list[str]) -> ContactTable:
         "friction": np.where(of["bound"] > 0, state, "none"),
         **_components("slip", parts["slip"]),
         "boundary": np.array(names)[part.astype(int)],
+        **({} if against is None else {"against": np.array([one or "" for one in against])[part.astype(int)]}),
         **(_along(parts["x"], pieces, closed) if dim == 2 else {}),
         **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
         "weight": of["weight"],

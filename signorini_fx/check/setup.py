@@ -15,6 +15,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.compat import geometry_cells
+from signorini_fx.effects.contact import Contact as ContactEffect
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
@@ -48,6 +49,8 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
     for one in () if scene is None else scene.of(Effect):
         if one.where is not None and (one.acts or one.label == "contact"):
             acting[one.where].append(one)
+        if isinstance(one, ContactEffect) and one.against is not None:
+            acting[one.against].append(one)
     return Setup(
         title,
         parallel.rows_on_root(comm, shown),
@@ -155,8 +158,11 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect]) -> Boundary:
     on = _Middles(middles, normals[:, None])
     load, moved = np.zeros_like(middles), np.zeros_like(middles)
     held: dict[str, None] = {}
+    grounded = False
     for one in acting:
-        if isinstance(one, Force):
+        if isinstance(one, ContactEffect):
+            grounded |= one.against is None
+        elif isinstance(one, Force):
             load += one.density_at(on)[:, 0]
         elif isinstance(one, PrescribedDisplacement):
             held |= dict.fromkeys(one.given)
@@ -166,7 +172,7 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect]) -> Boundary:
     corners, normals, load, moved = (
         parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
     )
-    return Boundary(name, kinds, corners, normals, load, moved, tuple(held))
+    return Boundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:

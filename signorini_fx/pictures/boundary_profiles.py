@@ -68,6 +68,11 @@ class ContactColumns:
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
 
     @property
+    def against(self) -> str:
+        """The boundary of another body that it may touch; empty: a rigid foundation."""
+        return str(self.columns["against"][0]) if "against" in self.columns else ""
+
+    @property
     def touching(self) -> npt.NDArray[np.bool_]:
         """The nodes in contact, shape (n,)."""
         return np.asarray(self.columns["state"] != "open")
@@ -176,6 +181,7 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
     """
     if side == "contact":
         pressure, motion, gap = (boundary.floats(name) for name in ("pressure", "u_n", "gap"))
+        moves, other = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
         return [
@@ -183,12 +189,13 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
             Panel(
                 "length",
                 [
-                    Curve("normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
-                    Curve("rigid foundation", "d", gap, LIMIT),
+                    Curve(f"{moves}normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
+                    Curve(other, "d", gap, LIMIT),
                 ],
                 max(2.5 * largest_of(motion), 1.2 * nearest),
             ),
         ]
+    moves = "relative " if boundary.against else ""
     shear, bound, motion = (boundary.floats(name) for name in ("shear", "bound", "u_t"))
     # A bound that is never reached, or that is practically infinite, should not flatten the shear.
     bounds = [
@@ -203,7 +210,7 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
         ),
         Panel(
             "length",
-            [Curve("tangential displacement", r"\tau_T\,\mathbf{y}", motion, MOTION)],
+            [Curve(f"{moves}tangential displacement", r"\tau_T\,\mathbf{y}", motion, MOTION)],
             least=1e-4 * largest_of(motion, boundary.floats("u_n")),
         ),
     ]
@@ -219,11 +226,11 @@ def boundary_profiles(
 ) -> None:
     """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation.  Right: shear stress
-    mu with its bounds, and below it the tangential displacement.  Stresses and lengths have axes of their own.
-    Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
-    contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
-    surroundings of that part are drawn, and the coordinate says so.
+    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or how far the other
+    body is.  Right: shear stress mu with its bounds, and below it the tangential displacement.  Stresses and lengths
+    have axes of their own.  Foundation and bounds are cut off where they lie far beyond the other curves.  The strip
+    shows the state of the contact.  Without friction there is only the left column.  If little of a boundary is in
+    contact, only the surroundings of that part are drawn, and the coordinate says so.
 
     Args:
         path_stem: where to write, without suffix.

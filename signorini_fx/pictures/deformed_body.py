@@ -74,26 +74,33 @@ class Foundation:
 
     Attributes:
         nodes: positions of the contact nodes, length, in order along each boundary, shape (k, 2).
-        offset: the vector d n from each to the rigid foundation, length, shape (k, 2).
+        offset: the vector d n from each to the rigid foundation, or to the other body, length, shape (k, 2).
         touching: nodes in contact, shape (k,); None: not known.
+        other: nodes that may touch another body, which is drawn itself, shape (k,); None: none.
     """
 
     nodes: Floats
     offset: Floats
     touching: npt.NDArray[np.bool_] | None = None
+    other: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def grounded(self) -> npt.NDArray[np.bool_]:
+        """Nodes on a rigid foundation, shape (k,)."""
+        return np.full(len(self.nodes), True) if self.other is None else ~self.other
 
     def pieces(self) -> list[Foundation]:
         """Connected parts of the boundary."""
         nodes, offset = (np.asarray(part, dtype=np.float64) for part in (self.nodes, self.offset))
         touching = np.zeros(len(nodes), dtype=bool) if self.touching is None else np.asarray(self.touching, dtype=bool)
         finite = np.isfinite(nodes).all(axis=1) & np.isfinite(offset).all(axis=1)
-        nodes, offset, touching = nodes[finite], offset[finite], touching[finite]
+        nodes, offset, touching, other = nodes[finite], offset[finite], touching[finite], ~self.grounded[finite]
         # From one boundary to the next the step is nought or much longer than those before and after.
         steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
         usual = np.maximum(steps[:-2], steps[2:])
         inner = steps[1:-1]
-        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0))) + 1
-        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching)), strict=True)
+        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(other)) + 1
+        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, other)), strict=True)
         return [Foundation(*parts) for parts in split if len(parts[0]) > 1]
 
     def keeps_its_shape(self, factor: float, points: Floats) -> bool:
@@ -183,7 +190,8 @@ def deformed_mesh(
         panels = [panels[0], _Panel.of(points, perimeters, displacement, outline, 1.0, pieces)]
     what = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
-        remark = what if chosen == 1 or not pieces else what.replace("displacement", "displacement and gap")
+        grounded = any(piece.grounded.all() for piece in pieces)
+        remark = what if chosen == 1 or not grounded else what.replace("displacement", "displacement and gap")
     elif factor is not None:
         remark = f"{what}, contact zone thick"
     else:
@@ -279,8 +287,13 @@ class _Panel:
         return self.moved[self.cells]
 
     def lines(self) -> list[Floats]:
-        """The foundations."""
-        return [piece.nodes + self.factor * piece.offset for piece in self.pieces] if self.with_foundation else []
+        """The rigid foundations."""
+        return [piece.nodes + self.factor * piece.offset for piece in self.grounds] if self.with_foundation else []
+
+    @property
+    def grounds(self) -> list[Foundation]:
+        """The pieces on rigid foundations."""
+        return [piece for piece in self.pieces if piece.grounded.all()]
 
     def frame(self) -> tuple[Floats, Floats]:
         """What is seen: the body, and a foundation that runs far away not much further than that."""
@@ -339,7 +352,7 @@ class _Panel:
             return
         centres = self.points[self.cells].mean(axis=1)
         margin = 0.035 * float(np.max(whole[1] - whole[0]))
-        for piece, line in zip(self.pieces, self.lines(), strict=True):
+        for piece, line in zip(self.grounds, self.lines(), strict=True):
             _draw_foundation(axes, line, _side_of_body(piece.nodes, centres), margin)
 
     def _mark_contact(self, axes: Axes) -> None:

@@ -152,7 +152,7 @@ def _frame(places: Sequence[Floats], foundation: Foundation | None, factor: floa
     body = np.concatenate(places)
     low, high = body.min(axis=0), body.max(axis=0)
     around = 0.3 * float(max(high - low))
-    ground = body if foundation is None else foundation.nodes + factor * foundation.offset
+    ground = body if foundation is None else (foundation.nodes + factor * foundation.offset)[foundation.grounded]
     every = np.concatenate((body, np.clip(ground, low - around, high + around)))
     low, high = every.min(axis=0), every.max(axis=0)
     margin = _MARGIN * float(max(high - low))

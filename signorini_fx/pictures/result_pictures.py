@@ -36,7 +36,6 @@ class ResultPictures:
         prices: one mapping per mesh, the columns of price_list.csv.
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.units``.
-        against_bodies: names of the contact boundaries that touch another body, of which no foundation is drawn.
     """
 
     title: str
@@ -48,7 +47,6 @@ class ResultPictures:
     prices: Sequence[Mapping[str, Any]]
     volume: Volume | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    against_bodies: Sequence[str] = ()
 
     def draw(
         self,
@@ -98,21 +96,9 @@ class ResultPictures:
             self._draw_in_the_plane(self.body, contact, folder, title)
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets)
-            foundations = [
-                one
-                for one, name in zip(
-                    foundations, dict.fromkeys(() if contact is None else contact["boundary"]), strict=False
-                )
-                if name not in self.against_bodies
-            ]
             self._draw_in_space(self.body, foundations, folder, title)
             if contact is not None and self.volume is not None:
                 self._draw_section(self.body, self.volume, contact, foundations, folder, title)
-
-    def _on_foundations(self, contact: Table) -> Table | None:
-        """The rows of contact.csv that are on rigid foundations; None: there are none."""
-        kept = ~np.isin(contact["boundary"], list(self.against_bodies))
-        return {name: np.asarray(values)[kept] for name, values in contact.items()} if kept.any() else None
 
     def _draw_in_the_plane(self, body: Body, contact: Table | None, folder: Path, title: str) -> None:
         from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
@@ -120,9 +106,11 @@ class ResultPictures:
 
         assert body.outline is not None
         foundation = None
-        if contact is not None and (contact := self._on_foundations(contact)) is not None:
+        if contact is not None:
             offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
-            foundation = Foundation(np.column_stack((contact["x"], contact["y"])), offset, contact["state"] != "open")
+            foundation = Foundation(
+                np.column_stack((contact["x"], contact["y"])), offset, contact["state"] != "open", ~_grounded(contact)
+            )
         for name in self.fields:
             deformed_mesh(
                 folder / _stem(name),
@@ -184,19 +172,26 @@ class ResultPictures:
         section(folder / "section", skin, volume, origin, across, foundations=foundations, seen=seen, title=title)
 
 
+def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
+    """Which rows of contact.csv are on a rigid foundation."""
+    return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
+
+
 def _stem(field: str) -> str:
     return "deformed" if field == "von_mises" else f"field_{field}"
 
 
 def foundations_of(c: Table, facets: npt.NDArray[np.int64]) -> list[FoundationSurface]:
-    """The foundation of each contact boundary in space; ``facets`` are rows of the contact table, shape (m, k)."""
+    """The rigid foundation of each contact boundary in space that has one; ``facets`` are rows of the contact table,
+    shape (m, k).
+    """
     from signorini_fx.pictures.foundation import FoundationSurface
 
     nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
     gap = np.asarray(c["gap"])
     corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
     found = []
-    for name in dict.fromkeys(c["boundary"]):
+    for name in dict.fromkeys(c["boundary"][_grounded(c)]):
         here = np.asarray(c["boundary"] == name)
         row = np.cumsum(here) - 1
         found.append(FoundationSurface(nodes[here], normals[here], gap[here], row[corners[here[corners].all(axis=1)]]))

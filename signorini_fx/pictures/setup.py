@@ -47,6 +47,7 @@ class Boundary:
         load: force per area at the middle of each facet, with a load factor of 1, shape (f, d).
         moved: the same of the prescribed displacement, length; nought where it is free.
         held: names of the components of the displacement that are prescribed: x, y, z or normal.
+        grounded: whether it may touch a rigid foundation.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Boundary:
     load: Floats
     moved: Floats
     held: tuple[str, ...] = ()
+    grounded: bool = False
 
     @property
     def middles(self) -> Floats:
@@ -274,9 +276,9 @@ class Setup:
         )
 
     def _hatch(self, axes: Axes, size: float) -> None:
-        """In the plane, strokes on the outer side of contact boundaries, where the foundation is."""
+        """In the plane, strokes on the outer side of boundaries, where the foundation is."""
         for one in self.boundaries:
-            if self.dimension == 3 or "contact" not in one.kinds or not len(one.corners):
+            if self.dimension == 3 or not one.grounded or not len(one.corners):
                 continue
             rows = thinned(one.middles, size / _STROKES) if len(one.corners) > _FEW else np.arange(len(one.corners))
             start, out = one.middles[rows], one.normals[rows]

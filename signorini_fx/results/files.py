@@ -53,7 +53,7 @@ FILES = (
     CHECKPOINT,
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
-_CONSTANT_COLUMNS = ("gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
+_CONSTANT_COLUMNS = ("against", "gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
 _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
@@ -205,11 +205,10 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     Returns:
         One dictionary for each load step on the first rank, none on the others.
     """
-    names = [effect.boundary for effect in solution.scene.contact]
     found: list[dict[str, Any]] = []
     for result in solution.shown_steps:
         if result.contact is not None:
-            columns = contact_table(result.contact, names).columns
+            columns = contact_table(result.contact, *solution.scene.sides).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]
             rest = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
             if parallel.is_root(solution.comm):

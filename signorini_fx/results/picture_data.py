@@ -29,7 +29,6 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPict
         as_rows(solution.price_list),
         _volume(solution) if dimension == 3 and gather is not None else None,
         names_of(solution.scene.model_dump(include={"units"}), dimension),
-        tuple(effect.boundary for effect in solution.scene.contact if effect.against is not None),
     )
 
 

@@ -203,7 +203,7 @@ class Solution:
         """
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no contact table")
-        return contact_table(self.contact, [effect.boundary for effect in self.scene.contact])
+        return contact_table(self.contact, *self.scene.sides)
 
     @cached_property
     def stress(self) -> Stresses:

@@ -236,6 +236,12 @@ class Scene(Table):
         return self.load_steps.names[ceil(place)] if self.load_steps.names else ""
 
     @property
+    def sides(self) -> tuple[list[str], list[str | None] | None]:
+        """The boundary of each contact, and that of the other body of each; None: there is no other body."""
+        against = [effect.against for effect in self.contact]
+        return [effect.boundary for effect in self.contact], against if any(against) else None
+
+    @property
     def young(self) -> float:
         """Young's modulus of the stiffest material, the natural unit of stress."""
         return max(material.young for material in self.material)

@@ -212,7 +212,7 @@ def solve_level(
 
     def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
         assert step.contact is not None
-        table = contact_table(step.contact, [effect.boundary for effect in scene.contact])
+        table = contact_table(step.contact, *scene.sides)
         dofs, compliance = d.function(outcome.displacement()).x.array, compliance_of(outcome, comm)
         found.append(estimate_errors(d, dofs, step.strain_energy, table, step.place, compliance))
 
