@@ -192,8 +192,8 @@ def test_points_have_positive_weights():
     from types import SimpleNamespace
 
     side = SimpleNamespace(points=np.array([[0, 1], [1, 2]]), area=np.ones(3))
-    overlap = SimpleNamespace(slave=np.array([0, 1]))
+    covered = np.array([0, 1])
     weight = np.array([-0.5, 0.1, 1.0])
-    nodes, shares = carried(side, overlap, weight, np.zeros(3, dtype=bool))
+    nodes, shares = carried(side, covered, weight, np.zeros(3, dtype=bool))
     assert nodes.tolist() == [2]
     assert shares @ weight == pytest.approx([0.6])
