@@ -1,5 +1,6 @@
 """Scenes in which two deformable bodies are in contact."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -62,8 +63,7 @@ def altered(**changes):
         ({"against": None, "distance": "nominal"}, r"contact\[0\].distance: is for contact against"),
         ({"kind": "bonded"}, r"contact\[0\].friction: a bond has none"),
         ({"kind": "bonded", "friction": None, "against": None}, r"contact\[0\]: a bond needs the boundary"),
-        ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact is not possible yet"),
-        ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet"),
+        ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact needs one unknown for each constraint"),
     ],
 )
 def test_what_a_scene_cannot_say(changes, match):
@@ -150,3 +150,104 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
     assert "the other body" in names
     assert "relative tangential displacement" in names
     assert not any("foundation" in name for name in names)
+
+
+STACKED = """
+import numpy as np
+from two_bodies import assembled, grid
+
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.meshes import generator
+
+
+@generator(counts=("n",))
+def generate(comm, /, *, n: int = 4, space: bool = False):
+    kind, dim = ("hexahedron", 3) if space else ("quadrilateral", 2)
+    up, ones = np.eye(dim)[1], np.ones(dim)
+    low = grid(kind, (n,) * dim, -up, ones - up)
+    high = grid(kind, (3 * n // 2,) * dim, -0.001 * up, ones)
+    tagged = tag_boundaries(
+        assembled(kind, low, high, comm=comm),
+        {
+            "bottom": lambda x: np.isclose(x[1], -1),
+            "top": lambda x: np.isclose(x[1], 1),
+            "lower": lambda x: np.isclose(x[1], 0),
+            "upper": lambda x: np.isclose(x[1], -0.001),
+        },
+    )
+    return tagged
+"""
+
+
+@pytest.fixture
+def stacked(tmp_path, monkeypatch):
+    """A generator of two blocks, of which one begins a little inside the other."""
+    data = tmp_path / "stacked-1.0.dist-info"
+    data.mkdir()
+    (data / "METADATA").write_text("Metadata-Version: 2.1\nName: stacked\nVersion: 1.0\n", encoding="utf-8")
+    (data / "entry_points.txt").write_text("[signorini_fx.generators]\nstacked = stacked:generate", encoding="utf-8")
+    (tmp_path / "stacked.py").write_text(STACKED, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "stacked", raising=False)
+
+    def scene(n, space=False, **solver):
+        axes = "xyz"[: 3 if space else 2]
+        contact = {"boundary": "upper", "against": "lower", "friction": {"law": "coulomb", "coefficient": 0.3}}
+        return parse_scene(
+            {
+                "mesh": {"generator": "stacked", "parameters": {"n": n, "space": space}},
+                "material": [{"young": 100.0, "poisson": 0.3}],
+                "displacement": [
+                    {"boundary": "bottom", **dict.fromkeys(axes, 0.0)},
+                    {"boundary": "top", **dict.fromkeys(axes, 0.0), "x": 0.001, "y": -0.002},
+                ],
+                "contact": [contact],
+                "solver": solver,
+            }
+        )
+
+    return scene
+
+
+@pytest.mark.parametrize(("space", "kind"), [(False, "full"), (True, "krylov")])
+def test_a_sequence_of_meshes(stacked, space, kind):
+    """Coarser meshes of both bodies change nothing but the work; a node of one body is none of the other one's."""
+    n = 8 if space else 32
+    alone, levels = (solve(stacked(n, space, linear_algebra=kind, levels=k)) for k in (1, 3))
+    assert alone.converged
+    assert levels.converged
+    size = alone.contact.pressure.max()
+    np.testing.assert_allclose(levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size)
+    np.testing.assert_allclose(levels.contact.shear, alone.contact.shear, rtol=0, atol=1e-6 * size)
+    assert levels.levels[-1].dofs == alone.discretisation.dofs
+    assert levels.levels[-1].linear_solves < alone.history.linear_solves
+
+
+def test_pieces_keep_their_nodes(stacked):
+    """The interpolation from a coarser mesh moves no body with the other one."""
+    from mpi4py import MPI
+
+    from signorini_fx.body.discretisation import discretise
+    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.records import Timings
+
+    coarse, fine = (discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()) for scene in map(stacked, (4, 8)))
+    shares = fine.level(coarse.level())._shares(coarse.level()).tocoo()
+    assert (fine.motions.piece[shares.row] == coarse.motions.piece[shares.col]).all()
+
+
+def test_a_requested_accuracy():
+    """All cells are divided; the forces come as near to those of a finer mesh as was asked for."""
+    scene = altered(accuracy={"target": 0.01, "of": "force"})
+    scene["displacement"] = [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.02, "y": -0.08}]
+    scene.pop("load_steps")
+    found = solve(parse_scene(scene))
+    assert found.status is Status.CONVERGED
+    assert len(found.levels) >= 2
+    forces = [np.asarray(level.force) for level in found.levels]
+    assert np.linalg.norm(forces[-1][:2] - [-0.0062, 5.494]) < 0.01 * 5.494
+    errors = [level.energy for level in found.levels]
+    assert errors[1] < 0.6 * errors[0]
+    scene["accuracy"]["refinement"] = "adaptive"
+    with pytest.raises(SceneError, match=r"accuracy.refinement: contact of two bodies shows its error"):
+        parse_scene(scene)

@@ -41,13 +41,17 @@ class ContactSurface:
         x: position of the nodes, length, shape (rows, 3).
         corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
         part: position in ``scene.contact`` of the boundary that each piece is of, shape (pieces,).
-        per_facet: how many pieces a facet has; those of one facet follow each other, facets as in the table.
+        per_facet: how many pieces a facet has; those of one facet follow each other.
+        facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
+        count: of all facets of the table.
     """
 
     x: Floats
     corners: Ints
     part: Ints
     per_facet: int
+    facets: Ints
+    count: int
 
     @classmethod
     def of(cls, table: ContactTable) -> ContactSurface:
@@ -55,12 +59,14 @@ class ContactSurface:
         assert table.facets is not None
         assert table.nodes is not None
         facets = table.facets
-        if (facets < 0).any():  # no contact nodes but the vertices
-            facets = facets[:, : {6: 3, 9: 4}[facets.shape[1]]]
+        vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
+        if (facets[:, vertices:] < 0).all():  # no contact nodes but the vertices
+            facets = facets[:, :vertices]
+        there = np.flatnonzero((facets >= 0).all(axis=1))
         pieces = np.array(_PIECES[facets.shape[1]])
-        corners = facets[:, pieces].reshape(-1, pieces.shape[1])
+        corners = facets[there][:, pieces].reshape(-1, pieces.shape[1])
         x = np.column_stack([table.columns[axis] for axis in "xyz"])
-        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces))
+        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), there, len(facets))
 
     @cached_property
     def _normal_area(self) -> Floats:
@@ -214,7 +220,8 @@ class ContactSurface:
             values: of each piece, shape (pieces,).
         """
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
-        facets = values.reshape(-1, self.per_facet).sum(axis=1)
+        facets = np.zeros(self.count)
+        facets[self.facets] = values.reshape(-1, self.per_facet).sum(axis=1)
         return np.asarray(facets[first : first + len(boundary.segments)])
 
 

@@ -126,7 +126,7 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
 
         nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
         # In contact the body follows the gap; beside it the body may have entered a bump that lies between nodes.
-        distance = np.maximum(nodal - c["u_n"][rows], 0.0)
+        distance = np.maximum((nodal if effect.against is None else c["gap"][rows]) - c["u_n"][rows], 0.0)
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
         both = (pressure[:-1] != 0) & (pressure[1:] != 0)
         missed = np.where(both[:, None], np.abs(away), -away - room).max(axis=1)
@@ -169,7 +169,7 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
 
         nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
         pressed = c["pressure"][corners] != 0
-        room = np.maximum(nodal - c["u_n"], 0.0)[corners] @ weights.T
+        room = np.maximum((nodal if effect.against is None else c["gap"]) - c["u_n"], 0.0)[corners] @ weights.T
         missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1)
         gaps[own] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0) ** 2 * np.sqrt(surface.area[own])
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):

@@ -62,6 +62,8 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if goal.refinement == "adaptive" and goal.of == "peak":
         message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
+    if any(effect.against is not None for effect in scene.contact):  # see ``Contact.contradictions``
+        goal = goal.model_copy(update={"refinement": "uniform"})
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):

@@ -185,7 +185,8 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
     """
     scene, mesh, y = d.scene, d.tagged.mesh, stress.displacement
     every = dmesh.exterior_facet_indices(mesh.topology)
-    known = np.setdiff1d(every, np.concatenate([d.tagged.facets(e.boundary) for e in scene.contact] or [every[:0]]))
+    touching = [name for e in scene.contact for name in (e.boundary, e.against) if name is not None]
+    known = np.setdiff1d(every, np.concatenate([every[:0], *(d.tagged.facets(name) for name in touching)]))
     effects = [effect for _, effect in scene.listed() if effect.where is not None]
     on = np.array([np.isin(known, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [(fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(effect)) for effect in effects]

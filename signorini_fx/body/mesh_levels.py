@@ -135,7 +135,10 @@ class MeshLevel:
             return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
 
         x = self.space.tabulate_dof_coordinates()[: self._owned]
-        found = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares)
+        known, own = coarse.motions.pieces, self.motions
+        # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
+        pieces = (own.piece[: self._owned], known.of_cell) if known.count == own.pieces.count > 1 else None
+        found = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares, pieces)
         if found is None:
             return None
         row = np.repeat(np.arange(self._owned), shape.dim)

@@ -119,13 +119,16 @@ class Contact(Effect):
             yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
         if self.direction is not None:
             yield ("contact", place, "direction"), "is that of the normal where two bodies touch: leave it out"
-        for wrong, key, reason in (
-            (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
-            (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
-            (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
-        ):
-            if wrong:
-                yield key, f"{reason} is not possible yet where two bodies are in contact"
+        if scene.solver.algorithm == "exact":
+            yield (
+                ("solver", "algorithm"),
+                "exact needs one unknown for each constraint, and contact of two bodies ties several",
+            )
+        if scene.accuracy is not None and scene.accuracy.refinement == "adaptive":
+            message = (
+                "contact of two bodies shows its error on the side with the points alone, so that cells of the other "
+            )
+            yield ("accuracy", "refinement"), message + "one would not be divided: use 'uniform'"
 
     def gap_in(self, dimension: int) -> Any:
         """The gap in space of a dimension: a number, an expression or a callable of the position, length."""

@@ -29,7 +29,13 @@ _SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
 _PAIRS = 100_000
 
 
-def at_points(mesh: dmesh.Mesh, x: Array, outside: float, evaluate: Callable[[Cells, Array], Array]) -> Array | None:
+def at_points(
+    mesh: dmesh.Mesh,
+    x: Array,
+    outside: float,
+    evaluate: Callable[[Cells, Array], Array],
+    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
+) -> Array | None:
     """What the ranks that have the nearest cells of points know there; collective.
 
     Args:
@@ -38,6 +44,8 @@ def at_points(mesh: dmesh.Mesh, x: Array, outside: float, evaluate: Callable[[Ce
         outside: how far outside a cell a point may be, in sizes of the cell.
         evaluate: gives a row for each of m owned cells, shape (m,), and place in the reference cell, shape (m, d); rows
             have the same length on all ranks.  Not called where there are no cells.
+        pieces: the pieces that the points, shape (n,), and the cells of this rank, shape (cells,), are of, which must
+            be the same; None: any cell will do.
 
     Returns:
         The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some point of some rank is
@@ -55,10 +63,11 @@ def at_points(mesh: dmesh.Mesh, x: Array, outside: float, evaluate: Callable[[Ce
         for low, high in comm.allgather((low, high))
     ]
     received = comm.alltoall([x[points] for points in asked])
+    of = None if pieces is None else (np.concatenate(comm.alltoall([pieces[0][points] for points in asked])), pieces[1])
     answers: list[Any] = []
     failure: Exception | None = None
     try:
-        cells, place, gap = cells_of_points(mesh, np.concatenate(received), outside)
+        cells, place, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
         found = np.flatnonzero(cells >= 0)
         values = evaluate(cells[found], place[found]) if found.size else np.empty((0, 0))
         ends = np.cumsum([0, *(len(points) for points in received)])
@@ -78,13 +87,19 @@ def at_points(mesh: dmesh.Mesh, x: Array, outside: float, evaluate: Callable[[Ce
     return None if parallel.any_rank(comm, bool(np.isinf(least).any())) else rows
 
 
-def cells_of_points(mesh: dmesh.Mesh, x: Array, outside: float) -> tuple[Cells, Array, Array]:
+def cells_of_points(
+    mesh: dmesh.Mesh,
+    x: Array,
+    outside: float,
+    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
+) -> tuple[Cells, Array, Array]:
     """The cell of this rank that each point is in, or else least outside.
 
     Args:
         mesh: the mesh.
         x: the points, shape (n, 3), length.
         outside: how far outside a cell a point may be, in sizes of the cell.
+        pieces: as for ``at_points``.
 
     Returns:
         The owned cells, -1 for none, shape (n,); the places in the reference cell, which cells continue outside
@@ -112,6 +127,9 @@ def cells_of_points(mesh: dmesh.Mesh, x: Array, outside: float) -> tuple[Cells, 
             which = np.repeat(left, np.diff(near.offsets))
             for begin in range(0, len(which), _PAIRS):
                 point, cell = which[begin : begin + _PAIRS], near.array[begin : begin + _PAIRS]
+                if pieces is not None:
+                    same = pieces[0][point] == pieces[1][cell]
+                    point, cell = point[same], cell[same]
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
