@@ -21,7 +21,11 @@ _PUBLIC = {
         "UnilateralContact",
     ),
     "effects.displacement": ("PrescribedDisplacement",),
+    "effects.fluid": ("Fluid",),
+    "effects.force": ("TotalForce",),
+    "effects.gravity": ("Gravity",),
     "effects.material": ("LinearElastic",),
+    "effects.rotation": ("Rotation",),
     "effects.springs": ("Springs",),
     "effects.traction": ("SurfaceTraction",),
     "errors": (

@@ -20,8 +20,8 @@ from scenes import alone, example1
 from signorini_fx import cli, parallel
 from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import body_force, displacement, material, springs, traction
 from signorini_fx.effects import contact as contact_of
+from signorini_fx.effects import displacement, material
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
@@ -29,7 +29,7 @@ from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings, template
-from signorini_fx.scene.effect import keys
+from signorini_fx.scene.effect import PACKAGE, keys
 from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
 
@@ -77,6 +77,10 @@ def said(data, level="warning"):
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
+# Effects whose rows and tables are all alike.
+LISTED = sorted(set(keys()) - {"material", "displacement", "contact"})
+
+
 def test_effects_of_example_1():
     """On or off, why, and what each adds."""
     report = check(example1(coefficient=0.3, nx=12, ny=4))
@@ -87,8 +91,7 @@ def test_effects_of_example_1():
         "reduced integration": (False, (), 0),
         "displacement left": (True, (), -5),
         "displacement right": (True, (), -5),
-        "body force": (False, (), 0),
-        "springs": (False, (), 0),
+        **{key.replace("_", " "): (False, (), 0) for key in LISTED if key != "traction"},
         "traction top": (True, ("traction top",), 0),
         "contact bottom": (True, ("contact bottom",), 0),
         "friction bottom": (True, (), 0),
@@ -144,7 +147,7 @@ def test_the_forms_are_those_of_the_solve(variant):
 def test_every_effect_of_a_scene_with_all_of_them():
     """Those that are zero are off, with the reason."""
     effects = {effect.name: effect for effect in check(block(**ALL)).effects}
-    off = {name: effect.why for name, effect in effects.items() if not effect.on}
+    off = {name: effect.why for name, effect in effects.items() if not (effect.on or effect.why.startswith("no [["))}
     assert off == {
         "several materials": "one [[material]]",
         "traction right": "it is 0",
@@ -634,9 +637,7 @@ MODELS = {
     "element": [scene.Discretised],
     "material": [material.LinearElastic],
     "displacement": [displacement.PrescribedDisplacement],
-    "traction": [traction.SurfaceTraction],
-    "body_force": [body_force.BodyForce],
-    "springs": [springs.Springs],
+    **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [contact_of.TrescaFriction, contact_of.CoulombFriction],
     "load_steps": [LoadSteps],
@@ -668,7 +669,16 @@ def test_what_is_switched_off_can_be_switched_on(line):
     if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
     axes = {axis: ["normal"] for axis in "xyz"}
-    instead = {"file": ["generator", "parameters"], "normal": ["x"], "friction": ["friction"], **axes}.get(key, [])
+    instead = {
+        "file": ["generator", "parameters"],
+        "normal": ["x"],
+        "friction": ["friction"],
+        "at": ["boundary"],
+        **axes,
+    }
+    instead = instead.get(key, [])
+    if key in ("about", "axis"):  # they go with a rotation
+        text = text.replace("#rotation =", "rotation =", 1)
     table = before.rfind("\n[") + 1
     kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]
     end = next((n for n, row in enumerate(kept) if n > 0 and row.startswith("[")), len(kept))
@@ -789,7 +799,18 @@ def test_the_schema_knows_every_class():
     files = [scene, settings, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
     classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
-    internal = {"BaseModel", "Scene", "Table", "Effect", "Load", "Force", "Resistance", "Contact", "Friction"}
+    internal = {
+        "BaseModel",
+        "Scene",
+        "Table",
+        "Effect",
+        "Load",
+        "Force",
+        "VectorForce",
+        "Resistance",
+        "Contact",
+        "Friction",
+    }
     assert models - internal == set(template.scene_schema()["$defs"])
 
 

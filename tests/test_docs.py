@@ -28,7 +28,18 @@ from scenes import alone, example1
 import signorini_fx
 from signorini_fx import cli
 from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import body_force, contact, displacement, material, springs, traction
+from signorini_fx.effects import (
+    body_force,
+    contact,
+    displacement,
+    fluid,
+    force,
+    gravity,
+    material,
+    rotation,
+    springs,
+    traction,
+)
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
@@ -390,8 +401,14 @@ MODELS = {
     ("`[element]`", "key"): [scene.Discretised],
     ("`[[material]]`", "key"): [material.LinearElastic],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
-    ("`[[traction]]`", "key"): [traction.SurfaceTraction],
-    ("`[body_force]`", "key"): [body_force.BodyForce],
+    ("Loads", "key"): [
+        traction.SurfaceTraction,
+        force.TotalForce,
+        fluid.Fluid,
+        body_force.BodyForce,
+        gravity.Gravity,
+        rotation.Rotation,
+    ],
     ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [contact.NoFriction, contact.TrescaFriction, contact.CoulombFriction],

@@ -226,6 +226,24 @@ def test_springs_add_one_form_to_the_same_matrix(count):
     assert held.matrices == 3
 
 
+def test_loads_share_one_form(count):
+    """One for all that do not depend on the time and one for the others; a total force needs one integral more."""
+    _, before = count({**ELASTIC, "traction": []})
+    heavy = {**ELASTIC["material"], "density": 2.0}
+    constant = {
+        "gravity": {"y": -1.0},
+        "rotation": {"speed": 1.0},
+        "fluid": {"boundary": "top", "level": 2.0, "weight": 1.0},
+    }
+    _, one = count({**ELASTIC, "material": heavy, **constant})
+    assert changed(before, one) == {"named", "compiled"}
+    assert one.named == ("elasticity", "gravity + rotation + traction top + fluid top")
+    timed = {"boundary": "top", "level": "2*t", "weight": 1.0}
+    _, two = count({**ELASTIC, "fluid": timed, "force": {"boundary": "right", "x": 1.0}})
+    assert two.named == ("elasticity", "total of force right", "traction top + force right", "fluid top")
+    assert changed(before, two) == {"named", "compiled"}
+
+
 def test_contact_adds_its_form_and_an_iteration(count):
     """One form, which is assembled once into a vector; the matrix stays the elastic one, and no unknown is added."""
     _, before = count(ELASTIC)

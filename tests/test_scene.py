@@ -107,7 +107,7 @@ def test_one_table_instead_of_a_list():
     ("path", "value", "expected", "message"),
     [
         ("foo", 1, "foo", "unknown key; there are: title, mesh, element, material"),
-        ("material.density", 1, "material.density", "unknown key: weight is written [body_force]"),
+        ("material.rho", 1, "material.rho", "unknown key: weight is written [gravity]"),
         (
             "contact.0.slack",
             1,
@@ -125,7 +125,7 @@ def test_one_table_instead_of_a_list():
         ("mesh", NOTHING, "mesh", "is missing"),
         ("material.young", NOTHING, "material.young", "is missing"),
         ("contact.0.friction.bound", NOTHING, "contact[0].friction.bound", "is missing"),
-        ("displacement.0.boundary", NOTHING, "displacement[0].boundary", "is missing"),
+        ("displacement.0.boundary", NOTHING, "displacement[0]", "give either a boundary or at, a point"),
         ("mesh", {}, "mesh", "file or generator"),
         ("mesh", {"file": "a.msh", "generator": "block"}, "mesh", "file or generator"),
         ("mesh", 3, "mesh", "expected"),

@@ -20,11 +20,10 @@ from signorini_fx.accuracy.pressure_error import on_facets
 from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import FormCoefficients, measures
+from signorini_fx.body.loads import measures
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
@@ -71,7 +70,7 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
     np.add.at(forces, cells, missed[0])
     np.add.at(squares, cells, d.scene.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-    forces_of_step = sum(factor_at(load.factors, step) * load.forces for load in d.applied)
+    forces_of_step = sum(factor * load.forces for factor, load in d.applied_at(step))
     loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 
@@ -90,9 +89,10 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (dim,))))
-    on, terms = FormCoefficients(d.space), []
+    on, terms = d.coefficients, []
+    on.move_to(step)
     for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
-        factor = fem.Constant(mesh, default_scalar_type(factor_at(d.scene.factors_of(load), step)))
+        factor = fem.Constant(mesh, default_scalar_type(d.scene.now(load, step)[0]))
         density = factor * ufl.inner(load.density(on), z)
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [

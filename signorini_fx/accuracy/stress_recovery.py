@@ -18,9 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
-from signorini_fx.body.loads import FormCoefficients
 from signorini_fx.records import Inventory
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
@@ -41,15 +39,15 @@ class StressRecovery:
     def __init__(
         self,
         stress: ElementStress,
-        residual: Callable[[Any], tuple[list[tuple[Any, Any]], Any]],
+        residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
     ) -> None:
         """Compile and assemble; collective.
 
         Args:
             stress: of a displacement of its own, whose values change with what is estimated.
-            residual: from a test function that is constant in each cell to the squared residual of the traction, see
-                ``boundary_residual``.
+            residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
+                of factors, and the squared residual of the traction, see ``boundary_residual``.
             inventory: what was compiled and assembled.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
@@ -72,7 +70,7 @@ class StressRecovery:
         self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * ufl.dx))
         mass = compiled("stress mass", lambda: fem.form(weight * product * ufl.dx))
         self._parts = [(cells, self._projection(mass, cells)) for cells in stress.parts]
-        self._factors, unbalanced = residual(cellwise)
+        self._move_to, unbalanced = residual(cellwise)
         self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
 
     @classmethod
@@ -126,8 +124,7 @@ class StressRecovery:
         self._fill(dofs)
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
-            for constant, factors in self._factors:
-                constant.value = factor_at(factors, step)
+            self._move_to(step)
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
@@ -169,7 +166,7 @@ class StressRecovery:
         self._recovered.x.scatter_forward()
 
 
-def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple[list[tuple[Any, Any]], Any]:
+def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
     """The squared residual of the traction of a scene, see ``squared_residual``.
 
     Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
@@ -181,7 +178,7 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
         z: test function, constant in each cell.
 
     Returns:
-        Constants with their values for each load step, and the form; None where there is no such boundary.
+        What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
     """
     scene, mesh, y = d.scene, d.tagged.mesh, stress.displacement
     every = dmesh.exterior_facet_indices(mesh.topology)
@@ -189,12 +186,17 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
     known = np.setdiff1d(every, np.concatenate([every[:0], *(d.tagged.facets(name) for name in touching)]))
     effects = [effect for _, effect in scene.listed() if effect.where is not None]
     on = np.array([np.isin(known, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
-    factors = [(fem.Constant(mesh, default_scalar_type(1.0)), scene.factors_of(effect)) for effect in effects]
-    on_boundary = FormCoefficients(d.space)
+    factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
+    on_boundary = d.coefficients
+
+    def move_to(place: float) -> None:
+        on_boundary.move_to(place)
+        for constant, effect in zip(factors, effects, strict=True):
+            constant.value, _ = scene.now(effect, place)
 
     def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
         residual, away = traction, []
-        here = [(effects[k], factors[k][0]) for k in numbers]
+        here = [(effects[k], factors[k]) for k in numbers]
         for effect, factor in here:
             residual = residual + effect.traction(y, factor, on_boundary)
         for effect, factor in here:
@@ -202,7 +204,7 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
             away += effect.away(y, factor, on_boundary)
         return residual, away, any(effect.varies for effect, _ in here)
 
-    return factors, squared_residual(stress, known, on.reshape(len(effects), known.size).T, of, z)
+    return move_to, squared_residual(stress, known, on.reshape(len(effects), known.size).T, of, z)
 
 
 def squared_residual(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
@@ -19,19 +19,23 @@ from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.loads import (
     AppliedLoad,
+    FormCoefficients,
     applied_load,
     check_finite,
     check_resistances,
     compile_resistance,
     load_groups,
+    of_materials,
 )
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
+from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import FormError, MeshError, SceneError, together
+from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
@@ -39,7 +43,6 @@ from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -61,6 +64,7 @@ class Discretisation(ElasticBody):
         data: the regularised problem at the contact points, without shifts; None for a scene without contact.
         law: the friction law; None where no law can act.
         resisting: name of the form ``resists``; empty without.
+        coefficients: of the forms of loads and resistances.
     """
 
     scene: Scene
@@ -72,6 +76,7 @@ class Discretisation(ElasticBody):
     data: RegularisedData | None
     law: FrictionLaw | None
     resisting: str
+    coefficients: FormCoefficients
 
     @property
     def scales(self) -> Scales:
@@ -80,12 +85,28 @@ class Discretisation(ElasticBody):
 
     def factors(self, place: float) -> npt.NDArray[np.float64]:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
-        return np.array([factor_at(load.factors, place) for load in self.applied])
+        return np.array([load.factor(place) for load in self.applied])
+
+    def applied_at(self, place: float) -> list[tuple[float, AppliedLoad]]:
+        """The applied loads at a place with their factors; collective."""
+        return [(load.factor(place), load.at(place)) for load in self.applied]
 
     @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
-        """The right-hand sides of the applied loads, in their order; collective."""
+        """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
         return tuple(self.case(load.forces, load.prescribed) for load in self.applied)
+
+    def load(self, system: ElasticSystem, place: float) -> npt.NDArray[np.float64]:
+        """Give a system the loads that depend on the time as they are at a place; collective.
+
+        Returns:
+            The factors of all loads, for ``system.set_load``.
+        """
+        for number, load in enumerate(self.applied):
+            if load.again is not None:
+                now = load.at(place)
+                system.set_case(number, self.case(now.forces, now.prescribed))
+        return self.factors(place)
 
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
@@ -135,11 +156,23 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         fixed = prescribed(space, [support for _, support in supports])[0][:owned]
         skew = skew_supports(scene, space, facets, tagged)
         turned = turned_nodes(scene, space, supports, skew, fixed)
-        resisting, resistance = compile_resistance(scene, space, z, facets.__getitem__, inventory)
-        applied = [
-            applied_load(factors, loads, space, z, facets.__getitem__, supports, inventory, turned)
-            for factors, loads in load_groups(scene).items()
-        ]
+        on_mesh = FormCoefficients(scene, tagged, space, inventory)
+        resisting, resistance = compile_resistance(on_mesh, z)
+
+        def supports_at(
+            place: float,
+        ) -> tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]:
+            if not any(effect.timed for effect in scene.displacement):
+                return supports, turned
+            moved = tuple(effect.at_time(scene.time_at(place)) for effect in scene.displacement)
+            now = scene.model_copy(update={"displacement": moved})
+            axes = dirichlet_conditions(now, space, facets, tagged)
+            values = [one.values for one in skew_supports(now, space, facets, tagged)]
+            again = [replace(one, values=value) for one, value in zip(skew, values, strict=True)]
+            pairs = [(effect, support) for (effect, _), (_, support) in zip(supports, axes, strict=True)]
+            return pairs, None if turned is None else replace(turned, supports=again)
+
+        applied = [applied_load(group, loads, on_mesh, z, supports_at) for group, loads in load_groups(scene).items()]
         on = [facets[effect.boundary] for effect in scene.contact]
         foundations = _foundations(scene, space, facets, inventory)
         assert len(foundations.forms) == len(on)
@@ -179,6 +212,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         data=data,
         law=law,
         resisting=resisting,
+        coefficients=on_mesh,
     )
 
 
@@ -291,32 +325,8 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
 
 def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     """Lame parameters: constants for one material, cell-wise functions for several."""
-    mesh = tagged.mesh
-    if len(scene.material) == 1:
-        first, second = scene.material[0].lame
-        return fem.Constant(mesh, default_scalar_type(first)), fem.Constant(mesh, default_scalar_type(second))
-    space = fem.functionspace(mesh, ("DG", 0))
-    pair = fem.Function(space), fem.Function(space)
-    covered = np.zeros(pair[0].x.array.size, dtype=np.int32)
-    named = [material for material in scene.material if material.region in tagged.regions]
-    if len(named) < len(scene.material):  # which is reported elsewhere
-        return pair
-    for material in named:
-        assert material.region is not None
-        dofs = space.dofmap.list[tagged.cells(material.region), 0]
-        covered[dofs] += 1
-        for function, value in zip(pair, material.lame, strict=True):
-            function.x.array[dofs] = value
-    owned = covered[: space.dofmap.index_map.size_local]
-    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
-    bare, twice = (int(count) for count in counts)
-    if bare:
-        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
-    if twice:
-        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
-    for function in pair:
-        function.x.scatter_forward()
-    return pair
+    first, second = of_materials(scene, tagged, lambda material: material.lame)
+    return first, second
 
 
 def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 from typing import Any
 
@@ -21,7 +22,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import Effect, Force, Load, Resistance
-from signorini_fx.scene.expressions import Expression, sample
+from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
 
@@ -30,12 +32,17 @@ from signorini_fx.scene.model import Scene
 class AppliedLoad:
     """The loads and prescribed displacements that share one list of load factors, as the scene has them.
 
+    Those that depend on the time are separate, and have the values of one time.
+
     Attributes:
         factors: one number per load step.
         name: of the form, empty without.
         form: the compiled terms of L; None if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
         prescribed: zero, with its prescribed displacements put in.
+        grows: whether its factors multiply it in a ramp from nothing.
+        again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
+            depend on the time.
     """
 
     factors: tuple[float, ...]
@@ -43,6 +50,16 @@ class AppliedLoad:
     form: fem.Form | None
     forces: npt.NDArray[np.float64]
     prescribed: fem.Function
+    grows: bool = True
+    again: Callable[[float], AppliedLoad] | None = None
+
+    def factor(self, place: float) -> float:
+        """Its factor at a place in the lists of factors."""
+        return factor_at(self.factors, place) if self.grows else 1.0
+
+    def at(self, place: float) -> AppliedLoad:
+        """The same at the time of a place; itself if it does not depend on it; collective."""
+        return self if self.again is None else self.again(place)
 
     @property
     def start(self) -> npt.NDArray[np.float64]:
@@ -56,15 +73,69 @@ class FormCoefficients:
     """Values of a scene as UFL, ``scene.effect.Coefficients``.
 
     Attributes:
+        scene: the scene.
+        tagged: its mesh.
         space: of the displacement; a callable is interpolated at its nodes.
+        inventory: where integrals over boundaries are compiled.
     """
 
+    scene: Scene
+    tagged: TaggedMesh
     space: fem.FunctionSpace
+    inventory: Inventory
+
+    @cached_property
+    def _time(self) -> fem.Constant:
+        return fem.Constant(self.space.mesh, default_scalar_type(self.scene.time_at(0)))
+
+    def move_to(self, place: float) -> None:
+        """Give expressions of the time t the value at the time of a place in the lists of factors."""
+        self._time.value = self.scene.time_at(place)
 
     @property
     def normal(self) -> Any:
         """Outward unit normal."""
         return ufl.FacetNormal(self.space.mesh)
+
+    @property
+    def position(self) -> Any:
+        """X."""
+        return ufl.SpatialCoordinate(self.space.mesh)
+
+    @cached_property
+    def density(self) -> Any:
+        """Mass per volume: a constant, or a function that is constant in each cell."""
+        (found,) = of_materials(self.scene, self.tagged, lambda material: (material.density or 0.0,))
+        return found
+
+    @cached_property
+    def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
+        return {}
+
+    def whole(self, effect: Effect) -> float:
+        """``total`` as a number."""
+        return float(self.total(effect).value)
+
+    def total(self, effect: Effect) -> Any:
+        """The integral of ``effect.weighting`` over the boundary of the effect; collective.
+
+        Raises:
+            SceneError: it is zero.
+        """
+        boundary, spread, mesh = str(effect.where), effect.weighting, self.space.mesh
+        if (boundary, spread) not in self._totals:
+            (where,) = measures(self.space, [effect], self.tagged.facets)
+            degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
+            density = self.value(spread)
+            form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
+            found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
+            corners = facet_vertices(mesh, self.tagged.facets(boundary))
+            most = parallel.global_max(mesh.comm, parallel.local_max(np.abs(sample(spread, corners.reshape(-1, 3).T))))
+            if not abs(found) > _ROUND_OFF * most * self.tagged.size ** (self.tagged.dimension - 1):
+                path = next(path for path, one in self.scene.listed() if one is effect)
+                raise SceneError([(f"{path}.spread", f"its integral over {boundary!r} is {found:g}: it must not be 0")])
+            self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(found))
+        return self._totals[boundary, spread]
 
     def value(self, value: Any) -> Any:
         """A value as a coefficient."""
@@ -72,7 +143,7 @@ class FormCoefficients:
         if isinstance(value, float):
             return fem.Constant(mesh, default_scalar_type(value))
         if isinstance(value, Expression):
-            return value.ufl(mesh)
+            return value.ufl(mesh, self._time)
         if hasattr(value, "ufl_domain"):
             return value
         function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
@@ -84,7 +155,57 @@ class FormCoefficients:
         return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
 
 
+@dataclass(frozen=True)
+class SampledPoints:
+    """Single points on facets, for pictures and corners, ``scene.effect.Points``.
+
+    UFL expressions, which only a compiled form could evaluate, are not known there.
+
+    Attributes:
+        at: the points, shape (f, d).
+        normal: outward unit normals, shape (f, 1, d), or zero, which leaves pressures out.
+        whole: from an effect to the integral of its ``spread``.
+        unknown: what a UFL expression counts as.
+    """
+
+    at: npt.NDArray[np.float64]
+    normal: npt.NDArray[np.float64]
+    whole: Callable[[Effect], float]
+    unknown: float = 0.0
+
+    @property
+    def position(self) -> npt.NDArray[np.float64]:
+        """Shape (f, 1, d)."""
+        return self.at[:, None]
+
+    @property
+    def displacement(self) -> npt.NDArray[np.float64]:
+        """None, shape (f, 1, d)."""
+        return np.zeros_like(self.position)
+
+    @property
+    def density(self) -> npt.NDArray[np.float64]:
+        """Of no meaning on facets."""
+        return np.zeros((len(self.at), 1))
+
+    def total(self, effect: Effect) -> float:
+        """See ``Coefficients``."""
+        return self.whole(effect)
+
+    def value(self, value: Any) -> npt.NDArray[np.float64]:
+        """Shape (f, 1)."""
+        if hasattr(value, "ufl_shape"):
+            return np.full((len(self.at), 1), self.unknown)
+        return sample(value, in_space(self.at))[:, None]
+
+    def vector(self, values: tuple[Any, ...]) -> npt.NDArray[np.float64]:
+        """Shape (f, 1, d)."""
+        return np.stack([self.value(value) for value in values[: self.at.shape[1]]], axis=2)
+
+
 Facets = Callable[[str], npt.NDArray[np.int32]]
+# An integral below this share of that of the magnitude is the round-off of zero.
+_ROUND_OFF = 1e-12
 
 
 def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets) -> list[Any]:
@@ -95,74 +216,111 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
     return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
-def load_groups(scene: Scene) -> dict[tuple[float, ...], list[Load]]:
-    """The loads of the scene by their load factors; zero loads are left out."""
-    groups: dict[tuple[float, ...], list[Load]] = {}
+def load_groups(scene: Scene) -> dict[tuple[tuple[float, ...], bool, bool], list[Load]]:
+    """The loads of the scene by their load factors, whether these multiply them in a ramp from nothing, and whether
+    they depend on the time; zero loads are left out.
+    """
+    groups: dict[tuple[tuple[float, ...], bool, bool], list[Load]] = {}
     for load in scene.loads:
         if load.acts:
-            groups.setdefault(scene.factors_of(load), []).append(load)
+            groups.setdefault(group_of(scene, load), []).append(load)
     return groups
 
 
+def group_of(scene: Scene, load: Load) -> tuple[tuple[float, ...], bool, bool]:
+    """The key of a load in ``load_groups``."""
+    return scene.factors_of(load), not load.timed or load.factors is not None, load.timed
+
+
+# From a time, to prescribed displacements and supports along no axis with their values.
+SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]]
+
+
 def applied_load(
-    factors: tuple[float, ...],
-    loads: list[Load],
-    space: fem.FunctionSpace,
-    z: Any,
-    facets: Facets,
-    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
-    inventory: Inventory,
-    turned: TurnedNodes | None = None,
+    group: tuple[tuple[float, ...], bool, bool], loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
 ) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective."""
-    name, form = compile_loads(loads, space, z, facets, inventory)
-    prescribed = fem.Function(space)
-    for effect, support in supports:  # the later one applies where two meet
-        dofs, _ = support.dof_indices()
-        prescribed.x.array[dofs] = 0.0
-        if any(effect is one for one in loads):
-            support.set(prescribed.x.array)
-            prescribed.x.scatter_forward()
-    if turned is not None:
-        turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
-    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    forces = np.zeros(owned) if form is None else assemble(form)
-    return AppliedLoad(factors, name, form, forces, prescribed)
+    factors, grows, timed = group
+    space = on.space
+    name, form = compile_loads(loads, on, z)
+
+    def at(place: float) -> AppliedLoad:
+        on.move_to(place)
+        prescribed = fem.Function(space)
+        axes, turned = supports(place)
+        for effect, support in axes:  # the later one applies where two meet
+            dofs, _ = support.dof_indices()
+            prescribed.x.array[dofs] = 0.0
+            if any(effect is one for one in loads):
+                support.set(prescribed.x.array)
+                prescribed.x.scatter_forward()
+        if turned is not None:
+            turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        forces = np.zeros(owned) if form is None else assemble(form)
+        return AppliedLoad(factors, name, form, forces, prescribed, grows, at if timed else None)
+
+    return at(0)
 
 
-def compile_loads(
-    loads: Sequence[Load], space: fem.FunctionSpace, z: Any, facets: Facets, inventory: Inventory
-) -> tuple[str, fem.Form | None]:
+def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
     """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, and their name."""
     forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
-    on = FormCoefficients(space)
-    return _compiled(forces, lambda load: ufl.inner(load.density(on), z), space, facets, inventory)
+    return _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
 
 
-def compile_resistance(
-    scene: Scene, space: fem.FunctionSpace, z: Any, facets: Facets, inventory: Inventory
-) -> tuple[str, fem.Form | None]:
+def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
     """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
-    effects, y, on = scene.of(Resistance), ufl.TrialFunction(space), FormCoefficients(space)
-    acting = [effect for effect in effects if effect.acts]
-    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), space, facets, inventory)
+    y = ufl.TrialFunction(on.space)
+    acting = [effect for effect in on.scene.of(Resistance) if effect.acts]
+    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
 
 
 def _compiled(
-    effects: Sequence[Any],
-    integrand: Callable[[Any], Any],
-    space: fem.FunctionSpace,
-    facets: Facets,
-    inventory: Inventory,
+    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
 ) -> tuple[str, fem.Form | None]:
     """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
     if not effects:
         return "", None
-    element, where = space.element.basix_element.degree, measures(space, effects, facets)
+    space, inventory = on.space, on.inventory
+    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
     degrees = ({"quadrature_degree": effect.degree(element)} for effect in effects)
     terms = [integrand(effect) * d(metadata=degree) for effect, d, degree in zip(effects, where, degrees, strict=True)]
     name = " + ".join(effect.name for effect in effects)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+
+
+def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
+    """Numbers of the materials: constants for one material, cell-wise functions for several.
+
+    Raises:
+        SceneError: a cell is in no region that has a material, or in several.
+    """
+    mesh = tagged.mesh
+    if len(scene.material) == 1:
+        return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in numbers(scene.material[0]))
+    space = fem.functionspace(mesh, ("DG", 0))
+    found = tuple(fem.Function(space) for _ in numbers(scene.material[0]))
+    covered = np.zeros(space.dofmap.list.shape[0], dtype=np.int32)
+    named = [material for material in scene.material if material.region in tagged.regions]
+    if len(named) < len(scene.material):  # which is reported elsewhere
+        return found
+    for material in named:
+        assert material.region is not None
+        dofs = space.dofmap.list[tagged.cells(material.region), 0]
+        covered[dofs] += 1
+        for function, value in zip(found, numbers(material), strict=True):
+            function.x.array[dofs] = value
+    owned = covered[: space.dofmap.index_map.size_local]
+    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
+    bare, twice = (int(count) for count in counts)
+    if bare:
+        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
+    if twice:
+        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
+    for function in found:
+        function.x.scatter_forward()
+    return found
 
 
 def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:

@@ -17,8 +17,11 @@ from signorini_fx.body.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
+
+# A node is at a point within this share of the size of the body.
+_SAME_POINT = 1e-8
 
 
 def dirichlet_conditions(
@@ -30,17 +33,38 @@ def dirichlet_conditions(
     for index, effect in enumerate(scene.displacement):
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
-            if isinstance(value, float):
-                dofs = fem.locate_dofs_topological(subspace, dim, facets[effect.boundary])
+            if effect.at is not None:
+                dofs = (space.mesh.geometry.dim * node_at(space, effect, index, tagged) + component).astype(np.int32)
+                at = in_space(np.array([effect.at]))
+                support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
+            elif isinstance(value, float):
+                dofs = fem.locate_dofs_topological(subspace, dim, facets[str(effect.boundary)])
                 support = fem.dirichletbc(default_scalar_type(value), dofs, subspace)
             else:
                 collapsed, _ = subspace.collapse()
-                pair = fem.locate_dofs_topological((subspace, collapsed), dim, facets[effect.boundary])
+                pair = fem.locate_dofs_topological((subspace, collapsed), dim, facets[str(effect.boundary)])
                 function = fem.Function(collapsed)
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
     return supports
+
+
+def node_at(space: fem.FunctionSpace, effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> Any:
+    """The node of this rank at the point of an effect, ghosts included, shape (1,) or (0,); collective.
+
+    Raises:
+        SceneError: there is none on any rank.
+    """
+    point, x = np.array(effect.at), space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    away = np.linalg.norm(x - point, axis=1)
+    found = np.flatnonzero(away <= _SAME_POINT * tagged.size)
+    if not parallel.any_rank(tagged.mesh.comm, found.size > 0):
+        nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
+        place = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        at = ", ".join(f"{value:.6g}" for value in place)
+        raise SceneError([(f"displacement[{index}].at", f"no node of the mesh is at {effect.place}; near is ({at})")])
+    return found
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
@@ -58,7 +82,7 @@ def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -
 def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
     mesh = tagged.mesh
-    facets = tagged.facets(effect.boundary)
+    facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
     points = facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim)
     low, high = parallel.global_bounds(mesh.comm, points)
@@ -92,7 +116,7 @@ def skew_supports(
             continue
         normal = flat_normal(effect, index, tagged)
         if np.abs(normal).max() < 1.0:
-            nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[effect.boundary])
+            nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[str(effect.boundary)])
             values = sample(effect.normal, space.tabulate_dof_coordinates()[nodes].T)
             found.append(SkewSupport(effect, index, nodes, normal, values))
     return found
@@ -140,6 +164,8 @@ def check_overlap(
     """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
     problems = []
     for index, support in enumerate(scene.displacement):
+        if support.at is not None:  # as where a supported side ends at the contact
+            continue
         axes = [component for component, _ in components(support, index, tagged)]
         prescribed = np.eye(tagged.dimension)[axes] if axes else flat_normal(support, index, tagged)[None]
         for part, effect in enumerate(scene.contact):

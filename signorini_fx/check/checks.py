@@ -18,6 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation, prepare
+from signorini_fx.body.loads import group_of, load_groups
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
@@ -141,10 +142,10 @@ def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
     found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
 
-    names = {load.factors: load.name for load in d.applied}
+    names = dict(zip(load_groups(scene), (load.name for load in d.applied), strict=True))
 
     def form_of(effect: Any) -> tuple[str, ...]:
-        return (names[scene.factors_of(effect)] if isinstance(effect, Load) else d.resisting,)
+        return (names[group_of(scene, effect)] if isinstance(effect, Load) else d.resisting,)
 
     for key, entries in scene.effects.items():
         if key not in ("material", "displacement", "contact"):
@@ -206,7 +207,7 @@ def _displacements(d: Discretisation) -> list[Effect]:
         found.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
     if not found:
         return [Effect("displacement", False, "no [[displacement]]")]
-    return [Effect(f"displacement {e.boundary}", True, e.said, unknowns=-count) for e, count in found]
+    return [Effect(e.name, True, e.said, unknowns=-count) for e, count in found]
 
 
 def _contacts(d: Discretisation) -> list[Effect]:

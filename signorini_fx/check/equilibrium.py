@@ -135,5 +135,5 @@ def _runs(steps: list[int]) -> str:
 
 def load_on(body: Discretisation, step: int) -> _Rows:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
-    loads = [(load.factors[step], body.motions.load_of(load.forces, body.comm)) for load in body.applied]
+    loads = [(factor, body.motions.load_of(load.forces, body.comm)) for factor, load in body.applied_at(step)]
     return total_work(loads, body.motions.free.shape[1])

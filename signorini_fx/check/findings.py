@@ -294,15 +294,17 @@ def _odd_displacements(body: Discretisation, moved: float) -> list[Finding]:
 
 def _acts(body: Discretisation) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
-    acting = [load for load in body.applied if any(load.factors)]
+    steps = range(body.scene.steps)
+    acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
     return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))
 
 
 def _displacement_scale(body: Discretisation, step: int) -> float:
     """Largest prescribed displacement, and the deflection of a beam of the body's outline under the loads, lengths."""
-    owned = sum((load.factors[step] * load.start for load in body.applied), np.zeros(body.fixed.size))
+    applied = body.applied_at(step)
+    owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
-    loads = sum((load.factors[step] * load.forces for load in body.applied), np.zeros(body.fixed.size))
+    loads = sum((factor * load.forces for factor, load in applied), np.zeros(body.fixed.size))
     sizes = np.linalg.norm(np.reshape(loads, (-1, body.tagged.dimension)), axis=1)
     force = float(parallel.global_sum(body.comm, sizes.sum()))
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)

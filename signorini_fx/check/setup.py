@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +12,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.loads import SampledPoints
 from signorini_fx.compat import geometry_cells
 from signorini_fx.effects.contact import Contact as ContactEffect
 from signorini_fx.effects.displacement import PrescribedDisplacement
@@ -21,7 +20,6 @@ from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
 from signorini_fx.pictures.setup import Boundary, Setup
 from signorini_fx.scene.effect import Effect, Force
-from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import MeshFile, Scene
 from signorini_fx.units import names_of
 
@@ -51,10 +49,11 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
             acting[one.where].append(one)
         if isinstance(one, ContactEffect) and one.against is not None:
             acting[one.against].append(one)
+    time = 0.0 if scene is None else scene.time_at(scene.steps - 1)
     return Setup(
         title,
         parallel.rows_on_root(comm, shown),
-        tuple(_boundary(tagged, name, acting[name]) for name in _shown(tagged, acting)),
+        tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
         {} if scene is None else names_of(scene.model_dump(include={"units"}), dim),
         () if scene is None else _lines(scene, tagged),
     )
@@ -128,44 +127,33 @@ def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> F
     return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
 
 
-@dataclass(frozen=True)
-class _Middles:
-    """The middles of facets as points of quadrature, one on each, see ``scene.effect.Points``."""
-
-    at: Floats
-    normal: Floats
-
-    @property
-    def displacement(self) -> Floats:
-        """None before the solve."""
-        return np.zeros_like(self.normal)
-
-    def value(self, value: Any) -> Floats:
-        """Shape (f, 1); UFL expressions, which only a compiled form could evaluate, count as nought."""
-        if hasattr(value, "ufl_shape"):
-            return np.zeros((len(self.at), 1))
-        return sample(value, in_space(self.at))[:, None]
-
-    def vector(self, values: tuple[Any, ...]) -> Floats:
-        """Shape (f, 1, d)."""
-        return np.stack([self.value(value) for value in values[: self.at.shape[1]]], axis=2)
-
-
-def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect]) -> Boundary:
+def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> Boundary:
     """A boundary with what acts on it, on the first rank; collective."""
     corners, normals = _sides(tagged, tagged.facets(name))
     middles = corners.mean(axis=1)
-    on = _Middles(middles, normals[:, None])
+
+    def whole(effect: Effect) -> float:
+        """By one point on each facet, which is enough for arrows."""
+        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
+        sizes = np.linalg.norm(first if corners.shape[1] == 2 else np.cross(first, last), axis=1)
+        if corners.shape[1] == 3:
+            sizes = sizes / 2
+        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.weighting)[:, 0])))
+
+    on = SampledPoints(middles, normals[:, None], whole)
     load, moved = np.zeros_like(middles), np.zeros_like(middles)
     held: dict[str, None] = {}
     grounded = False
-    for one in acting:
+    for one in (effect.at_time(time) for effect in acting):
         if isinstance(one, ContactEffect):
             grounded |= one.against is None
         elif isinstance(one, Force):
             load += one.density_at(on)[:, 0]
         elif isinstance(one, PrescribedDisplacement):
-            held |= dict.fromkeys(one.given)
+            along = (*one.components, one.normal)
+            held |= {
+                key: None for key, value in zip(("x", "y", "z", "normal"), along, strict=True) if value is not None
+            }
             moved += on.vector(tuple(value or 0.0 for value in one.components))[:, 0]
             moved += on.value(one.normal or 0.0) * normals
     kinds = tuple(dict.fromkeys(one.label for one in acting))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from signorini_fx.scene.effect import Force
+from signorini_fx.scene.effect import VectorForce
 
 
-class BodyForce(Force):
+class BodyForce(VectorForce):
     """Force per volume, f of (1.1a).
 
     Attributes:

@@ -135,6 +135,11 @@ class Contact(Effect):
         return self.gap if self.foundation is None else Distance(self.foundation, self.gap, dimension)
 
     @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("direction",)
+
+    @property
     def coulomb(self) -> bool:
         """Whether its friction bound depends on the contact pressure."""
         return isinstance(self.friction, CoulombFriction) and self.friction.acts

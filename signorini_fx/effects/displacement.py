@@ -2,49 +2,102 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import model_validator
+import numpy as np
+from pydantic import Field, field_validator, model_validator
 
-from signorini_fx.scene.effect import Coefficients, Contradictions, Load, text
-from signorini_fx.scene.values import SampledValue
+from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Load, text
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.values import Finite, TimedSampledValue
 
 
 class PrescribedDisplacement(Load):
-    """Displacement prescribed on a boundary; a component that is not named stays free.
+    """Displacement prescribed on a boundary or at a point; a component that is not named stays free.
 
     Attributes:
-        boundary: its name.
+        boundary: its name; None: it is prescribed at a point.
+        at: the point, which must be a node of the mesh, length.
         x: component along x[0], length.
         y: component along x[1], length.
         z: component along x[2], length; only in space.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
+        rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
+            them, w x (x - c).
+        about: a point c of its axis, length; None: the origin.
+        axis: the direction of w, any length; only in space; None: x[2].
         factors: one number per load step; None: 1 in every step.
     """
 
-    boundary: str
-    x: SampledValue | None = None
-    y: SampledValue | None = None
-    z: SampledValue | None = None
-    normal: SampledValue | None = None
+    boundary: str | None = None
+    at: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    x: TimedSampledValue | None = None
+    y: TimedSampledValue | None = None
+    z: TimedSampledValue | None = None
+    normal: TimedSampledValue | None = None
+    rotation: TimedSampledValue | None = None
+    about: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    axis: tuple[Finite, Finite, Finite] | None = None
+
+    @field_validator("axis")
+    @classmethod
+    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if given is not None and not any(given):
+            raise ValueError("must not be zero")
+        return given
 
     @model_validator(mode="after")
     def _something(self) -> Self:
+        if (self.boundary is None) == (self.at is None):
+            raise ValueError("give either a boundary or at, a point")
         named = any(component is not None for component in self.components)
         if named == (self.normal is not None):
             none = "names no component: give x, y, both, or normal"
             raise ValueError("give either normal or x and y" if named else none)
+        if self.at is not None and self.normal is not None:
+            raise ValueError("a point has no normal: give x and y")
+        if self.rotation is None and (self.about or self.axis):
+            raise ValueError("about and axis are those of a rotation, which is missing")
         return self
+
+    @property
+    def place(self) -> str:
+        """Where it is prescribed, in words: the name of the boundary, or the point."""
+        return str(self.boundary) if self.at is None else f"({', '.join(f'{x:g}' for x in self.at)})"
+
+    @property
+    def name(self) -> str:
+        """See ``Effect``."""
+        return f"{self.label} {self.place}"
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("at", "about")
 
     @property
     def components(self) -> tuple[Any, Any, Any]:
         """Along x[0], x[1] and x[2]; None where the displacement is free."""
-        return self.x, self.y, self.z
+        if self.rotation is None:
+            return self.x, self.y, self.z
+        a = np.array(self.axis or (0.0, 0.0, 1.0)) / np.linalg.norm(self.axis or 1.0)
+        centre, rotation = np.zeros(3), self.rotation
+        centre[: len(self.about or ())] = self.about or ()
+        across = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+        def moved(given: Any, row: Array) -> Any:
+            if not row.any():
+                return given
+            return lambda x: sample(given or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
+
+        first, second, third = map(moved, (self.x, self.y, self.z), across)
+        return first, second, third
 
     @property
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
-        every = {"x": self.x, "y": self.y, "z": self.z, "normal": self.normal}
+        keys = ("x", "y", "z", "normal", "rotation")
+        every = {key: getattr(self, key) for key in keys}
         return {key: value for key, value in every.items() if value is not None}
 
     @property
@@ -59,7 +112,7 @@ class PrescribedDisplacement(Load):
 
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""
-        touching = any(contact.boundary == self.boundary for contact in scene.contact)
+        touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", place), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from signorini_fx.scene.effect import Contradictions, Effect
-from signorini_fx.scene.values import Positive
+from signorini_fx.scene.values import NonNegative, Positive
 
 
 class LinearElastic(Effect):
@@ -18,12 +18,14 @@ class LinearElastic(Effect):
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
         hypothesis: plane strain or plane stress, if the mesh has two dimensions.
+        density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         region: name of the part of the body that is made of this material; None: all of it.
     """
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
     hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    density: NonNegative | None = None
     region: str | None = None
 
     @property

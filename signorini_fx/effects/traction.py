@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from signorini_fx.scene.effect import Array, Coefficients, Force, Points, is_zero
-from signorini_fx.scene.values import Value
+from signorini_fx.scene.effect import Array, Coefficients, Points, VectorForce, is_zero
+from signorini_fx.scene.values import TimedValue
 
 
-class SurfaceTraction(Force):
+class SurfaceTraction(VectorForce):
     """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
 
     Attributes:
@@ -22,7 +22,7 @@ class SurfaceTraction(Force):
     """
 
     boundary: str
-    pressure: Value = 0.0
+    pressure: TimedValue = 0.0
 
     @property
     def given(self) -> dict[str, Any]:

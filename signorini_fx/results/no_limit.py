@@ -22,9 +22,8 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import SampledPoints
 from signorini_fx.scene.effect import Force
-from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.tuned import CORNER_ANGLE
 
 Array = npt.NDArray[np.float64]
@@ -227,14 +226,11 @@ def _traction(body: Discretisation, facet: int, points: Array, step: float) -> t
     """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
     total, names = np.zeros_like(points), []
     for load in body.scene.of(Force):
-        factor = factor_at(body.scene.factors_of(load), step)
+        factor, now = body.scene.now(load, step)
         if load.where is not None and factor != 0 and facet in body.tagged.facets(load.where):
-            values = load.components[: body.tagged.dimension]
-            # A form of the user's own is not known at a point.
-            known = [
-                np.full(len(points), np.nan) if hasattr(v, "ufl_shape") else sample(v, in_space(points)) for v in values
-            ]
-            total += factor * np.stack(known, axis=1)
+            # A form of the user's own is not known at a point; without a normal there is no pressure.
+            on = SampledPoints(points, np.zeros((len(points), 1, points.shape[1])), body.coefficients.whole, np.nan)
+            total += factor * now.density_at(on)[:, 0]
             names.append(load.where)
     return total, tuple(names)
 
@@ -248,7 +244,7 @@ def _normal(vertices: Array, inside: Array) -> Array:
 def _condition(body: Discretisation, facet: int, normal: Array) -> tuple[str, tuple[str, ...]]:
     """What is prescribed on a facet, and by which boundaries."""
     scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
-    supports = [effect for effect in scene.displacement if facet in tagged.facets(effect.boundary)]
+    supports = [effect for effect in scene.displacement if effect.where and facet in tagged.facets(effect.where)]
     contacts = [effect for effect in scene.contact if facet in tagged.facets(effect.boundary)]
     rows: list[Array] = [normal for effect in (*supports, *contacts) if getattr(effect, "normal", 0.0) is not None]
     for effect in supports:

@@ -21,14 +21,13 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
 from signorini_fx.body.discretisation import reduced_degree
-from signorini_fx.body.loads import compile_loads
+from signorini_fx.body.loads import FormCoefficients, compile_loads
 from signorini_fx.effects.material import elastic_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature
 from signorini_fx.scene.effect import Effect, Force, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
@@ -47,12 +46,29 @@ class QuadraturePoints:
         part: the cells.
         size: length, area or volume that each point stands for, shape (f, q).
         y: nodal displacements with ghosts, shape (nodes, d).
+        whole: the integral of ``Effect.weighting`` of the effect that is integrated.
     """
 
     forces: NodalForces
     part: Facets
     size: Array
     y: Array
+    whole: float = np.nan
+
+    @property
+    def position(self) -> Array:
+        """X, shape (f, q, d)."""
+        return self.forces.positions(self.part)
+
+    @property
+    def density(self) -> Array:
+        """Mass per volume, shape (f, 1)."""
+        (found,) = self.forces.of_materials(lambda material: (material.density or 0.0,))
+        return found[:, None] if found.size == 1 else found[self.part.cells, None]
+
+    def total(self, effect: Effect) -> float:
+        """See ``Coefficients``."""
+        return self.whole
 
     @property
     def normal(self) -> Array:
@@ -99,7 +115,7 @@ class NodalForces(SurfaceQuadrature):
         """
         degree = elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
         reduced = reduced_degree(self.scene, self.tagged.mesh)
-        a, b = self._moduli()
+        a, b = self.of_materials(lambda material: material.hooke)
         if reduced is None:
             return self.over_ranks(self._stress_work(displacement, degree, a, b))
         return self.over_ranks(
@@ -125,21 +141,35 @@ class NodalForces(SurfaceQuadrature):
         """L of a load step times ``scale``, of all its loads or of some, shape (owned nodes, d)."""
         total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
         for load in self.scene.of(Force) if some is None else some:
-            factor = scale * factor_at(self.scene.factors_of(load), step)
+            factor, now = self.scene.now(load, step)
             if any(hasattr(value, "ufl_shape") for value in load.given.values()):
-                compiled += factor * self._compiled(load)
+                compiled += scale * factor * self._compiled(load, step)
             else:
-                total += factor * self._integral(load, load.density_at, total)
+                total += scale * factor * self._integral(now, now.density_at, total)
         return self.over_ranks(total) + compiled
 
     def values(self, value: Any, part: Facets) -> Array:
         """A value at points, see ``QuadraturePoints``."""
         if isinstance(value, float | Expression):
-            at = part.table.place @ self._x[self._corners[part.cells]]
+            at = self.positions(part)
             return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
         nodes = self._nodes[part.cells]
         x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
         return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
+
+    def positions(self, part: Facets) -> Array:
+        """X of points, shape (f, q, d)."""
+        return np.asarray(part.table.place @ self._x[self._corners[part.cells]])
+
+    def of_materials(self, numbers: Callable[[Any], tuple[float, ...]]) -> list[Array]:
+        """Numbers of the materials, of all cells alike, shape (1,), or cell by cell."""
+        materials = self.scene.material
+        if len(materials) == 1:
+            return [np.array([number]) for number in numbers(materials[0])]
+        found = np.full((len(numbers(materials[0])), len(self._corners)), np.nan)
+        for material in materials:
+            found[:, self.tagged.cells(material.region)] = np.array(numbers(material))[:, None]
+        return list(found)
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
@@ -150,10 +180,17 @@ class NodalForces(SurfaceQuadrature):
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
         total, degree = self._zero(), effect.degree(self.scene.element.degree)
+        whole = np.nan if effect.weighting is None else self._whole(effect, degree)
         for part, size in self._cells(degree) if effect.where is None else self._sides(effect.where, degree):
-            force: Array = size[:, :, None] * density(QuadraturePoints(self, part, size, y))
+            force: Array = size[:, :, None] * density(QuadraturePoints(self, part, size, y, whole))
             np.add.at(total, self._nodes[part.cells], part.table.shape.T @ force)
         return total
+
+    def _whole(self, effect: Effect, degree: int) -> float:
+        """The integral of its ``weighting`` over its boundary."""
+        parts = self._sides(str(effect.where), degree)
+        own = sum(float(np.sum(size * self.values(effect.weighting, part))) for part, size in parts)
+        return float(parallel.global_sum(self.tagged.mesh.comm, np.array(own)))
 
     def _cells(self, degree: int) -> Iterator[tuple[Facets, Array]]:
         """All cells of this rank, and the volumes of their points."""
@@ -166,17 +203,6 @@ class NodalForces(SurfaceQuadrature):
         """The facets of a boundary on this rank, and the areas of their points."""
         for facets in self._facets(boundary, *basix.make_quadrature(self._facet, degree)):
             yield facets, np.linalg.norm(facets.moment, axis=2)
-
-    def _moduli(self) -> tuple[Array, Array]:
-        """(a, b) of Hooke's law, of all cells alike or cell by cell."""
-        materials = self.scene.material
-        if len(materials) == 1:
-            a, b = materials[0].hooke
-            return np.array([a]), np.array([b])
-        moduli = np.full((2, len(self._corners)), np.nan)
-        for material in materials:
-            moduli[:, self.tagged.cells(material.region)] = np.array(material.hooke)[:, None]
-        return moduli[0], moduli[1]
 
     def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
         """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, on this rank alone."""
@@ -202,10 +228,12 @@ class NodalForces(SurfaceQuadrature):
                 total[:, i] += np.bincount(self._nodes[cells].ravel(), forces[:, :, i].ravel(), minlength=len(total))
         return total
 
-    def _compiled(self, load: Force) -> Array:
+    def _compiled(self, load: Force, place: float) -> Array:
         """A load with UFL expressions, by its own form."""
         import ufl
 
-        _, form = compile_loads([load], self.space, ufl.TestFunction(self.space), self.tagged.facets, Inventory())
+        on = FormCoefficients(self.scene, self.tagged, self.space, Inventory())
+        _, form = compile_loads([load], on, ufl.TestFunction(self.space))
         assert form is not None
+        on.move_to(place)
         return assemble(form).reshape(-1, self.dimension)

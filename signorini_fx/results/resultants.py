@@ -34,7 +34,7 @@ class Resultant:
     """What acts on the body through a boundary, in the plane per unit thickness.
 
     Attributes:
-        boundary: its name; None: the body force.
+        boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
         acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as ``traction`` or
             ``body force``.
         force: force on the body, shape (d,).
@@ -123,7 +123,8 @@ class Resultants:
             MeshError: there is no such boundary; the message lists the known ones.
             ValueError: the point has not d coordinates.
         """
-        self.tagged.facets(boundary)
+        if boundary not in self._points:
+            self.tagged.facets(boundary)
         return self._sum(boundary, self._through(boundary), about)
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
@@ -148,7 +149,12 @@ class Resultants:
         """The boundaries through which something acts."""
         every = [effect.where for _, effect in self.scene.listed()]
         every += [effect.against for effect in self.scene.contact]
-        return list(dict.fromkeys(name for name in every if name is not None))
+        return list(dict.fromkeys(name for name in [*every, *self._points] if name is not None))
+
+    @property
+    def _points(self) -> dict[str, tuple[float, ...]]:
+        """The points with supports, by their names."""
+        return {effect.place: effect.at for effect in self.scene.displacement if effect.at is not None}
 
     @cached_property
     def _nodal(self) -> NodalForces:
@@ -180,7 +186,7 @@ class Resultants:
     def _through(self, boundary: str) -> dict[str, _Forces]:
         """The forces on the body at the nodes of a boundary, by what exerts them."""
         scene, found = self.scene, {}
-        held = [k for k, effect in enumerate(scene.displacement) if effect.boundary == boundary]
+        held = [k for k, effect in enumerate(scene.displacement) if effect.place == boundary]
         if held:
             taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
             found["support"] = _Forces(self._x, taken)
@@ -229,7 +235,9 @@ class Resultants:
         return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
 
     def _place(self, boundary: str) -> tuple[Array, Array | None]:
-        """The middle of a boundary, and its normal if it is flat."""
+        """The middle of a boundary, and its normal if it is flat; a point itself."""
+        if boundary in self._points:
+            return np.array(self._points[boundary]), None
         areas = self._nodal.moments(boundary)
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))

@@ -71,7 +71,7 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
     live, dead = (total_work([(1.0, motions.load_of(forces, d.comm))], count) for forces in _loads(d, place))
     law = d.law
-    pressing = _touching(d, contact, live + dead) & ~immovable
+    pressing = _touching(d, contact, live + dead, place) & ~immovable
     if law is not None:
         # Where a support takes the pressure, no other load changes the friction bound.
         law = replace(law, given=np.where(immovable, contact.bound, law.given))
@@ -117,13 +117,15 @@ def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:
     ]
 
 
-def _touching(d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def _touching(
+    d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64], place: float
+) -> npt.NDArray[np.bool_]:
     """The nodes that touch their foundation in the solution, or where the rigid body rests on it, shape (n,).
 
     Supports that move may keep the body away from where it would rest: then only the former.
     """
     touching = contact.in_contact | contact.bilateral
-    if parallel.any_rank(d.comm, any(applied.start.any() for applied in d.applied)):
+    if parallel.any_rank(d.comm, any(load.start.any() for _, load in d.applied_at(place))):
         return touching
     rest = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
     gap = contact.gap if rest is None else contact.gap - rest.u_n

@@ -12,7 +12,6 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.load_steps import factor_at
 
 Nodal = npt.NDArray[np.float64]
 
@@ -56,9 +55,14 @@ class Supports:
         x = space.tabulate_dof_coordinates()
         dim = tagged.mesh.topology.dim - 1
         for position, effect in enumerate(scene.displacement):
-            nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
+            if effect.at is None:
+                nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
+            else:
+                away = np.linalg.norm(x[:, : len(effect.at)] - np.array(effect.at), axis=1)
+                nodes = np.flatnonzero(away <= _SAME * tagged.size)
             nodes = nodes[nodes < owned]
-            factor = scale * factor_at(scene.factors_of(effect), step)
+            now, effect = scene.now(effect, step)
+            factor = scale * now
             prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
             if effect.normal is not None:
                 outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))

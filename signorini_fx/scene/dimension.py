@@ -26,9 +26,12 @@ def dimension_problems(scene: Scene, dimension: int) -> list[tuple[str, str]]:
 
 def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
     where = _PLANE if dimension == 2 else _SPACE
+    for path, effect in scene.listed():
+        for key in effect.vectors:
+            given = getattr(effect, key)
+            if given is not None and len(given) != dimension:
+                yield f"{path}.{key}", f"{where}: give {dimension} numbers, not {len(given)}"
     for index, effect in enumerate(scene.contact):
-        if effect.direction is not None and len(effect.direction) != dimension:
-            yield f"contact[{index}].direction", f"{where}: give {dimension} numbers, not {len(effect.direction)}"
         if effect.foundation is not None:
             for key, reason in effect.foundation.contradictions(dimension):
                 yield f"contact[{index}].foundation.{key}", reason
@@ -38,6 +41,9 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
 
 
 def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
+    for index, effect in enumerate(scene.displacement):
+        if effect.axis is not None:
+            yield f"displacement[{index}].axis", f"{_PLANE}: a rotation is about x[2]"
     for path, table in _tables(scene, ""):
         if "z" in table.model_fields_set and getattr(table, "z", None) is not None:
             yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"

@@ -13,14 +13,14 @@ from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from types import GenericAlias
-from typing import Annotated, Any, Protocol, TypeVar, get_origin
+from typing import Annotated, Any, Protocol, Self, TypeVar, get_origin
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
 
 from signorini_fx.scene.base import Table
-from signorini_fx.scene.values import Finite, Value
+from signorini_fx.scene.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
 Contradictions = Iterator[tuple[tuple[str | int, ...], str]]
@@ -35,6 +35,17 @@ class Coefficients(Protocol):
     @property
     def normal(self) -> Any:
         """Outward unit normal."""
+
+    @property
+    def position(self) -> Any:
+        """X, length; a vector."""
+
+    @property
+    def density(self) -> Any:
+        """Of the material, mass per volume."""
+
+    def total(self, effect: Effect) -> Any:
+        """The integral of ``effect.weighting`` over the boundary of the effect, a number."""
 
     def value(self, value: Any) -> Any:
         """A value."""
@@ -98,6 +109,30 @@ class Effect(Table):
         return not all(isinstance(value, float) for value in self.given.values())
 
     @property
+    def timed(self) -> bool:
+        """Whether it depends on the time t in an expression."""
+        return any(getattr(value, "timed", False) for value in self.given.values())
+
+    def at_time(self, time: float) -> Self:
+        """The same with the values of its expressions at a time; itself if none depends on it."""
+        if not self.timed:
+            return self
+        every = {key: getattr(self, key) for key in type(self).model_fields}
+        return self.model_copy(
+            update={key: value.at(time) for key, value in every.items() if getattr(value, "timed", False)}
+        )
+
+    @property
+    def weighting(self) -> Any:
+        """The value that its forces are proportional to, where their sum is given; None: they are given themselves."""
+        return None
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """The keys of points and directions, which have as many numbers as the mesh has dimensions."""
+        return ()
+
+    @property
     def said(self) -> str:
         """Its values in words, as ``check`` lists them."""
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
@@ -147,12 +182,29 @@ class Load(Effect):
 
 
 class Force(Load):
-    """Force per volume or area, with components along x[0], x[1] and, in space, x[2]."""
+    """Force per volume or area."""
 
-    x: Value = 0.0
-    y: Value = 0.0
-    z: Value = 0.0
     live: bool = True
+
+    def density(self, on: Coefficients) -> Any:
+        """Force per volume or area, UFL, shape (d,)."""
+        raise NotImplementedError
+
+    def density_at(self, at: Points) -> Array:
+        """The same for the second opinion, shape (f, q, d)."""
+        raise NotImplementedError
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        return factor * self.density(on)
+
+
+class VectorForce(Force):
+    """Force with components along x[0], x[1] and, in space, x[2]."""
+
+    x: TimedValue = 0.0
+    y: TimedValue = 0.0
+    z: TimedValue = 0.0
 
     @property
     def components(self) -> tuple[Any, Any, Any]:
@@ -165,16 +217,19 @@ class Force(Load):
         return dict(zip("xyz", self.components, strict=True))
 
     def density(self, on: Coefficients) -> Any:
-        """Force per volume or area, UFL, shape (d,)."""
+        """See ``Force``."""
         return on.vector(self.components)
 
     def density_at(self, at: Points) -> Array:
-        """The same for the second opinion, shape (f, q, d)."""
+        """See ``Force``."""
         return at.vector(self.components)
 
-    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        """See ``Effect``."""
-        return factor * self.density(on)
+
+def without_density(scene: Any, key: str) -> Contradictions:
+    """The materials that have no density although an effect needs it."""
+    for number, material in enumerate(scene.material):
+        if material.density is None:
+            yield ("material", number), f"has no density, which {scene.heading(key)} needs"
 
 
 class Resistance(Effect):

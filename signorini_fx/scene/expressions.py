@@ -12,10 +12,10 @@ import ast
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,8 @@ _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: oper
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _ALLOWED = (
     "Allowed are numbers, pi, x[0], x[1], in space x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
-    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number"
+    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
+    "and prescribed displacements also the time t"
 )
 _MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
@@ -110,7 +111,7 @@ def _check(node: ast.expr) -> Kind:
             if not math.isfinite(_float(value)):
                 raise ValueError("a number is too large")
             return "number"
-        case ast.Name(id="pi"):
+        case ast.Name(id="pi" | "t"):
             return "number"
         case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
             if index not in (0, 1, 2):
@@ -191,11 +192,12 @@ def _float(value: Any) -> float:
 
 
 class _Evaluator:
-    """The value of a checked tree in one algebra, at one position."""
+    """The value of a checked tree in one algebra, at one position and time."""
 
-    def __init__(self, backend: _Backend, position: Any) -> None:
+    def __init__(self, backend: _Backend, position: Any, time: Any) -> None:
         self._backend = backend
         self._position = position
+        self._time = time
 
     def value(self, node: ast.expr) -> Any:
         """The value of a part of the tree."""
@@ -221,7 +223,9 @@ class _Evaluator:
                 return backend.functions["where"](*map(self.value, (test, body, orelse)))
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return backend.functions[name](*map(self.value, arguments))
-        return backend.number(math.pi)  # the only name
+            case ast.Name(id="t"):
+                return self._time
+        return backend.number(math.pi)  # the only other name
 
     def _compare(self, op: ast.cmpop, left: ast.expr, right: ast.expr) -> Any:
         """A comparison in which numbers are equal that are so but for round-off.
@@ -246,18 +250,24 @@ class Expression:
 
     Args:
         text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
+        time: the value of t in it; None: none is known, and what depends on it is nan.
+        allows_time: whether it may depend on t, as loads and prescribed displacements may.
 
     Raises:
         ValueError: the text is not a valid expression; the message says what is wrong and what is allowed.
     """
 
     text: str
+    time: float | None = None
+    allows_time: bool = field(default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.text) > _MAX_LENGTH:
             raise ValueError(f"expression of {len(self.text)} characters: at most {_MAX_LENGTH} are allowed")
         try:
             _check(self._tree())
+            if self.timed and not self.allows_time:
+                raise ValueError("t, the time, is for loads and prescribed displacements")
         except SyntaxError as error:
             raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}") from None
         except (ValueError, MemoryError, RecursionError) as error:
@@ -265,6 +275,15 @@ class Expression:
 
     def _tree(self) -> ast.expr:
         return ast.parse(self.text.strip(), mode="eval").body
+
+    @property
+    def timed(self) -> bool:
+        """Whether it depends on the time t."""
+        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree()))
+
+    def at(self, time: float) -> Self:
+        """The same function at a time."""
+        return replace(self, time=time)
 
     @property
     def coordinates(self) -> int:
@@ -275,14 +294,22 @@ class Expression:
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
         with np.errstate(all="ignore"):
-            value = _Evaluator(_NUMPY, x).value(self._tree())
+            value = _Evaluator(_NUMPY, x, self._now).value(self._tree())
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
 
-    def ufl(self, mesh: Any) -> Any:
-        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``."""
+    @property
+    def _now(self) -> Any:
+        return np.float64(math.nan if self.time is None else self.time)
+
+    def ufl(self, mesh: Any, time: Any = None) -> Any:
+        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
+        given.
+        """
         import ufl
 
-        value = _Evaluator(_ufl_backend(mesh), ufl.SpatialCoordinate(mesh)).value(self._tree())
+        backend = _ufl_backend(mesh)
+        now = backend.number(float(self._now)) if time is None else time
+        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), now).value(self._tree())
         return ufl.conditional(value, 1.0, 0.0) if _check(self._tree()) == "condition" else ufl.as_ufl(value)
 
 

@@ -192,8 +192,13 @@ class Scene(Table):
 
     @property
     def steps(self) -> int:
-        """Number of factors of each load; that of the load steps, unless there is a ramp between them."""
-        return max((len(load.factors) for load in self.loads if load.factors is not None), default=1)
+        """Number of factors of each load; that of the load steps, unless there is a ramp between them.
+
+        Loads that depend on the time need no factors: there is one for each of the times.
+        """
+        timed = self.load_steps.times is not None and any(load.timed for load in self.loads)
+        own = len(self.load_steps.times or ()) if timed else 1
+        return max((len(load.factors) for load in self.loads if load.factors is not None), default=own)
 
     @property
     def automatic_steps(self) -> int | None:
@@ -210,7 +215,8 @@ class Scene(Table):
         """Number of load steps, if none of a ramp has to be divided."""
         if self.automatic_steps is None:
             return self.steps
-        return self.automatic_steps if self.grows_from_nothing else 1 + (self.steps - 1) * self.automatic_steps
+        intervals = self.steps if self.grows_from_nothing else self.steps - 1
+        return intervals * self.automatic_steps + (not self.grows_from_nothing)
 
     @property
     def several_steps(self) -> bool:
@@ -220,6 +226,15 @@ class Scene(Table):
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
         """The factors of a load; those of an effect that load steps do not change are 1."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
+
+    def now(self, effect: _Effect, place: float) -> tuple[float, _Effect]:
+        """The factor of an effect at a place in the lists of factors, and the effect at the time of that place.
+
+        What depends on the time and has no factors does not grow with the other loads of a ramp.
+        """
+        if effect.timed and getattr(effect, "factors", None) is None:
+            return 1.0, effect.at_time(self.time_at(place))
+        return factor_at(self.factors_of(effect), place), effect.at_time(self.time_at(place))
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""

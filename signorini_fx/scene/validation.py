@@ -83,9 +83,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
 
 
 _ELSEWHERE = {
-    "density": "weight is written [body_force] with y = -density * gravity, or z in space, as a number",
-    "gravity": "weight is written [body_force] with y = -density * gravity, or z in space, as a number",
-    "rho": "weight is written [body_force] with y = -density * gravity, or z in space, as a number",
+    "rho": "weight is written [gravity], with the density of each [[material]]",
     "alpha": "there is no thermal strain; demos/own_effect.py adds it in Python",
     "temperature": "there is no thermal strain; demos/own_effect.py adds it in Python",
     "thickness": "a plane body has thickness 1, and forces are per thickness",

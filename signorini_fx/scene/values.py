@@ -40,6 +40,11 @@ def plain_number(given: Any) -> Any:
     return given
 
 
+def timed(given: Any) -> Any:
+    """The same as ``value``, for what load steps change: an expression may depend on the time t."""
+    return Expression(given, allows_time=True) if isinstance(given, str) else value(given)
+
+
 def sampled(given: Any) -> Any:
     """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
     found = value(given)
@@ -100,6 +105,8 @@ class _NumberOrText:
 Value = Annotated[Any, BeforeValidator(value), _NumberOrText()]
 
 
+TimedValue = Annotated[Any, BeforeValidator(timed), _NumberOrText()]
+TimedSampledValue = Annotated[Any, BeforeValidator(lambda v: sampled(timed(v))), _NumberOrText()]
 SampledValue = Annotated[Any, BeforeValidator(sampled), _NumberOrText()]
 NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()]
 
@@ -131,6 +138,13 @@ Finite = Annotated[
 ]
 Positive = Annotated[
     float, Field(gt=0, allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+]
+NonNegative = Annotated[
+    float,
+    Field(allow_inf_nan=False, strict=True),
+    BeforeValidator(plain_number),
+    AfterValidator(not_negative),
+    AfterValidator(bounded),
 ]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 

@@ -49,7 +49,7 @@ def load_step(
 
     def attempt() -> LoadStep:
         before = history.linear_solves
-        place, factors = path.next, discretisation.factors(path.next)
+        place, factors = path.next, discretisation.load(task.system, path.next)
         here = replace(
             start,
             place=place,

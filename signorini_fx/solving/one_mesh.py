@@ -258,7 +258,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         if scene.several_steps:
             history.add(StepRecord(len(steps) + 1, scene.name_at(place), scene.time_at(place)))
         with timings.phase("iterate"):
-            system.set_load(discretisation.factors(place))
+            system.set_load(discretisation.load(system, place))
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):

@@ -150,7 +150,7 @@ class Kept:
             return None
         displacement, nodal = found
         place = float(figures["place"])
-        start = replace(start, place=place, factors=d.factors(place))
+        start = replace(start, place=place, factors=d.load(task.system, place))
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()

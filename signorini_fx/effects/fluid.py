@@ -1,0 +1,74 @@
+"""Hydrostatic pressure of a fluid at rest up to a level."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from signorini_fx.scene.effect import Array, Coefficients, Force, Points
+from signorini_fx.scene.values import NonNegative, TimedSampledValue
+
+
+class Fluid(Force):
+    """Pressure of a fluid at rest on a boundary: its weight times the depth below its level, and none above.
+
+    Attributes:
+        boundary: its name.
+        level: height of the surface of the fluid along ``up``, length.
+        weight: of the fluid, force per volume.
+        up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in the plane, z in space.
+        factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it; a preload is not live.
+    """
+
+    boundary: str
+    level: TimedSampledValue
+    weight: NonNegative
+    up: Literal["x", "y", "z"] | None = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        return {"level": self.level, "weight": self.weight}
+
+    @property
+    def acts(self) -> bool:
+        """See ``Effect``."""
+        return self.weight > 0
+
+    @property
+    def varies(self) -> bool:
+        """See ``Effect``."""
+        return True
+
+    @property
+    def _axis(self) -> int:
+        return -1 if self.up is None else "xyz".index(self.up)
+
+    def density(self, on: Coefficients) -> Any:
+        """See ``Force``."""
+        import ufl
+
+        depth = on.value(self.level) - on.position[len(on.position) - 1 if self.up is None else self._axis]
+        return -on.value(self.weight) * ufl.max_value(0, depth) * on.normal
+
+    def density_at(self, at: Points) -> Array:
+        """See ``Force``."""
+        depth = at.value(self.level) - at.position[..., self._axis]
+        return np.asarray(-self.weight * np.maximum(depth, 0.0)[..., None] * at.normal)
+
+
+Entry = Fluid
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Pressure of a fluid at rest up to a level.  As many [[fluid]] as you like; they add up.
+[[fluid]]
+boundary = "left"
+level = "10*t"                             # VALUE, height of its surface, length; here it rises
+weight = 0.0                               # of the fluid, force per volume
+#up = "y"                                  # the axis against gravity; without: y in the plane, z in space
+#factors = [0.5, 1.0]                      # load steps, as above
+live = true                                # whether the safety factor multiplies it
+"""
