@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from pathlib import Path
+from runpy import run_path
 
 import forms
 import numpy as np
@@ -412,6 +414,101 @@ def test_every_shape_is_tested():
     """The word in a scene is the name of the file."""
     assert sorted({*(table["shape"] for table in (*PLANE, *SPACE)), "surface"}) == list(names())
     assert [shape_class(name).model_fields["shape"].default for name in names()] == list(names())
+
+
+# --- foundations that move -------------------------------------------------------------------------------------------
+
+
+class Loop:
+    """A block on a foundation below it, in steps: its top moves, or the foundation, or both."""
+
+    def __init__(self, mesh, **data):
+        dim = mesh.geometry.dim
+        space = fem.functionspace(mesh, ("Lagrange", 1, (dim,)))
+        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        self.way = fem.Constant(mesh, np.zeros(dim))
+        top = fem.locate_dofs_topological(space, dim - 1, forms.side(mesh, dim - 1, 1.0))
+        zero = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+        found = Foundation(forms.side(mesh, dim - 1, 0.0), **data)
+        self.problem = ContactProblem(
+            forms.hooke(u, v), zero, [fem.dirichletbc(self.way, top, space)], contact=[found], algorithm="alm"
+        )
+
+    def step(self, way=None, **placement):
+        """The state after the next step."""
+        if placement:
+            self.problem.place(0, **placement)
+        if way is not None:
+            self.way.value[:] = way
+        self.problem.solve()
+        assert self.problem.certificate.holds
+        self.problem.advance()
+        return self.problem.state
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("dim", [2, 3])
+def test_moving_the_foundation_is_moving_the_support(dim):
+    """To and fro with friction: the same pressures and shears in each step, displacements that differ by the way."""
+    ways = np.zeros((5, dim))
+    ways[:, -1], ways[:, 0] = (-0.02, -0.02, -0.03, -0.03, -0.03), (0.0, 0.01, 0.02, -0.01, 0.0)
+    if dim == 3:
+        ways[:, 1] = (0.0, 0.0, 0.01, 0.01, -0.01)
+    ground = {"shape": "plane", "point": (0.0,) * dim, "normal": (0.0,) * (dim - 1) + (1.0,)}
+    mesh, friction = block(dim), Coulomb(0.3)
+    first, second = (Loop(mesh, shape=ground, friction=friction) for _ in range(2))
+    # In the first step the law is static: both start from the pressed state.
+    for number, way in enumerate(ways):
+        one = first.step(way)
+        other = second.step(ways[0], shift=tuple(ways[0] - way)) if number else second.step(way)
+        size = COMM.allreduce(np.abs(one.pressure).max(initial=0.0), MPI.MAX)
+        assert size > 0
+        for field in ("pressure", "shear"):
+            assert getattr(other, field) == pytest.approx(getattr(one, field), abs=1e-8 * size)
+        apart = (first.problem.u.x.array - second.problem.u.x.array).reshape(-1, dim)
+        assert apart == pytest.approx(np.tile(way - ways[0], (len(apart), 1)), abs=1e-9)
+
+
+def test_turning_the_foundation_is_turning_the_formula():
+    """Gap and direction after each turn are those of the shape in its new place, with friction along it."""
+    centre, radius = (1.0, -1.5), 1.5
+    moves = [((0.0, 0.02), 0.0), ((0.05, 0.03), 20.0), ((0.1, 0.03), -10.0)]
+    wheel = {"shape": "circle", "centre": centre, "radius": radius, "pivot": centre}
+    slope = {"shape": "plane", "point": centre, "normal": (0.0, 1.0), "pivot": (1.0, 0.0)}
+    loop = Loop(block(2, MPI.COMM_SELF), shape=wheel)  # without friction the turn has no effect
+    for shift, rotation in moves:
+        state = loop.step(shift=shift, rotation=rotation)
+        fresh = Loop(block(2, MPI.COMM_SELF), **of_a_ball(np.add(centre, shift), radius)).step()
+        assert state.pressure == pytest.approx(fresh.pressure, abs=1e-8 * fresh.pressure.max())
+    loop = Loop(block(2, MPI.COMM_SELF), shape=slope | {"point": (1.0, 0.0)}, friction=Coulomb(0.4))
+    loop.step((0.0, -0.03))
+    state = loop.step(rotation=1.0)
+    angle = np.radians(1.0)
+    assert state.boundary.normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (9, 1)), abs=1e-14)
+
+
+def test_a_wheel_rolls():
+    """Locked it meets the whole friction at each step, rolling a part of it; every step is certified."""
+    found = run_path(str(Path(__file__).parent.parent / "demos" / "forms" / "rolling_wheel.py"))
+    rolling, locked = (np.array([ratio for ratio, _ in found[name]]) for name in ("rolling", "locked"))
+    assert all(holds for name in ("rolling", "locked") for _, holds in found[name])
+    assert len(rolling) == 21
+    assert locked[1:] == pytest.approx(0.3, abs=0.01)
+    assert np.abs(rolling).max() < 0.15
+
+
+def test_bad_placements():
+    """What has no shape cannot be placed, nor what cannot turn so."""
+    loop = Loop(block(2, MPI.COMM_SELF), shape=GROUND)
+    for placement, message in (
+        ({"shift": (0.0, 0.0, 1.0)}, r"contact\[0\].shape.shift: the mesh is plane: give 2 numbers"),
+        ({"radius": 3.0}, r"contact\[0\].shape.radius: unknown key"),
+        ({"rotation": "x"}, r"contact\[0\].shape.rotation: must be"),
+    ):
+        with pytest.raises(FormError, match=message):
+            loop.problem.place(0, **placement)
+    with pytest.raises(FormError, match="no shape that can be placed"):
+        Loop(block(2, MPI.COMM_SELF), gap=0.1).problem.place(0, shift=(0.0, 0.0))
 
 
 # --- known answers ---------------------------------------------------------------------------------------------------

@@ -100,6 +100,7 @@ class Foundations:
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
+        self._settled = dict(self._distances)
 
     def _shaped(self) -> dict[int, Distance]:
         """The distances from foundations that have shapes, by their numbers.
@@ -119,6 +120,45 @@ class Foundations:
                 problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
         if problems:
             raise FormError(problems)
+        return found
+
+    def place(self, number: int, placement: Mapping[str, Any]) -> None:
+        """Turn and move the shape of a foundation from where it is initially.
+
+        Raises:
+            FormError: it has no shape that can be placed, or the placement is wrong.
+        """
+        path = f"contact[{number}].shape"
+        distance = self._distances.get(number)
+        if distance is None or not hasattr(distance.shape, "placed"):
+            raise FormError([(path, "this foundation has no shape that can be placed")])
+        try:
+            self._distances[number] = distance_from(distance.shape.placed(**placement), self._dimension)
+        except SceneError as error:
+            raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
+
+    def settle(self) -> None:
+        """Count the motion of shapes from where they are."""
+        self._settled = dict(self._distances)
+
+    def moved(self, boundary: ContactBoundary) -> Array | None:
+        """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not.
+
+        Raises:
+            FormError: a point averages, or has two foundations.
+        """
+        moved = [k for k, one in self._distances.items() if one.shape != self._settled[k].shape]
+        if not moved:
+            return None
+        shared = boundary.points.shared
+        several = boundary.averages is not None or (shared is not None and bool(shared.here.size))
+        if parallel.any_rank(boundary.comm, several):
+            wrong = "cannot move where contact points average, or have two foundations"
+            raise FormError([(f"contact[{moved[0]}].shape", wrong)])
+        found = np.zeros_like(boundary.x)
+        for k in moved:
+            here = boundary.part == k
+            found[here] = self._distances[k].shape.moved_from(self._settled[k].shape, boundary.x[here])
         return found
 
     @cached_property

@@ -30,13 +30,13 @@ from signorini_fx.body.foundation import Coulomb, Foundation, Pair
 from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
-from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.step_frames import carried, carried_before
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
@@ -138,7 +138,9 @@ class ContactProblem:
         self._prescribed: tuple[npt.NDArray[np.bool_], Array]
         self._fallen: Array  # the displacement of the resting place that slips are counted from
         self._start: Start | None = None
+        self._normal: Array  # the normal displacement at the last advance
         self._before: Before | None = None
+        self._relative: Before | None = None  # the same, moved along with the foundations since
         self._outcome: Outcome | None = None
         self._state: ContactState | None = None
 
@@ -246,6 +248,7 @@ class ContactProblem:
             FormError: a value is not finite, or cannot be evaluated.
         """
         begin, self._marks = time.perf_counter(), len(self.history.iterations)
+        self._relative = self._before
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
@@ -255,8 +258,12 @@ class ContactProblem:
                 begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             else:  # friction is that of the pressure with which the last step has ended
                 assert begun.multipliers is not None
-                bound = None if law is None else law.bound(begun.multipliers[0])
-                begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound), law=law)
+                bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin
+                moved = self._foundations.moved(self._boundary)
+                if moved is not None:  # slip is relative to the foundation
+                    origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
+                    self._relative = carried_before(self._before, self._boundary, moved)
+                begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
             begun = replace(begun, factors=np.ones(1))
             if self._outcome is not None and self._outcome.status is Status.CONVERGED and self._start is None:
                 newton = self._outcome.newton
@@ -284,7 +291,24 @@ class ContactProblem:
             raise RuntimeError("there is no solution to advance from")
         law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
-        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._before)
+        self._normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
+        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._relative)
+        self._foundations.settle()
+
+    def place(self, number: int, **placement: Any) -> None:
+        """Turn and move a foundation that has a shape, for the next solve and those after it.
+
+        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip relative to the
+        foundation, which moves with its points.
+
+        Args:
+            number: of the foundation in ``contact``.
+            placement: its shift, rotation and pivot, see ``scene.rigid_shape.Shape``; what is left out stays.
+
+        Raises:
+            FormError: it has no shape, or the placement is wrong.
+        """
+        self._foundations.place(number, placement)
 
     def _take(self, outcome: Outcome) -> None:
         """Make a result the one that the user sees, and certify it; collective."""
@@ -303,7 +327,7 @@ class ContactProblem:
             self._scales,
             state,
             Law(*self._task.promised(outcome)),
-            self._before,
+            self._relative,
         )
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:
@@ -345,7 +369,7 @@ class ContactProblem:
                 assert self._start.data.slip_origin is not None
                 data = replace(self._start.data, slip_origin=self._start.data.slip_origin + rest.u_t)
                 self._start, rest = replace(self._start, data=data), None
-            self._start, rest = carried(self._start, rest, self._boundary, boundary)
+            self._start, rest, self._normal = carried(self._start, rest, self._normal, self._boundary, boundary)
         self._boundary = boundary
         elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
@@ -379,30 +403,3 @@ class ContactProblem:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self._data = self._foundations.data(shapes)
         return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)
-
-
-def carried(
-    start: Start, rest: Rest | None, before: ContactBoundary, after: ContactBoundary
-) -> tuple[Start, Rest | None]:
-    """The start of a step, and the place from which its slips are counted, in the frames that the same points have now;
-    collective.
-
-    Raises:
-        FormError: the points or their normals are others.
-    """
-    same = np.array_equal(before.nodes, after.nodes) and np.allclose(before.normal, after.normal)
-    if parallel.any_rank(before.comm, not same):
-        raise FormError([("contact", "its points and directions cannot change between the steps of a loop")])
-    rotation = np.einsum("nij,nik->njk", after.tangents, before.tangents)
-
-    def turned(vectors: Array | None) -> Any:
-        return None if vectors is None else np.einsum("njk,nk->nj", rotation, vectors)
-
-    data, multipliers = start.data, start.multipliers
-    begun = replace(
-        start,
-        data=replace(data, mu_hat=turned(data.mu_hat), slip_origin=turned(data.slip_origin)),
-        multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
-        elastic_slip=turned(start.elastic_slip),
-    )
-    return begun, None if rest is None else replace(rest, u_t=turned(rest.u_t))

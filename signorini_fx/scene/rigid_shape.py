@@ -111,12 +111,37 @@ class Shape(Table):
         Returns:
             Shapes (n,) and (n, d).
         """
-        dimension = x.shape[1]
-        turned = self._turning(dimension)
-        moved, pivot = (np.array(one or (0.0,) * dimension) for one in (self.shift, self.pivot))
-        signed, normal = self.initial((x - moved - pivot) @ turned + pivot)
-        normal = normal @ turned.T
+        signed, normal = self.initial(self._before(x))
+        normal = normal @ self._turning(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
+
+    def moved_from(self, earlier: Shape, x: Array) -> Array:
+        """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
+        signed, normal = self.distance(x)
+        closest = x - signed[:, None] * normal
+        return closest - earlier._after(self._before(closest))
+
+    def placed(self, **placement: Any) -> Shape:
+        """The same shape with another shift, rotation or pivot.
+
+        Raises:
+            SceneError: one of them is wrong.
+        """
+        return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | placement)
+
+    def _before(self, x: Array) -> Array:
+        """Where points of it were before it was turned and moved."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - moved - pivot) @ self._turning(x.shape[1]) + pivot)
+
+    def _after(self, x: Array) -> Array:
+        """Where its points are after that."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - pivot) @ self._turning(x.shape[1]).T + pivot + moved)
+
+    def _translations(self, dimension: int) -> tuple[Array, Array]:
+        """Its shift and its pivot, shapes (d,)."""
+        return tuple(np.array(one or (0.0,) * dimension) for one in (self.shift, self.pivot))  # type: ignore[return-value]
 
     def _turning(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
