@@ -28,6 +28,8 @@ Array = npt.NDArray[np.float64]
 _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 7}
 # Steps of Newton's method at most, and a place in a reference facet that is round-off.
 _STEPS, _PLACE = 15, 1e-14
+# Tangent of the angle between the normals along a facet and that in its middle.
+_TURNING = 0.5
 # Facets whose normals have a larger product do not face each other.
 _FACING = -0.2
 # Share of a facet below which an overlap is round-off.
@@ -57,7 +59,8 @@ class Facets:
         names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         rows = numbers, names, x[nodes], x[of_cells].mean(axis=1)
         self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
-        self._low, self._high = self._x.min(axis=1), self._x.max(axis=1)
+        self._middle = self._x.mean(axis=1)
+        self._radius = np.linalg.norm(self._x - self._middle[:, None], axis=2).max(axis=1)
 
     def __getitem__(self, k: Any) -> Facet:
         return Facet(
@@ -73,9 +76,13 @@ class Facets:
         """The facets that have some of these nodes."""
         return np.flatnonzero(np.isin(self.nodes, nodes).any(axis=1))
 
-    def near(self, low: Array, high: Array, reach: float) -> npt.NDArray[np.int64]:
-        """The facets whose boxes are within a distance of a box."""
-        return np.flatnonzero(((self._low <= high + reach) & (self._high >= low - reach)).all(axis=1))
+    def near(self, facet: Facet, reach: float) -> npt.NDArray[np.int64]:
+        """The facets that may be over or under another one within a distance, as it sees them along its normal."""
+        apart = self._middle - facet.bounds[0] / 2 - facet.bounds[1] / 2
+        along = apart @ facet.normal(facet.middle)[0]
+        beyond = self._radius + facet.size
+        across = np.sqrt(np.maximum(np.sum(apart**2, axis=1) - along**2, 0.0))
+        return np.flatnonzero((np.abs(along) <= reach + beyond) & (across <= beyond + _TURNING * np.abs(along)))
 
 
 class Facet:

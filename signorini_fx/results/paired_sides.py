@@ -146,7 +146,7 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
         normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
     facets = {int(number): slave[number] for number in numbers}
     known = {
-        number: pieces_of(facet, [master[k] for k in master.near(*facet.bounds, claim.reach)], claim.reach, normals)
+        number: pieces_of(facet, [master[k] for k in master.near(facet, claim.reach)], claim.reach, normals)
         for number, facet in facets.items()
     }
     worst = 0.0
