@@ -112,14 +112,29 @@ def test_check_says_so(capsys):
 
 
 def test_one_body_does_not_pay():
-    """A scene with one body does not even import what pairs of bodies need."""
+    """A scene with one body has no form, no matrix and no entry of B more, and does not import what pairs need."""
     import subprocess
     import sys
 
     program = (
         "import sys; sys.path.insert(0, 'tests')\n"
         "from scenes import alone, example1\n"
-        "assert alone(example1(nx=12, ny=4, coefficient=0.3)).converged\n"
+        "from signorini_fx.linalg.assembled import AssembledSystem\n"
+        "of = AssembledSystem.of.__func__\n"
+        "def watched(cls, elasticity):\n"
+        "    system = of(cls, elasticity)\n"
+        "    assert system.matrix.handle == elasticity.matrix.handle\n"
+        "    assert system.contact.lift is None\n"
+        "    _, _, entries = system.contact.operator.getValuesCSR()\n"
+        "    assert (entries != 0).sum() == system.contact.operator.getSize()[0] > 0\n"
+        "    return system\n"
+        "AssembledSystem.of = classmethod(watched)\n"
+        "for kind in 'full', 'krylov':\n"
+        "    found = alone(example1(nx=12, ny=4, coefficient=0.3, linear_algebra=kind))\n"
+        "    assert found.converged\n"
+        "    inventory = found.discretisation.inventory\n"
+        "    assert inventory.forms == ['elasticity', 'traction top', 'contact bottom'], inventory.forms\n"
+        "    assert inventory.matrices == ['stiffness']\n"
         "print([name for name in sys.modules if 'signorini_fx' in name and 'pair' in name])\n"
     )
     ended = subprocess.run(
