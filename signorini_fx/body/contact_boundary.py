@@ -168,6 +168,8 @@ class ContactBoundary:
         """The points that share a node with another one; none of those that average."""
         reaches = np.ones(self.size) if self.averages is None else np.diff(self.averages.shares.indptr)
         alone = np.flatnonzero(reaches == 1)
+        _, node, times = np.unique(self.nodes[alone], return_inverse=True, return_counts=True)
+        alone = alone[times[node] > 1]
         order = alone[np.argsort(self.nodes[alone], kind="stable")]
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for same in nodes for pair in permutations((int(point) for point in same), 2)]

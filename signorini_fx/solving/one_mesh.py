@@ -34,6 +34,7 @@ from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
+from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
@@ -76,6 +77,9 @@ def solve_mesh(
         start = start.begin_from(*carry_over(state, discretisation.boundary))
         if coarser is not None and not scene.several_steps:
             _begin_at_coarse(task, coarser, discretisation)
+    elif fewer_nodes.worthwhile(task, discretisation):
+        with timings.phase("iterate"):
+            start = fewer_nodes.start_from_fewer_nodes(task, discretisation.boundary)
     solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
     return solution, task, outcome
 

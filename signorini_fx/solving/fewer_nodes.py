@@ -1,0 +1,128 @@
+"""A start from fewer contact nodes: a condensed problem is solved at every eighth node first, for example.
+
+The active sets hardly depend on the mesh, and a dense solve with half of the contact nodes costs an eighth.  With
+displacements that are linear between the nodes that stay, the condensed matrix becomes a Galerkin system, and the state
+at these nodes starts the next finer one, as that of a coarser mesh would (``nested.carry_over``).  This needs no
+coarser mesh, and only a few solves are left for all nodes.  It is a start: the solution stays the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Start, Task
+from signorini_fx.body.contact_boundary import ContactBoundary, chains
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.motions import FreeMotions
+from signorini_fx.linalg.condensed import DenseSystem
+from signorini_fx.records import History, Status
+from signorini_fx.solving.nested import carry_over
+from signorini_fx.tuned import COARSEST_NODES, FEWEST_NODES_TO_COARSEN
+
+_ALGORITHMS = ("auto", "ssn", "exact")
+
+Indices = npt.NDArray[np.int64]
+
+
+def worthwhile(task: Task, discretisation: Discretisation) -> bool:
+    """Whether a task has a dense matrix large enough, whose unknowns are the displacements of contact nodes along a
+    boundary in the plane, no prescribed start, and an algorithm that would use another one.
+    """
+    boundary = discretisation.boundary
+    return (
+        isinstance(task.system, DenseSystem)
+        and boundary is not None
+        and boundary.size > FEWEST_NODES_TO_COARSEN
+        and boundary.averages is None
+        and discretisation.rotation is None
+        and task.system.fixed.size == 2 * np.unique(boundary.nodes).size
+        and discretisation.scene.solver.initial_contact == "auto"
+        and task.settings.algorithm in _ALGORITHMS
+    )
+
+
+def start_from_fewer_nodes(task: Task, boundary: ContactBoundary) -> Start:
+    """Where the task starts: from the sets and multipliers at some of the nodes, or where it would start without."""
+    numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
+    ranges, order, _ = chains(numbers, boundary.segments, boundary.x)
+    lines, state = [order[rows.start : rows.stop] for rows in ranges], None
+    stride = 2 ** int(np.log2(boundary.size / COARSEST_NODES))
+    while stride > 1:
+        coarse, some = _with_every(stride, lines, task, boundary)
+        start = coarse.start if state is None else coarse.start.begin_from(*carry_over(state, some))
+        outcome = solve_task(coarse, start, task.settings.max_iterations)
+        solves = coarse.history.linear_solves
+        task.history.add(f"{some.size} contact nodes first: {solves} linear solves, {outcome.status.value}")
+        if outcome.status is not Status.CONVERGED:
+            return task.start
+        state = ContactState.of(coarse.contact(outcome, start), some)
+        stride //= 2
+    return task.start if state is None else task.start.begin_from(*carry_over(state, boundary))
+
+
+def _with_every(
+    stride: int, lines: Sequence[Indices], task: Task, boundary: ContactBoundary
+) -> tuple[Task, ContactBoundary]:
+    """The problem at every so many-th point of each line, its ends, and the nodes of two boundaries."""
+    system, motions, start, count = task.system, task.motions, task.start, boundary.size
+    assert isinstance(system, DenseSystem)
+    _, first, node, times = np.unique(boundary.nodes, return_index=True, return_inverse=True, return_counts=True)
+    between = _linear(stride, lines, boundary.x, times[node] > 1)
+    rows: Indices = np.unique(between.indices).astype(np.int64)
+    some = replace(
+        _at(rows, count, boundary), weight=(between.T @ boundary.weight)[rows], segments=boundary.segments[:0]
+    )
+    # The two unknowns of each node, in the order of their numbers.
+    of_nodes = between[first] @ sp.csr_array((np.ones(count), node, np.arange(count + 1)))
+    free, stays = ~system.fixed, np.repeat(np.isin(np.arange(first.size), node[rows]), 2)
+    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ sp.kron(of_nodes, np.eye(2)))[:, stays & free]
+    u_n, u_t = system.contact.traces(system.start)
+    data, origin = start.data, start.data.slip_origin
+    data = replace(data, gap=data.gap - u_n, slip_origin=(0.0 if origin is None else origin) - u_t)
+    law, sets = (None if one is None else _at(rows, count, one) for one in (start.law, start.sets))
+    coarse = replace(
+        task,
+        settings=replace(task.settings, algorithm="ssn", fallbacks=False),
+        system=system.projected(change, rows, some.points),
+        motions=FreeMotions(some.points, motions.relative[rows], motions.assembly, motions.of_point[rows]),
+        start=replace(start, data=_at(rows, count, data), law=law, sets=sets, factors=None),
+        rest=None,
+        history=History(),
+    )
+    return coarse, some
+
+
+def _linear(
+    stride: int, lines: Sequence[Indices], x: npt.NDArray[np.float64], shared: npt.NDArray[np.bool_]
+) -> sp.csr_array:
+    """Interpolation from the points that stay to all, linear in the length along each line, shape (points, points)."""
+    entries = []
+    for line in lines:
+        stay = (np.arange(line.size) % stride == 0) | shared[line]
+        stay[-1] = True
+        places = np.flatnonzero(stay)
+        right = np.searchsorted(places, np.arange(line.size))  # the place itself where a point stays
+        left = np.maximum(right - ~stay, 0)
+        along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(x[line], axis=0), axis=1))))
+        before, after = along[places[left]], along[places[right]]
+        share = np.divide(along - before, after - before, out=np.ones(line.size), where=~stay)
+        entries += [(line, line[places[left]], 1.0 - share), (line, line[places[right]], share)]
+    points, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+    found = sp.csr_array((values, (points, columns)), shape=(len(x), len(x)))
+    found.eliminate_zeros()
+    return found
+
+
+def _at(rows: Indices, count: int, of_points: Any) -> Any:
+    """Data of points at some of them: what has as many entries as there are points has those of ``rows``."""
+    values = {field.name: getattr(of_points, field.name) for field in fields(of_points)}
+    nodal = {name: one[rows] for name, one in values.items() if isinstance(one, np.ndarray) and len(one) == count}
+    return replace(of_points, **nodal)
