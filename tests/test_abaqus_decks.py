@@ -235,6 +235,24 @@ def test_amplitudes(tmp_path, capsys):
     assert lines_of(said) == ["DSLOAD: the amplitude 'NONE': the whole load is taken"]
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_rigid_lines_and_arcs(tmp_path, capsys, turned):
+    """They are a polyline with the body on its left, whichever way round the deck draws them."""
+    rows = ["START, -1.0, 0.0", "LINE, 0.0, -1.0", "CIRCL, 2.0, -1.0, 1.0, -2.0", "LINE, 3.0, 0.0"]
+    if turned:
+        rows = ["START, 3.0, 0.0", "LINE, 2.0, -1.0", "CIRCL, 0.0, -1.0, 1.0, -2.0", "LINE, -1.0, 0.0"]
+    rigid = ["*SURFACE, TYPE=SEGMENTS, NAME=GROUND", *rows, "*RIGID BODY, ANALYTICAL SURFACE=GROUND, REF NODE=REF"]
+    lines = [*block(), *MATERIAL, *rigid, "*CONTACT PAIR", "FLOOR SIDE, GROUND"]
+    scene, data, said = drafted(tmp_path, lines, capsys)
+    (contact,) = data["contact"]
+    assert read_scene(scene).contact[0].foundation.shape == "polyline"
+    points = np.array(contact["foundation"]["points"])
+    np.testing.assert_allclose(points[[0, 1, -2, -1]], [[-1.0, 0.0], [0.0, -1.0], [2.0, -1.0], [3.0, 0.0]])
+    np.testing.assert_allclose(np.hypot(*(points[1:-1] - [1.0, -2.0]).T), np.sqrt(2.0))
+    assert points[:, 1].max() <= 0.0
+    assert lines_of(said) == ["arcs of the rigid surface 'GROUND': polygons of 64 sides each"]
+
+
 def test_contact_that_changes(tmp_path, capsys):
     """What contact is in the first step is taken; a soft one is named with its stiffness."""
     lines = ["*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION", "0.7", "*END STEP"]

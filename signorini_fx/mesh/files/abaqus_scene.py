@@ -19,6 +19,8 @@ from signorini_fx.mesh.files.shape import Floats, Ints
 
 _FLAT = 1e-6  # of its size: a rigid surface that deviates by less from a plane is one
 
+_PIECES = 64  # straight ones that an arc of a rigid surface becomes
+
 
 def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str]]:
     """A scene file, and what it leaves out of the deck.
@@ -163,10 +165,14 @@ def _friction(deck: Deck, said: str, interaction: str) -> list[str]:
 
 
 def _gap(deck: Deck, where: str, rigid: str) -> list[str]:
-    """The distance to a rigid surface: of a plane one by a formula."""
+    """A rigid surface: the distance to a plane one as a formula, and one of lines and arcs as a polyline."""
     points = _points_of_surface(deck, plain_name(rigid))
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
     plane = None if points is None else _plane(points[:, : deck.mesh.dim])
+    if plane is None and points is not None and plain_name(rigid) in deck.drawn:
+        if len(points) > len(deck.drawn[plain_name(rigid)]):
+            deck.leave_out(None, f"arcs of the rigid surface {rigid!r}: polygons of {_PIECES} sides each")
+        return [f'foundation = {{ shape = "polyline", points = {_with_left(points, body.mean(axis=0)).tolist()} }}']
     if plane is None:
         deck.leave_out(None, f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
@@ -192,11 +198,9 @@ def _outwards(deck: Deck, where: str, normal: Floats) -> Floats:
 
 
 def _points_of_surface(deck: Deck, name: str) -> Floats | None:
-    """Points of a rigid surface that consists of elements or of one straight line."""
+    """Points of a rigid surface that consists of elements, or in the plane of lines and arcs, which are in order."""
     if (rows := deck.drawn.get(name)) is not None:
-        if deck.mesh.dim == 3 or [row[0].upper() for row in rows] != ["START", "LINE"]:
-            return None
-        return np.array([[real(word) for word in row[1:3]] for row in rows])
+        return None if deck.mesh.dim == 3 else _walked(rows)
     own = {name, *deck.parts.get(name, ())}
     nodes = [
         block[rows].ravel()
@@ -205,6 +209,33 @@ def _points_of_surface(deck: Deck, name: str) -> Floats | None:
         for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
     ]
     return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
+
+
+def _walked(rows: list[list[str]]) -> Floats | None:
+    """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
+    found: list[Floats] = []
+    for kind, *words in rows:
+        end = np.array([real(word) for word in words[:2]])
+        if kind.upper() == "CIRCL":
+            centre = np.array([real(word) for word in words[2:4]])
+            (x, y), radius = found[-1] - centre, float(np.hypot(*(end - centre)))
+            first, last = np.arctan2(y, x), np.arctan2(*(end - centre)[::-1])
+            turn = (last - first + np.pi) % (2 * np.pi) - np.pi  # an arc is less than half a circle
+            angles = first + turn * np.arange(1, _PIECES) / _PIECES
+            found += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
+        elif kind.upper() not in ("START", "LINE"):
+            return None
+        found.append(end)
+    return np.array(found)
+
+
+def _with_left(points: Floats, place: Floats) -> Floats:
+    """The points in the order in which a place is on the left of the nearest piece."""
+    ahead = np.diff(points, axis=0)
+    share = np.clip(((place - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
+    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - place, axis=1)))
+    (along, across), (x, y) = ahead[near], place - points[near]
+    return points if along * y - across * x > 0 else points[::-1]
 
 
 def _plane(points: Floats) -> tuple[Floats, Floats] | None:
