@@ -24,7 +24,7 @@ from signorini_fx.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mesh.files.raw import RawMesh, rows_of
 from signorini_fx.mesh.files.shape import Ints
 
-_SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
+_SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
@@ -60,16 +60,12 @@ def _kind(element: str) -> tuple[str, int]:
         if (count := int(found[1])) not in _KIND_IN_SPACE:
             raise ValueError(f"element type {element}: known are C3D4, C3D8, C3D10 and C3D20")
         return _KIND_IN_SPACE[count], count
-    if element == "CAX4P":  # what meshio calls any quadrilateral
-        return "quad", 4
     if found := _SOLID_IN_PLANE.match(element):
         return _KIND[int(found[1])], int(found[1])
     if found := _LINE.match(element):
         # B21 has two nodes, T2D2 too.
         count = int(found[1]) + (element[0] == "B")
         return ("line" if count == 2 else "line3"), count
-    if element.startswith("CAX"):
-        raise ValueError(f"axisymmetric elements ({element}): only plane problems are solved")
     raise ValueError(
         f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
         "S4 ..., and in space C3D4, C3D8, C3D10, C3D20 ..."

@@ -29,6 +29,7 @@ class Load:
         keys: of the table.
         direction: share of the value in each key.
         keyword: that gives it.
+        lines: of its table besides the keys.
         values: step -> value; None: it ends with this step.
     """
 
@@ -37,6 +38,7 @@ class Load:
     keys: tuple[str, ...]
     direction: tuple[float, ...] = (1.0,)
     keyword: str = ""
+    lines: tuple[str, ...] = ()
     values: dict[int, float | None] = field(default_factory=dict)
 
     def by_step(self, steps: int) -> list[float | None]:
@@ -58,7 +60,7 @@ class Deck:
     title: str = ""
     materials: dict[str, dict[str, float]] = field(default_factory=dict)
     sections: list[tuple[str, str]] = field(default_factory=list)
-    stress: bool = False
+    hypothesis: str = ""
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
     period: float = 1.0
@@ -116,6 +118,16 @@ class Deck:
         raw = self.model.raw
         used = [nodes.ravel() for kind, nodes in raw.blocks if dimension(kind) == self.mesh.dim]
         return np.unique(np.concatenate(used))
+
+    def position(self, row: int) -> list[float]:
+        """Of a row of the file that is a node of the body."""
+        found: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
+        return found
+
+    def rows(self, nodes: Iterable[int]) -> Ints:
+        """Rows of the file of those of some nodes that the body has, in their order."""
+        rows = np.array([self.model.places.get(node, -1) for node in nodes], dtype=np.int64)
+        return rows[np.isin(rows, self.numbers)]
 
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""

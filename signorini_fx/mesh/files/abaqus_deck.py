@@ -116,7 +116,10 @@ def _read(deck: Deck, block: Block) -> None:
             _section(deck, block)
         case "ELEMENT":
             kind = parameters["TYPE"].upper()
-            deck.stress |= _STRESS.match(kind) is not None and NO_BODY.match(kind) is None
+            if deck.mesh.dim == 2 and kind.startswith("CAX"):
+                deck.hypothesis = "axisymmetric"
+            elif deck.mesh.dim == 2 and _STRESS.match(kind) and not NO_BODY.match(kind):
+                deck.hypothesis = "plane stress"
             if NO_BODY.match(kind) and not _POINTS.match(kind):
                 deck.leave_out(block, f"{kind}, which is no part of the body")
         case "STEP":
@@ -165,7 +168,7 @@ def _section(deck: Deck, block: Block) -> None:
         deck.leave_out(block, "a section of several layers")
         return
     deck.sections.append((block.parameters["ELSET"], block.parameters["MATERIAL"].upper()))
-    if deck.mesh.dim == 2 and block.rows and block.rows[0]:
+    if deck.mesh.dim == 2 and deck.hypothesis != "axisymmetric" and block.rows and block.rows[0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.leave_out(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
@@ -218,6 +221,10 @@ def _friction(deck: Deck, block: Block, interaction: str) -> None:
     if "TAUMAX" in block.parameters:
         own["cap"] = real(block.parameters["TAUMAX"])
     # CalculiX gives the stiffness of sticking after the coefficient.
+    if len(block.rows) == 1 and len(block.rows[0]) == 2:
+        deck.leave_out(
+            block, f"soft sticking: stiff here, or as soft with gamma_t = {real(block.rows[0][1]):g} in [solver]"
+        )
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
         deck.leave_out(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,11 +12,13 @@ from signorini_fx.mesh.files.abaqus import Group
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
 from signorini_fx.mesh.files.cells import completed
-from signorini_fx.mesh.files.shape import nodal_measures
+from signorini_fx.mesh.files.shape import Ints, nodal_measures
 
 _AXES = {1: "x", 2: "y", 3: "z"}
 # Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those.
 _ALIKE = 1e-3
+# More nodes than these that fill no facet are not held one by one.
+_POINTS = 12
 
 
 def read_boundary(deck: Deck, block: Block) -> None:
@@ -25,7 +28,7 @@ def read_boundary(deck: Deck, block: Block) -> None:
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER", "FIXED"}:
         deck.leave_out(block, "what is prescribed is no displacement that the file gives")
         return
-    factor, lost = _factor(deck, block), set[int]()
+    factor = _factor(deck, block)
     groups = deck.model.groups.get(block.line, [])
     every: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
@@ -44,20 +47,18 @@ def read_boundary(deck: Deck, block: Block) -> None:
         if not along:
             continue
         clamped = all(along.get(axis) == 0 for axis in deck.axes)
-        if where is None and name in nodes:
-            lost.update(nodes[name])
-        elif where is None:
-            deck.leave_out(block, f"support of {name!r}, which holds no whole facet: a scene supports boundaries")
-        elif not clamped and not deck.turned.isdisjoint(map(int, deck.nodes(name))):
-            deck.leave_out(block, f"support of {name!r} in the directions of *TRANSFORM")
+        own = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
+        if not own.size:
+            deck.leave_out(block, f"support of {_shown(name, nodes)}, which is no part of the body")
+        elif not clamped and not deck.turned.isdisjoint(map(int, own)):
+            deck.leave_out(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
         else:
-            for axis in deck.axes:
-                if axis in along:
-                    _given(deck, Load("displacement", where, (axis,), keyword=block.keyword), along[axis])
-            _say_what_differs(deck, block, name, where)
-    if lost:
-        said = f"{len(lost)} single nodes, which hold" if len(lost) > 1 else f"node {lost.pop()}, which holds"
-        deck.leave_out(block, f"support of {said} no whole facet: a scene supports boundaries")
+            for axis in (axis for axis in deck.axes if axis in along):
+                lines = _at_points(deck, own if where is None else np.setdiff1d(own, deck.held(where)))
+                for line in [()] * (where is not None) + lines:
+                    load = Load("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
+                    _given(deck, load, along[axis])
+            _say_what_differs(deck, block, name, own, where)
 
 
 def _moves_rigid_body(deck: Deck, block: Block, name: str, nodes: tuple[int, ...], given: dict[int, float]) -> bool:
@@ -70,15 +71,26 @@ def _moves_rigid_body(deck: Deck, block: Block, name: str, nodes: tuple[int, ...
     return True
 
 
-def _say_what_differs(deck: Deck, block: Block, name: str, where: str) -> None:
-    """Nodes that a support has on no whole facet, and those on its facets that it has not."""
-    own, held = deck.nodes(name), deck.held(where)
-    for count, said in (
-        (np.setdiff1d(own, held).size, "of {} nodes of {!r}, which are on none of its whole facets"),
-        (np.setdiff1d(held, own).size if own.size else 0, "of {1!r} only at its corners: {0} more nodes are held here"),
-    ):
-        if count:
-            deck.leave_out(block, f"support {said.format(count, name)}")
+def _shown(name: str, nodes: Mapping[str, tuple[int, ...]]) -> str:
+    """A set, or single nodes, in words."""
+    if name not in nodes:
+        return repr(name)
+    return f"{len(nodes[name])} single nodes" if len(nodes[name]) > 1 else f"node {nodes[name][0]}"
+
+
+def _at_points(deck: Deck, rows: Ints) -> list[tuple[str, ...]]:
+    """Where nodes are, as tables of supports say it; nothing, if there are too many."""
+    return [(f"at = {deck.position(int(row))}",) for row in rows] if len(rows) <= _POINTS else []
+
+
+def _say_what_differs(deck: Deck, block: Block, name: str, own: Ints, where: str | None) -> None:
+    """Nodes that a support has on no whole facet, too many for points, and those that only the scene holds."""
+    held = np.empty(0, np.int64) if where is None else deck.held(where)
+    free, more = np.setdiff1d(own, held).size, np.setdiff1d(held, own).size
+    if free > _POINTS:
+        deck.leave_out(block, f"support of {free} nodes of {name!r}, which are on none of its whole facets")
+    if more:
+        deck.leave_out(block, f"support of {name!r} only at its corners: {more} more nodes are held here")
 
 
 def read_surface_loads(deck: Deck, block: Block) -> None:
@@ -121,27 +133,30 @@ def read_body_forces(deck: Deck, block: Block) -> None:
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
     for row in block.rows:
-        at = next((k for k, word in enumerate(row) if re.fullmatch(r"GRAV|B[XYZ]|P\d", word.upper())), None)
+        at = next((k for k, word in enumerate(row) if re.fullmatch(r"GRAV|CENTRIF|B[XYZ]|P\d", word.upper())), None)
         if at is None:
             deck.leave_out(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
-        whole = at == 0 or ((where := deck.region(row[0])) is not None and _whole(deck, where))
+        whole = at == 0 or ((region := deck.region(row[0])) is not None and _whole(deck, region))
         if kind.startswith("P"):
             continue
         if not whole:
-            deck.leave_out(block, f"body force on {row[0]!r}, a part of the body: give an expression of the position")
-        elif kind == "GRAV":
-            densities = {own.get("density") for own in deck.materials.values()}
-            if len(densities) != 1 or None in densities:
-                deck.leave_out(block, "weight: the body has no density, or several")
-                continue
-            (density,) = densities
-            direction = _unit(words[1:])[: deck.mesh.dim]
-            load = Load("body_force", "", tuple(deck.axes), direction, block.keyword)
-            _given(deck, load, factor * (density or 0.0) * words[0])
-        else:
+            deck.leave_out(block, f"{kind} on {row[0]!r}, a part of the body")
+        elif kind.startswith("B"):
             _given(deck, Load("body_force", "", (kind[1].lower(),), keyword=block.keyword), factor * words[0])
+        elif not deck.materials or any("density" not in own for own in deck.materials.values()):
+            deck.leave_out(block, f"{kind}: a material has no *DENSITY")
+        elif kind == "GRAV":
+            direction = _unit(words[1:])[: deck.mesh.dim]
+            load = Load("gravity", "", tuple(deck.axes), direction, block.keyword)
+            _given(deck, load, factor * words[0])
+        else:
+            about, axis = words[1:4], words[4:7]
+            lines = [f"about = {about[: deck.mesh.dim]}"]
+            if deck.mesh.dim == 3 or any(axis[:2]):
+                lines.append(f"axis = {axis[: deck.mesh.dim]}")
+            _given(deck, Load("rotation", "", ("speed",), (1.0,), block.keyword, tuple(lines)), factor * words[0])
 
 
 def _whole(deck: Deck, region: str) -> bool:
@@ -164,15 +179,22 @@ def read_forces(deck: Deck, block: Block) -> None:
             deck.leave_out(block, "moments at nodes")
             continue
         total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
+        where, own = deck.boundary(group.name), deck.rows(group.nodes)
         said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} nodes)"
-        deck.leave_out(block, f"{said}: give a traction, force over area, on their boundary")
+        turned = not deck.turned.isdisjoint(map(int, own))
+        if where is None or turned or not total or deck.hypothesis == "axisymmetric":
+            deck.leave_out(block, f"{said}: give a force on a boundary")
+            continue
+        _given(deck, Load("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
+        deck.leave_out(block, f"{said}: on {where!r} evenly")
 
 
 def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
     """The boundary and the traction, stress, that forces at nodes are equivalent to; None: they are not."""
-    where = deck.boundary(group.name)
-    rows = np.array([deck.model.places.get(node, -1) for node in group.nodes])
-    if where is None or not np.isin(rows, deck.held(where)).all() or not deck.turned.isdisjoint(map(int, rows)):
+    where, rows = deck.boundary(group.name), deck.rows(group.nodes)
+    if where is None or deck.hypothesis == "axisymmetric" or not deck.turned.isdisjoint(map(int, rows)):
+        return None
+    if len(rows) < len(group.nodes) or not np.isin(rows, deck.held(where)).all():
         return None
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
@@ -218,7 +240,7 @@ def _factor(deck: Deck, block: Block) -> float:
 
 
 def _given(deck: Deck, load: Load, value: float) -> None:
-    key = (load.table, load.target, load.keys, load.direction, load.keyword)
+    key = (load.table, load.target, load.keys, load.direction, load.keyword, load.lines)
     deck.loads.setdefault(key, load).values[deck.step] = value
 
 

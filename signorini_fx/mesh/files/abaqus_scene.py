@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from itertools import count
 from pathlib import Path
@@ -45,7 +46,7 @@ def _written(deck: Deck, file: Path, target: Path) -> str:
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
     tables += [*_materials(deck), *_tables(deck, steps)]
     tables += [("[[contact]]", lines) for lines in _contacts(deck)]
-    if len(deck.steps) > 1:
+    if any(line.startswith("factors") for _, lines in tables for line in lines):  # else all steps are the same
         tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]"]))
     lines = [f"# A draft from {file.name}: read it, and complete what it leaves out."]
     lines += [f"# Left out: {one}" for one in deck.left_out]
@@ -57,7 +58,8 @@ def _written(deck: Deck, file: Path, target: Path) -> str:
 
 
 def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
-    hypothesis = ['hypothesis = "plane stress"'] if deck.stress and deck.mesh.dim == 2 else []
+    hypothesis = [f"hypothesis = {_quoted(deck.hypothesis)}"] if deck.hypothesis else []
+    weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     used = [(deck.region(region), deck.materials.get(name, {}), name) for region, name in deck.sections]
     known: list[tuple[str | None, dict[str, float]]] = [(region, own) for region, own, _ in used if "young" in own]
     for region, own, name in used:
@@ -68,7 +70,8 @@ def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
     if not known:
         deck.leave_out(None, "the material: there is none with *ELASTIC, and steel in mm and MPa stands in its place")
         known += [(None, {"young": 210000.0, "poisson": 0.3})]
-    alike = len({(own["young"], own["poisson"]) for _, own in known}) == 1
+    keys = ("young", "poisson", "density") if weighs else ("young", "poisson")
+    alike = len({tuple(own.get(key) for key in keys) for _, own in known}) == 1
     shown = known[:1] if alike else known
     several = len(shown) > 1
     return [
@@ -76,7 +79,7 @@ def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
             "[[material]]" if several else "[material]",
             [
                 *([f"region = {_quoted(region or '')}"] if several else []),
-                *(f"{key} = {own[key]!r}" for key in ("young", "poisson")),
+                *(f"{key} = {own[key]!r}" for key in keys if key in own),
                 *hypothesis,
             ],
         )
@@ -94,17 +97,20 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
             continue
         factors = tuple(value / largest for value in values) if largest else ()
         own = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
-        where = (load.table, load.target, () if set(factors) <= {1.0} else factors)
+        if load.table == "rotation":  # its factors multiply the force
+            own = {"speed": math.sqrt(largest)}
+        where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors)
         # Two loads with the same component are two entries, which add up.
         entry = next(n for n in count() if not own.keys() & merged.get((*where, n), {}).keys())
         merged.setdefault((*where, entry), {}).update(own)
     found, weights = [], 0
-    for (table, target, course, _), own in merged.items():
+    for (table, target, more, course, _), own in merged.items():
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
             deck.leave_out(None, "several body forces: a scene has one, the first is taken")
             continue
         lines = [f"boundary = {_quoted(target)}"] if target else []
+        lines += more
         lines += [f"{key} = {value!r}" for key, value in own.items()]
         lines += [f"factors = {list(course)}"] if course else []
         found.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
@@ -116,7 +122,8 @@ def _courses(deck: Deck, load: Load, steps: int) -> list[float]:
     values = load.by_step(steps)
     if load.table == "displacement" and None in values and any(value is not None for value in values):
         free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
-        deck.leave_out(None, f"{load.target!r} is free along {''.join(load.keys)} in {free}: here it is held there")
+        where = repr(load.target) if load.target else load.lines[0]
+        deck.leave_out(None, f"{where} is free along {''.join(load.keys)} in {free}: here it is held there")
     return [value or 0.0 for value in values]
 
 
