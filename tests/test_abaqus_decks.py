@@ -173,8 +173,8 @@ def test_forces_at_nodes(tmp_path, capsys):
     assert lines_of(said) == [
         "SOLID SECTION: the thickness 0.5: forces are per unit of it",
         f"CLOAD: forces at nodes, {NY + 1} along x in all ({NY + 1} nodes): on 'WALL' evenly",
-        "CLOAD: forces at nodes, 2 along y in all (1 nodes): give a force on a boundary",
         "CLOAD: moments at nodes",
+        "CLOAD: forces at nodes, 2 along y in all (1 nodes): give a force on a boundary",
     ]
 
 

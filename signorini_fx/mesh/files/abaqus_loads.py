@@ -164,7 +164,7 @@ def _whole(deck: Deck, region: str) -> bool:
 
 
 def read_forces(deck: Deck, block: Block) -> None:
-    """Forces at nodes: those that a uniform traction has at the nodes of whole facets are one."""
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or else their sum."""
     _forget(deck, block)
     factor = _factor(deck, block)
     for group in deck.model.groups.get(block.line, []):
@@ -172,8 +172,8 @@ def read_forces(deck: Deck, block: Block) -> None:
         if axis and axis not in deck.axes:
             continue
         if axis and (uniform := _uniform(deck, group)) is not None:
-            where, value = uniform
-            _given(deck, Load("traction", where, (axis,), keyword=block.keyword), factor * value)
+            load = Load("traction", uniform[0], (axis,), keyword=block.keyword)
+            _given(deck, load, factor * uniform[1])
             continue
         if not axis:
             deck.leave_out(block, "moments at nodes")
