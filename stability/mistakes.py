@@ -1575,6 +1575,27 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/functions",
+        "weak = shares @ weight <= kept * side.area[nodes]",
+        "weak = np.zeros(nodes.size, dtype=bool)",
+        "two bodies: points may have negative weights",
+        tests=("pairs::test_points_have_positive_weights",),
+    ),
+    Mutant(
+        "pictures/boundary_profiles",
+        '"the other body"',
+        '"rigid foundation"',
+        "profiles: another body is a rigid foundation",
+        tests=("two_bodies_scenes::test_pictures_tell_bodies_from_foundations",),
+    ),
+    Mutant(
+        "check/bodies",
+        "fit or moved",
+        "moved",
+        "two bodies: facets are not compared with a fit",
+        tests=("two_bodies_scenes::test_check_compares_facets_with_the_fit",),
+    ),
+    Mutant(
+        "pairs/functions",
         "shares = sp.csr_array(shares + shares @ known_beside @ mean)",
         "pass",
         "two bodies: functions of held nodes are lost",
@@ -3049,8 +3070,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_boundary",
-        "np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)",
-        "x",
+        "np.asarray(np.round(x / extent, 9))",
+        "x / extent",
         "round-off orders the pieces of a boundary",
         tests=("closed_boundary::test_where_a_line_begins",),
     ),
@@ -3140,7 +3161,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/contact_boundaries",
-        "tangential <= _ROUND_OFF * max(abs(normal), limit)",
+        "tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0)",
         "False",
         "values: round-off is a tangential force",
         tests=("resultants::test_where_nothing_can_be_said",),

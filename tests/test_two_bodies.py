@@ -5,7 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, on, per_cell
+from two_bodies import KINDS, assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
 
@@ -240,6 +240,30 @@ def test_what_is_refused():
     refused(Pair(slave, facets(mesh, lambda x: np.isclose(x[1], 1))), r"contact\[0\]: its facets lie up to 1 behind")
     refused(Pair(slave, master, gap="nominal"), r'contact\[0\].gap: must be "geometry" or values')
     refused(Pair(slave, master), "exact cannot be used here: contact of two bodies", algorithm="exact")
+
+
+@pytest.mark.parametrize(
+    ("shift", "faces", "match"),
+    [
+        ((0.0, -0.6), (0.0, 0.0), r"lie up to 0.6 behind those of the other side, of a size of 1"),
+        ((5.0, 0.0), (0.0, 0.0), r"both are nearest at \(5.167, 0\), 4.33 apart, .* enclose 180 degrees"),
+        ((0.0, 0.0), (1.0, 0.0), r"nearest at \(0.1667, 1\), 1 apart, where their normals enclose 0 degrees"),
+    ],
+    ids=["inside", "beside", "backwards"],
+)
+def test_bodies_in_the_wrong_place(shift, faces, match):
+    """The upper block moved into the lower one or far beside it, or upside down: named with place and size."""
+    upper, lower = (grid("quadrilateral", (3, 3), low, np.add(low, 1.0)) for low in (shift, (0.0, -1.0)))
+    mesh = assembled("quadrilateral", upper, lower)
+    _, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 1.0))
+    pair = Pair(
+        *(
+            facets_of_cells(mesh, lambda x, height=height: np.isclose(x[1], height), np.arange(first, first + 9))
+            for height, first in ((shift[1] + faces[0], 0), (faces[1], 9))
+        )
+    )
+    with pytest.raises(FormError, match=match):
+        ContactProblem(a, nothing(mesh, v), contact=pair).solve()
 
 
 def test_the_certificate_notices_a_wrong_map(monkeypatch):

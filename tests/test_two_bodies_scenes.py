@@ -266,3 +266,79 @@ def test_a_requested_accuracy():
     scene["accuracy"]["refinement"] = "adaptive"
     with pytest.raises(SceneError, match=r"accuracy.refinement: contact of two bodies shows its error"):
         parse_scene(scene)
+
+
+def in_balance(solution):
+    """Forces and moments of both sides of every contact sum to zero; the resultants by their boundaries."""
+    every = {one.boundary: one for one in solution.resultants.every()}
+    for effect in solution.scene.contact:
+        one, other = every[effect.boundary], every[effect.against]
+        assert one.force + other.force == pytest.approx(np.zeros(2), abs=1e-9 * one.size[0])
+        assert one.moment + other.moment == pytest.approx(0.0, abs=1e-9 * one.size[1])
+    return every
+
+
+def test_shrink_fit():
+    """Lame's pressure, and both sides carry the torque; the gap by geometry of straight facets is warned of."""
+    solution = solve(read_scene(DEMO.parent / "shrink_fit.toml"))
+    weight = solution.contact.boundary.weight
+    assert solution.contact.pressure @ weight / weight.sum() == pytest.approx(92.87, rel=1e-3)
+    torque = 3.0 * 2 * np.pi * 40.0**2
+    every = in_balance(solution)
+    assert every["seat"].moment == pytest.approx(torque, rel=2e-3)
+    assert every["bore"].moment == pytest.approx(-torque, rel=2e-3)
+
+
+def test_check_compares_facets_with_the_fit(tmp_path, capsys):
+    """Chords of a circle are off it by as much as the interference: said of a distance by geometry only."""
+    text = (DEMO.parent / "shrink_fit.toml").read_text(encoding="utf-8")
+    text = text.replace('"shrink_fit.geo"', f'"{DEMO.parent / "shrink_fit.geo"}"')
+    text = text.replace("factors = [0.0, 1.0]", "").replace("degree = 2", "degree = 1")
+    told = []
+    for name, scene in (("nominal", text), ("geometry", text.replace("nominal", "geometry"))):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(scene[: scene.index("[load_steps]")], encoding="utf-8")
+        main(["check", str(path)])
+        told.append(" ".join(capsys.readouterr().out.split()))
+    assert "off the curved sides" not in told[0]
+    assert "contact[0].distance: straight facets of 'seat' and 'hole' are up to 0.0" in told[1]
+
+
+def test_check_says_which_side_should_carry_the_points(tmp_path, capsys):
+    """The softer one; with as soft bodies the finer one."""
+    text = DEMO.read_text(encoding="utf-8").replace('"two_cylinders.geo"', f'"{DEMO.with_suffix(".geo")}"')
+    exchanged = (
+        text.replace('boundary = "upper"', 'boundary = "-"').replace('"lower"', '"upper"').replace('"-"', '"lower"')
+    )
+    for number, scene in enumerate((text, exchanged)):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(scene, encoding="utf-8")
+        main(["check", str(path)])
+        told = " ".join(capsys.readouterr().out.split())
+        assert ("'upper' is 3.2 times softer" in told) == (number == 1)
+
+
+def test_bolted_joint():
+    """Head, joint and nut carry the same when it is tightened; then the joint carries less by the load."""
+    solution = solve(read_scene(DEMO.parent / "bolted_joint.toml"))
+    assert solution.converged
+    tightened = solution.at(solution.steps[0])
+    before = [one.force[1] for one in tightened.resultants.every() if one.boundary in ("head", "joint above", "under")]
+    assert before == pytest.approx([before[0]] * 3, rel=1e-6)
+    assert before[0] > 100
+    every = in_balance(solution)
+    assert every["head"].force[1] - every["joint above"].force[1] == pytest.approx(5.0, rel=1e-6)
+    assert every["head"].force[1] < 1.1 * before[0]
+
+
+def test_bonded_pad():
+    """The bond transmits shear without a bound, which is told as such."""
+    from signorini_fx.results.contact_boundaries import contact_figures
+    from signorini_fx.results.summary import render, summarise
+
+    solution = solve(read_scene(DEMO.parent / "bonded_pad.toml"))
+    every = in_balance(solution)
+    (figures,) = contact_figures(solution.scene, solution.contact)
+    assert figures.tangential_force == pytest.approx(abs(every["pad"].force[0]), rel=1e-6)
+    assert figures.friction_limit == np.inf
+    assert "in a bond" in render(summarise(solution, solution.table))

@@ -85,6 +85,14 @@ def facets_of_piece(mesh, marker, inside):
     return found[np.asarray(inside(middles.T[:dim]), dtype=bool)]
 
 
+def facets_of_cells(mesh, marker, numbers):
+    """Those of ``facets`` of the cells that had some numbers before the mesh was made, a range."""
+    found, dim = facets(mesh, marker), mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    behind = [mesh.topology.connectivity(dim - 1, dim).links(facet)[0] for facet in found]
+    return found[np.isin(mesh.topology.original_cell_index[behind], numbers)]
+
+
 def held(space, listed, component=None, value=0.0):
     """A Dirichlet condition on facets; ``value``: a number, or of vectors a function of points."""
     dim = space.mesh.topology.dim

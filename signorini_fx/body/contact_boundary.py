@@ -287,6 +287,14 @@ def segments_of(
     return np.column_stack((np.full(len(found), part, dtype=np.int64), nodes))
 
 
+def in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Positions, shape (n, d), relative to their extent and rounded: otherwise round-off would order points that are
+    meant to be in line.
+    """
+    extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
+    return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
+
+
 def chains(
     numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
 ) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
@@ -295,8 +303,7 @@ def chains(
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
     not depend on the numbering of nodes and the number of ranks.
     """
-    # Rounded, because otherwise round-off would order points that are meant to be in line.
-    x = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
+    x = in_line(x)
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
     for part, *nodes in segments:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import chains
+from signorini_fx.body.contact_boundary import chains, in_line
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import length
 from signorini_fx.display import html_table
@@ -211,5 +211,4 @@ def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) 
 
 def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     """The order by boundary, then by coordinates, rounded so that round-off does not decide."""
-    rounded = np.round(x / max(float(np.ptp(x, axis=0).max(initial=0.0)), 1e-300), 9)
-    return np.lexsort((*rounded.T[::-1], part)).astype(np.int64)
+    return np.lexsort((*in_line(x).T[::-1], part)).astype(np.int64)

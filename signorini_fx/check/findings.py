@@ -60,6 +60,10 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
             *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),
         ]
+        if any(effect.against is not None for effect in scene.contact):
+            from signorini_fx.check.bodies import paired_findings
+
+            found += paired_findings(body, moved if estimates else 0.0)
     return found
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.pairs.functions import carried, dual_coefficients, hats
@@ -131,7 +132,7 @@ def couple(
     found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
     area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
     covered = np.flatnonzero(area)
-    _check(slave, area, reach)
+    _check(slave, master, area, reach)
     whole = bonded and len(slave.tests.places) < len(slave.functions.places)
     coefficients = hats(slave) if whole else dual_coefficients(slave, overlap)
     tests = slave.tests.values(overlap.at)
@@ -172,18 +173,19 @@ def couple(
     return found
 
 
-def _check(slave: Surface, covered: Array, reach: float) -> None:
+def _check(slave: Surface, master: Surface, covered: Array, reach: float) -> None:
     """Whether both sides meet, and every facet has one partner at most at each of its points.
 
     Args:
         slave: the side with the points.
+        master: the other side.
         covered: area (in the plane: length) of each facet that is under the other side, shape (f,).
         reach: length.
     """
     if not covered.any():
         raise PairingError(
-            f"none of its facets finds one of the other side that faces it within {reach:.3g}: check the facets, and "
-            "that the bodies do not lie inside each other"
+            f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
+            f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside each other"
         )
     twice = np.flatnonzero(covered > (1.0 + _TWICE) * slave.facet_areas)
     if twice.size:
@@ -192,6 +194,25 @@ def _check(slave: Surface, covered: Array, reach: float) -> None:
             f"{twice.size} of its facets see more than one sheet of the other side within {reach:.3g}, such as that at "
             f"({place}): give a smaller reach"
         )
+
+
+def _nearest(slave: Surface, master: Surface) -> str:
+    """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
+    middles = [side.corners.mean(axis=1) for side in (slave, master)]
+    away, others = cKDTree(middles[1]).query(middles[0])
+    here = int(away.argmin())
+    center = np.full((1, 1, slave.dimension - 1), 1.0 / 3.0)
+    normals = [
+        side.normals(np.array([facet]), center)[0, 0] for side, facet in ((slave, here), (master, int(others[here])))
+    ]
+    cosine = normals[0] @ normals[1] / np.prod([np.linalg.norm(normal) for normal in normals])
+    size = float(np.abs(middles[0]).max())
+    place = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][here] / size, 9))
+    angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return (
+        f"both are nearest at ({place}), {away[here]:.3g} apart, where their normals enclose {angle:.0f} degrees, of "
+        "sides that face each other about 180"
+    )
 
 
 def _gather(points: Indices, values: Array, count: int) -> Array:

@@ -34,12 +34,14 @@ _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 
 
-def magnification(points: Floats, displacement: Floats) -> float:
+def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> float:
     """A factor that makes a displacement visible: the largest becomes about 8 % of the body's diagonal.
 
     Args:
         points: positions, shape (n, d).
         displacement: at the points, shape (n, d).
+        parted: how far two bodies that touch each other seem to be apart, or to overlap, where the displacement is
+            not magnified, length: at most 1 % of the diagonal in the picture.
 
     Returns:
         1, 2 or 5 times a power of ten; 1 for a body that does not move.
@@ -48,6 +50,8 @@ def magnification(points: Floats, displacement: Floats) -> float:
     if not (math.isfinite(largest) and largest > 0):
         return 1.0
     ideal = 0.08 * _diagonal(points) / largest
+    if parted > 0:
+        ideal = max(min(ideal, 0.01 * _diagonal(points) / parted), 1.0)
     return readable(ideal) if ideal > 0 else 1.0
 
 
@@ -88,6 +92,14 @@ class Foundation:
     def grounded(self) -> npt.NDArray[np.bool_]:
         """Nodes on a rigid foundation, shape (k,)."""
         return np.full(len(self.nodes), True) if self.other is None else ~self.other
+
+    @property
+    def parted(self) -> float:
+        """The largest gap that has closed between two bodies, length: in a magnified picture they are so far apart."""
+        if self.other is None or self.touching is None:
+            return 0.0
+        closed = np.linalg.norm(self.offset[self.other & self.touching], axis=1)
+        return float(closed[np.isfinite(closed)].max(initial=0.0))
 
     def pieces(self) -> list[Foundation]:
         """Connected parts of the boundary."""
@@ -177,7 +189,8 @@ def deformed_mesh(
     cells, values = np.asarray(cells).astype(np.int64), np.asarray(values, dtype=np.float64)
     if not cells.size:
         raise ValueError("the mesh has no cells")
-    chosen = magnification(points, displacement) if factor is None else factor
+    parted = 0.0 if foundation is None else foundation.parted
+    chosen = magnification(points, displacement, parted) if factor is None else factor
     pieces = [] if foundation is None else foundation.pieces()
     perimeters = cells if tiles is None else cells[:, : tiles.rim]
     true = foundation is None or foundation.keeps_its_shape(chosen, points)

@@ -56,7 +56,7 @@ def moving_body(
     """
     assert body.outline is not None
     outline = body.outline
-    factor, top, places = _alike(body.points, moments)
+    factor, top, places = _alike(body.points, moments, 0.0 if foundation is None else foundation.parted)
     whole = foundation is not None and foundation.keeps_its_shape(factor, body.points)
     frame = _frame(places, foundation if whole else None, factor)
 
@@ -119,12 +119,12 @@ def moving_solid(
     _animate(path, moments, draw, title)
 
 
-def _alike(points: Floats, moments: Sequence[Moment]) -> tuple[float, float, list[Floats]]:
-    """The magnification and the end of the scale for all load steps, and the points in all of them."""
+def _alike(points: Floats, moments: Sequence[Moment], parted: float = 0.0) -> tuple[float, float, list[Floats]]:
+    """The magnification (see there) and the end of the scale for all load steps, and the points in all of them."""
     if not moments:
         raise ValueError("there are no load steps")
     furthest = max((moment.displacement for moment in moments), key=lambda y: float(np.abs(y).max(initial=0.0)))
-    factor = magnification(points, furthest)
+    factor = magnification(points, furthest, parted)
     # Singular corners would leave the rest without colour: the scale ends where a hundredth of the cells is above.
     stresses = np.concatenate([moment.values.ravel() for moment in moments])
     top = float(np.quantile(stresses[np.isfinite(stresses)], 0.99)) or 1.0

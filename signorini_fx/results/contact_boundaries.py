@@ -30,7 +30,7 @@ class ContactFigures:
         max_pressure: largest nodal pressure, stress.
         tangential_force: magnitude of the resultant of the shear.
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
-            bound times the area for Tresca friction, which acts on open nodes too.
+            bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.
     """
 
     boundary: str
@@ -61,7 +61,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
         total = parallel.global_sum(comm, np.concatenate((sums, shear[here].sum(axis=0))))
         area, touching, normal, limit = map(float, total[:4])
         tangential = float(np.linalg.norm(total[4:]))
-        if tangential <= _ROUND_OFF * max(abs(normal), limit):
+        if tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
         found.append(
             ContactFigures(

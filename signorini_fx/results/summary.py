@@ -347,7 +347,8 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[Line]:
         mean = "" if row["mean_pressure"] is None else f", mean pressure there {row['mean_pressure']:.6g}"
         areas.append(f"{row['boundary']}: {row['contact_area']:.6g} of {row['area']:.6g}{mean}")
         if row["friction_limit"] > 0:
-            told = f"{row['tangential_force']:.6g} of at most {row['friction_limit']:.6g}"
+            limit = f"of at most {row['friction_limit']:.6g}" if np.isfinite(row["friction_limit"]) else "in a bond"
+            told = f"{row['tangential_force']:.6g} {limit}"
             friction.append(f"{row['boundary']}: {told}")
     return [*_labelled("in contact", areas), *_labelled("friction", friction)]
 

@@ -1,0 +1,148 @@
+"""Findings about contact of two bodies: which side carries the points, and facets that are chords of curved sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import facet_entities, facet_vertices
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.records import Finding
+
+_Floats = npt.NDArray[np.float64]
+
+# Bodies are as stiff as each other, and facets as large, within these ratios.
+_STIFFER, _COARSER = 2.0, 1.25
+# A curved side is well enough described if its facets are off by less than this share of what the contact is about.
+_OFF = 0.1
+# Facets that meet at a larger angle have a corner between them, and no curved side.
+_CORNER = 0.6
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One side of a contact, of all ranks.
+
+    Attributes:
+        name: of the boundary.
+        stiffness: the mean shear modulus behind its facets, stress.
+        size: the mean extent of its facets, length.
+        off: how far facets near the contact are off the curved side that they are chords of, at most, length.
+    """
+
+    name: str
+    stiffness: float
+    size: float
+    off: float
+
+
+def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
+    """About each contact of two bodies; collective.
+
+    Args:
+        body: the scene and its mesh.
+        moved: how far the bodies move, an estimate, length; 0: not known.
+    """
+    found = []
+    for index, effect in enumerate(body.scene.contact):
+        if effect.against is None:
+            continue
+        fit = abs(effect.gap) if isinstance(effect.gap, int | float) else 0.0
+        about = fit or moved
+        near = _near(body, index, about)
+        side, other = (_side(body, name, near) for name in (effect.boundary, effect.against))
+        path = f"contact[{index}]"
+        if (reason := _better(other, side)) is not None:
+            found.append(
+                Finding(
+                    "note",
+                    f"{path}.boundary",
+                    f"the contact points are on {side.name!r}, while {other.name!r} is {reason}: results have less "
+                    "error, and fewer linear solves are needed, with boundary and against exchanged",
+                )
+            )
+        off, what = side.off + other.off, "the gap" if fit else "displacements"
+        if effect.distance == "geometry" and effect.kind != "bonded" and 0 < _OFF * about < off:
+            found.append(
+                Finding(
+                    "note",
+                    f"{path}.distance",
+                    f"straight facets of {side.name!r} and {other.name!r} are up to {off:.2g} off the curved sides "
+                    f"that they are chords of, which is much beside {what} of about {about:.2g}: take "
+                    'smaller facets, curved cells, or distance = "nominal"',
+                )
+            )
+    return found
+
+
+def _better(one: _Side, than: _Side) -> str | None:
+    """Why one side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
+    softer, finer = than.stiffness / one.stiffness, than.size / one.size
+    if softer > _STIFFER:
+        return f"{softer:.2g} times softer"
+    return f"{finer:.2g} times finer" if softer > 1 / _STIFFER and finer > _COARSER else None
+
+
+def _near(body: Discretisation, index: int, about: float) -> _Floats:
+    """The points of a contact on this rank whose gap is the smallest, or larger by as much, length, shape (n, d)."""
+    boundary, data = body.boundary, body.data
+    assert boundary is not None
+    assert data is not None
+    here = boundary.part == index
+    gap = data.gap[here]
+    least = -parallel.global_max(body.comm, parallel.local_max(-gap, -np.inf))
+    return np.asarray(boundary.x[here][gap <= least + about])
+
+
+def _side(body: Discretisation, name: str, near: _Floats) -> _Side:
+    """One side; ``near``: points, shape (n, d), beside which its facets may be in contact."""
+    mesh, facets = body.tagged.mesh, body.tagged.facets(name)
+    corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
+    modulus = body.lame[1]
+    if isinstance(modulus, fem.Function):
+        stiffness = modulus.x.array[modulus.function_space.dofmap.list[cells, 0]]
+    else:
+        stiffness = np.full(len(facets), float(modulus.value))
+    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    sums = parallel.global_sum(body.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
+    off = 0.0
+    if compat.geometry_degree(mesh) == 1 and len(facets) and len(near):
+        inside = dmesh.compute_midpoints(mesh, mesh.topology.dim, cells)
+        away, _ = cKDTree(near).query(corners.mean(axis=1)[:, : near.shape[1]])
+        off = _sagitta(corners, extent, inside, body.tagged.dimension, away <= extent)
+    off = parallel.global_max(body.comm, off)
+    return _Side(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]), off)
+
+
+def _sagitta(corners: _Floats, extent: _Floats, inside: _Floats, dimension: int, some: npt.NDArray[np.bool_]) -> float:
+    """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
+    meets its neighbours at the angle that it spans.
+
+    Args:
+        corners: of the facets, length, shape (f, k, 3).
+        extent: of each facet, length, shape (f,).
+        inside: a point of the cell behind each, shape (f, 3).
+        dimension: of the body.
+        some: the facets that matter, shape (f,).
+    """
+    along = corners[:, 1] - corners[:, 0]
+    normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
+    if dimension == 3:
+        normal = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= np.sign(np.einsum("fi,fi->f", normal, corners.mean(axis=1) - inside))[:, None]
+    _, vertices = np.unique(np.round(corners.reshape(-1, 3) / extent.max(), 6), axis=0, return_inverse=True)
+    vertices = vertices.reshape(corners.shape[:2])
+    means: _Floats = np.zeros((vertices.max() + 1, 3))
+    np.add.at(means, vertices, normal[:, None])
+    means /= np.linalg.norm(means, axis=1, keepdims=True)
+    # Half of the angle between neighbours.
+    half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
+    smooth = np.where(half < _CORNER / 2, half, 0.0).max(axis=1)
+    return float((extent * smooth)[some].max(initial=0.0)) / 4
