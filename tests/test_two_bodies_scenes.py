@@ -167,6 +167,28 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
     assert not any("foundation" in name for name in names)
 
 
+def test_the_other_side(cylinders, tmp_path):
+    """Pressures and distances are those of the side with the points, shear is the opposite; the file has them."""
+    from signorini_fx import write_results
+    from signorini_fx.report.reading import read_csv
+
+    write_results(cylinders, tmp_path / "out", fields=False, pictures=False)
+    other, table = read_csv(tmp_path / "out" / "contact_other_side.csv"), cylinders.table.columns
+    assert set(other["boundary"]) == {"lower"}
+    assert set(other["against"]) == {"upper"}
+    assert other["y"] == pytest.approx(-12.0 + np.sqrt(144.0 - other["x"] ** 2), abs=1e-6)
+    assert other["pressure"].max() == pytest.approx(table["pressure"].max(), rel=0.03)
+    touching = other["x"][other["pressure"] > 0]
+    both = table["x"][table["pressure"] > 0]
+    assert (touching.min(), touching.max()) == pytest.approx((both.min(), both.max()), abs=0.2)
+    # To the right, on the tangent of the upper side.
+    mine = np.interp(0.0, table["x"], table["shear"] * -table["n_y"])
+    assert np.interp(0.0, other["x"], other["shear_x"]) == pytest.approx(-mine, rel=0.1)
+    closed = np.abs(other["x"]) < 0.2
+    assert np.abs(other["distance"][closed]).max() < 1e-4
+    assert other["distance"].max() > 0.1
+
+
 STACKED = """
 import numpy as np
 from two_bodies import assembled, grid

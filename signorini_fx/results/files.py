@@ -37,7 +37,15 @@ T = TypeVar("T")
 LAST_LEVEL = "last_level"
 # Everything that a run may write, although some files are written by some runs only, and the report of its result.
 FILES = (
-    *("history.csv", "outer.csv", "steps.csv", "contact.csv", "contact_steps.csv", "price_list.csv"),
+    *(
+        "history.csv",
+        "outer.csv",
+        "steps.csv",
+        "contact.csv",
+        "contact_steps.csv",
+        "contact_other_side.csv",
+        "price_list.csv",
+    ),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
     *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
     *(
@@ -118,6 +126,11 @@ def _write(
     along_steps = _contact_by_step(solution) if steps and table is not None else []
     drawn = gather_pictures(solution, asked) if pictures is not False else None
     facets = None if plane else _contact_facets(solution)
+    other = None
+    if solution.contact is not None and solution.scene.sides[1] is not None:
+        from signorini_fx.results.other_side import other_side
+
+        other = other_side(solution)
 
     def write() -> None:
         try:
@@ -131,6 +144,8 @@ def _write(
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
+            if other is not None:
+                write_csv(part / "contact_other_side.csv", _rows(other))
             if table is not None and facets is not None:
                 from signorini_fx.results.surface import write_surface
 

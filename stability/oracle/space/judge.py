@@ -46,7 +46,7 @@ from stability.oracle.space.conditions import (
 _PER_RESIDUAL = 100.0
 # Relative difference of what the table and the second program compute from the same displacement; between two bodies by
 # quadratures of rational functions, where cells are distorted.
-_TABLE, _TABLE_BETWEEN = 1e-9, 1e-7
+_TABLE, _TABLE_BETWEEN = 1e-9, 1e-6
 
 
 def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:

@@ -1,0 +1,60 @@
+"""What contact of two bodies does to the side without contact points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.averages import to_owners
+from signorini_fx.results.contact_nodes import sides_of
+from signorini_fx.results.solution import Solution
+
+Array = npt.NDArray[np.float64]
+
+
+def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
+    """Tractions and distances at the nodes of the boundaries that contacts are ``against``, ordered by their places.
+
+    They are means of those at the contact points that see a node, by |M_il| w_i of ``pairs.coupling``; collective.
+
+    Returns:
+        Name -> one entry per node, on every rank: x, y, in space z; boundary, and against, on which the contact points
+        are; pressure; shear_x and so on, what this body exerts on the other one; distance of the deformed bodies
+        along the normal.  Empty where no two bodies are in contact.
+    """
+    scene, tagged, contact = solution.scene, solution.discretisation.tagged, solution.contact
+    if contact is None or scene.sides[1] is None:
+        return {}
+    space, boundary = solution.displacement.function_space, contact.boundary
+    dim, owned = tagged.dimension, space.dofmap.index_map.size_local
+    x = np.array(space.tabulate_dof_coordinates()[:owned, :dim], dtype=np.float64)
+    found = []
+    for part, side in enumerate(sides_of(scene, tagged, space)):
+        if (claim := side.claim) is None:
+            continue
+        here = np.flatnonzero(boundary.part == part)
+        here = here[np.argsort(boundary.nodes[here], kind="stable")]
+        distance = contact.gap[here] - contact.u_n[here]
+        shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[here]
+        values = np.column_stack((contact.pressure[here], -shear, distance))
+        shares = abs(claim.others).T * claim.weight
+        rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), claim.reached, claim.comm, owned)
+        nodes = np.flatnonzero(rows[:, -1] > 0)
+        means = rows[nodes, :-1] / rows[nodes, -1:]
+        found.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
+    every = parallel.gather_rows(tagged.mesh.comm, np.concatenate(found))
+    part, places, pressure, shear, distance = np.split(every, np.cumsum([1, dim, 1, dim]), axis=1)
+    order = np.lexsort((*places.T[::-1], part[:, 0]))
+    names = [[effect.against or "", effect.boundary] for effect in scene.contact]
+    sides = np.array(names)[part[order, 0].astype(int)]
+    return {
+        **dict(zip("xyz", places[order].T, strict=False)),
+        "boundary": sides[:, 0],
+        "against": sides[:, 1],
+        "pressure": pressure[order, 0],
+        **{f"shear_{axis}": column for axis, column in zip("xyz", shear[order].T, strict=False)},
+        "distance": distance[order, 0],
+    }
