@@ -55,6 +55,28 @@ def altered(**changes):
     return scene
 
 
+@pytest.mark.parametrize("push", [0.02, 0.035])
+def test_cattaneo_and_mindlin(push):
+    """Cylinders of one material: the zone that sticks has the half width c = a (1 - Q / F P)^(1/2), to a node, and
+    the largest shear is F p at its ends.
+    """
+    scene = altered()
+    scene["material"] = [{"region": name, "young": 200.0, "poisson": 0.3} for name in ("soft", "stiff")]
+    scene["displacement"][2]["x"] = push
+    found = solve(parse_scene(scene))
+    tangential, normal = np.abs(sum(found.contact.forces))
+    share = tangential / (0.3 * normal)
+    assert 0.5 < share < 0.9
+    stiffness, radius = 200.0 / (2 * (1 - 0.3**2)), 1 / (1 / 8 + 1 / 12)
+    half = np.sqrt(4 * normal * radius / (np.pi * stiffness))
+    table = found.table.columns
+    sticking = table["x"][table["state"] == "stick"]
+    spacing = np.diff(table["x"][np.abs(table["x"]) < half]).max()
+    assert np.ptp(sticking) / 2 == pytest.approx(half * np.sqrt(1 - share), abs=spacing)
+    largest = 0.3 * 2 * normal / (np.pi * half) * np.sqrt(share)
+    assert np.abs(table["shear"]).max() == pytest.approx(largest, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
