@@ -46,15 +46,15 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
         means = rows[nodes, :-1] / rows[nodes, -1:]
         found.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
     every = parallel.gather_rows(tagged.mesh.comm, np.concatenate(found))
-    part, places, pressure, shear, distance = np.split(every, np.cumsum([1, dim, 1, dim]), axis=1)
-    order = np.lexsort((*places.T[::-1], part[:, 0]))
+    parts, places, pressure, traction, apart = np.split(every, np.cumsum([1, dim, 1, dim]), axis=1)
+    order = np.lexsort((*places.T[::-1], parts[:, 0]))
     names = [[effect.against or "", effect.boundary] for effect in scene.contact]
-    sides = np.array(names)[part[order, 0].astype(int)]
+    sides = np.array(names)[parts[order, 0].astype(int)]
     return {
         **dict(zip("xyz", places[order].T, strict=False)),
         "boundary": sides[:, 0],
         "against": sides[:, 1],
         "pressure": pressure[order, 0],
-        **{f"shear_{axis}": column for axis, column in zip("xyz", shear[order].T, strict=False)},
-        "distance": distance[order, 0],
+        **{f"shear_{axis}": column for axis, column in zip("xyz", traction[order].T, strict=False)},
+        "distance": apart[order, 0],
     }
