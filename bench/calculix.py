@@ -43,7 +43,7 @@ _BULGE = 0.04  # its bottom is a paraboloid, so much higher at the corners
 def block(cells: int, law: str) -> str:
     """A block of ``cells`` x ``cells`` x ``cells / 2`` hexahedra, which its top presses and pushes on a rigid plate."""
     at = np.linspace(0.0, 1.0, cells + 1)
-    z, y, x = (a.ravel() for a in np.meshgrid(at[::2] / 2, at, at, indexing="ij"))
+    z, y, x = np.stack(np.meshgrid(at[::2] / 2, at, at, indexing="ij")).reshape(3, -1)
     z = z + (1 - 2 * z) * 2 * _BULGE * ((x - 0.5) ** 2 + (y - 0.5) ** 2)
     nodes = [f"{n}, {a!r}, {b!r}, {c!r}" for n, (a, b, c) in enumerate(np.column_stack((x, y, z)).tolist(), 1)]
     row, layer = cells + 1, (cells + 1) ** 2

@@ -1,6 +1,8 @@
 """The benchmark: its rivals solve the same problem, and a run on tiny meshes fills its files."""
 
 import csv
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +13,7 @@ from mpi4py import MPI
 BENCH = Path(__file__).parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
 
+import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
 import linear  # noqa: E402
@@ -22,7 +25,10 @@ import space_rival  # noqa: E402
 import space_rows  # noqa: E402
 
 from signorini_fx import solve  # noqa: E402
+from signorini_fx.mesh.files.abaqus_scene import draft  # noqa: E402
+from signorini_fx.mesh.files.formats import read_file  # noqa: E402
 from signorini_fx.mesh.tagged import generate_mesh  # noqa: E402
+from signorini_fx.scene.reading import read_scene  # noqa: E402
 
 GROUPS = {
     "tresca",
@@ -170,3 +176,41 @@ def test_every_row_is_written(groups, tmp_path):
         ran = {row["contestant"] for row in csv.DictReader(file)}
     assert ran == (set(contestants.ALL) if groups == GROUPS else {"tresca", "mumps", "cholmod"})
     assert (tmp_path / "performance.png").stat().st_size > 10_000
+
+
+def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
+    """Its draft leaves out how soft contact is; without ccx nothing is compared."""
+    deck, scene = tmp_path / "block.inp", tmp_path / "draft.toml"
+    deck.write_text(calculix.block(4, "coulomb"))
+    text, left_out = draft(deck, read_file(deck), scene)
+    assert [line.split(": ")[1] for line in left_out] == ["soft contact", "soft sticking"]
+    scene.write_text(calculix.of_block(text))
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    assert solution.scene.contact[0].against is None
+    assert solution.scene.solver.gamma_t == calculix.STICK
+    monkeypatch.setenv("CCX", "no such program")
+    assert calculix.main(["block"]) == 0
+    assert "nothing is compared" in capsys.readouterr().out
+
+
+def test_displacements_of_calculix(tmp_path):
+    """The last ones of a file of results, at the nodes that have them."""
+    row = " -1{:10d}{:12.5E}{:12.5E}{:12.5E}".format
+    lines = ["    1C", "    2C", row(1, 0, 0, 0), row(7, -1e-10, 2, 0), row(9, 3, 0, 1), " -3"]
+    for k in (1, 2):
+        lines += [" -4  DISP        4    1", row(7, k, -k, 0), row(1, 0, 0, -0.5), " -3"]
+        lines += [" -4  STRESS      6    1", row(7, 5, 5, 5), " -3"]
+    (tmp_path / "job.frd").write_text("\n".join(lines))
+    x, u = calculix.nodal(tmp_path / "job.frd")
+    assert x.tolist() == [[0, 0, 0], [-1e-10, 2, 0]]
+    assert u.tolist() == [[0, 0, -0.5], [2, -2, 0]]
+
+
+@pytest.mark.skipif(shutil.which(os.environ.get("CCX", "ccx")) is None, reason="there is no ccx")
+def test_the_answer_of_calculix():
+    """Both programs press and push the block alike, to the difference of nodal and averaged conditions."""
+    *_, row = calculix.blocks(shutil.which(os.environ.get("CCX", "ccx")), [8], "coulomb")
+    cells = [word.strip() for word in row.split("|")]
+    assert float(cells[4]) == pytest.approx(float(cells[3]), rel=2e-3)
+    assert float(cells[5]) < 0.03

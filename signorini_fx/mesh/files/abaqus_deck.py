@@ -138,7 +138,7 @@ def _read(deck: Deck, block: Block) -> None:
             read_forces(deck, block)
         case "CONTACTPAIR":
             if "ADJUST" in parameters:
-                deck.leave_out(block, "ADJUST: no node is moved, the gap is what the mesh has")
+                deck.leave_out(block, 'ADJUST: no node is moved; distance = "nominal" takes both sides as touching')
             deck.pairs += [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
         case "CONTACT" | "CONTACTINCLUSIONS":
             deck.leave_out(block, "general contact: name the pairs of surfaces, in [[contact]]")

@@ -230,7 +230,7 @@ def _factor(deck: Deck, block: Block) -> float:
         return 1.0
     words = [real(word) for row in own.rows for word in row]
     start = deck.time if "TIME" in own.parameters else 0.0
-    times, values = np.array(words[0::2]), np.array(words[1::2])
+    times, values = np.array(words[0::2]) + real(block.parameters.get("TIMEDELAY", "0")), np.array(words[1::2])
     within = values[(times > start) & (times < start + deck.period)]
     share = float(np.interp(start + deck.period, times, values))
     course = np.diff([float(np.interp(start, times, values)), *within, share])
