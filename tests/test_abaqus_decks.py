@@ -129,14 +129,14 @@ def test_what_single_nodes_have(tmp_path, capsys):
 def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
     """Many nodes that a support leaves free are counted, and members that are nothing of the body."""
     lines = ["*NSET, NSET=SOME, GENERATE", f"1, {3 * NX + 3}", "*NSET, NSET=SOME", "5000, 5001", "1001"]
-    lines += ["*BOUNDARY", "some, 2", "REF, 1", "*BOUNDARY", "1001, 1"]
+    lines += ["*BOUNDARY", "some, 2", "LID, 3", "REF, 1", "*BOUNDARY", "1001, 1"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
     assert data["displacement"] == [{"boundary": "SOME", "y": 0.0}]
     assert lines_of(said) == [
         "members of the set 'SOME' that are not defined, or no part of the body: 2",
         f"BOUNDARY: support of {2 * (NX - 1)} nodes of 'some', which are on none of its whole facets",
-        "BOUNDARY: support of 'REF', which is no part of the body",
-        "BOUNDARY: support of node 1001, which is no part of the body",
+        "BOUNDARY: support of 'REF': no part of the body",
+        "BOUNDARY: support of node 1001: no part of the body",
     ]
 
 
@@ -341,7 +341,7 @@ def test_what_is_no_body(tmp_path, capsys):
     assert lines_of(said) == [
         "RIGIDBODY: a rigid part of the body: it deforms here",
         "ELEMENT: SPRINGA, which is no part of the body",
-        "BOUNDARY: support of node 1001, which is no part of the body",
+        "BOUNDARY: support of node 1001: no part of the body",
     ]
     deck = tmp_path / "beams.inp"
     deck.write_text("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=B21\n1, 1, 2\n")

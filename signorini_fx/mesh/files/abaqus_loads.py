@@ -43,21 +43,22 @@ def read_boundary(deck: Deck, block: Block) -> None:
         if any(component not in _AXES and component not in ROTATIONS for component in given):
             deck.leave_out(block, f"what {name!r} has besides displacements and rotations")
         where = deck.boundary(name)
-        along = {_AXES[component]: value * factor for component, value in given.items() if component in _AXES}
+        named = {_AXES.get(component, ""): value * factor for component, value in given.items()}
+        along = {axis: named[axis] for axis in deck.axes if axis in named}
         if not along:
             continue
         clamped = all(along.get(axis) == 0 for axis in deck.axes)
         own = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
         if not own.size:
-            deck.leave_out(block, f"support of {_shown(name, nodes)}, which is no part of the body")
+            deck.leave_out(block, f"support of {_shown(name, nodes)}: no part of the body")
         elif not clamped and not deck.turned.isdisjoint(map(int, own)):
             deck.leave_out(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
         else:
-            for axis in (axis for axis in deck.axes if axis in along):
+            for axis, value in along.items():
                 lines = _at_points(deck, own if where is None else np.setdiff1d(own, deck.held(where)))
                 for line in [()] * (where is not None) + lines:
                     load = Load("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
-                    _given(deck, load, along[axis])
+                    _given(deck, load, value)
             _say_what_differs(deck, block, name, own, where)
 
 
