@@ -41,7 +41,7 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
         points: positions, shape (n, d).
         displacement: at the points, shape (n, d).
         parted: how far two bodies that touch each other seem to be apart, or to overlap, where the displacement is
-            not magnified, length: at most 1 % of the diagonal in the picture.
+            not magnified, length: at most 0.3 % of the diagonal in the picture.
 
     Returns:
         1, 2 or 5 times a power of ten; 1 for a body that does not move.
@@ -51,7 +51,7 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
         return 1.0
     ideal = 0.08 * _diagonal(points) / largest
     if parted > 0:
-        ideal = max(min(ideal, 0.01 * _diagonal(points) / parted), 1.0)
+        ideal = max(min(ideal, 0.003 * _diagonal(points) / parted), 1.0)
     return readable(ideal) if ideal > 0 else 1.0
 
 
