@@ -69,7 +69,7 @@ SCENES = {
     "space": lambda: block(6, coefficient=0.3, gamma="auto"),
     "steps": stepped,
     "steps in space": stepped_in_space,
-    "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2),
+    "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2, error_bound=True),
     "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following", uniqueness=True),
     "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
     "free to tip": lambda: live(standing(0.1, COULOMB)),

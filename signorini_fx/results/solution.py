@@ -28,6 +28,7 @@ from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
+    from signorini_fx.accuracy.error_bound import ErrorBound
     from signorini_fx.results.uniqueness import Uniqueness
 
 # A body that moves away although nothing would let it do so without a load.
@@ -230,6 +231,15 @@ class Solution:
         if self.contact is None or not self.converged:
             return None
         return uniqueness(self.discretisation, self.contact)
+
+    @cached_property
+    def error_bound(self) -> ErrorBound | str | None:
+        """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
+        from signorini_fx.accuracy.error_bound import error_bound
+
+        if not self.converged:
+            return None
+        return error_bound(self.discretisation, self.displacement, self.contact, self._place)
 
     @cached_property
     def safety(self) -> Safety | None:

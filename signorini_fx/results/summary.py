@@ -68,6 +68,11 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         summary |= _contact_summary(solution, table)
     if solution.scene.solver.uniqueness and solution.uniqueness is not None:
         summary["uniqueness"] = solution.uniqueness.as_dict()
+    asked = solution.scene.solver.error_bound or (
+        solution.scene.accuracy is not None and solution.scene.accuracy.certified
+    )
+    if asked and (bound := solution.error_bound) is not None:
+        summary["error_bound"] = {"statement": f"none: {bound}"} if isinstance(bound, str) else bound.as_dict()
     if solution.functionals is not None:
         values = solution.functionals
         summary["functionals"] = {
@@ -261,8 +266,9 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
     lines.append(_row("certificate", _certificate(certificate), "" if certificate["holds"] else "error"))
     if "contact_force" in summary:
         lines.append(_row("left by gamma", _left(certificate)))
-    if "uniqueness" in summary:
-        lines.append(_row("uniqueness", summary["uniqueness"]["statement"]))
+    for name in ("error_bound", "uniqueness"):
+        if name in summary:
+            lines.append(_row(name.replace("_", " "), summary[name]["statement"]))
     if "functionals" in summary:
         lines.append(_row("duality gap", f"{summary['functionals']['relative_duality_gap']:.1e}"))
     lines.append(_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
     field_validator,
+    model_validator,
 )
 
 from signorini_fx.method import Settings
@@ -87,6 +88,7 @@ class SolverSettings(Table):
             A limit on iterations that is lower than its default ends the solve without them.
         uniqueness: whether the summary says if the solution is the only one on its mesh; where that is not proved,
             other ones are searched for. One rank.
+        error_bound: whether the summary has a guaranteed bound of the error in the energy norm. One rank, in the plane.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
@@ -107,6 +109,7 @@ class SolverSettings(Table):
     largest_deformation: Positive = 0.5
     fallbacks: bool = True
     uniqueness: bool = False
+    error_bound: bool = False
 
     @field_validator("initial_contact", mode="before")
     @classmethod
@@ -143,6 +146,7 @@ class Accuracy(Table):
             files with curved cells get elements and cells of degree 2, refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
+        certified: whether the guaranteed bound of the error takes the place of its estimate; only of the energy.
     """
 
     target: Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
@@ -150,3 +154,10 @@ class Accuracy(Table):
     refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None
     memory: Positive | None = None
+    certified: bool = False
+
+    @model_validator(mode="after")
+    def _certain(self) -> Self:
+        if self.certified and self.of != "energy":
+            raise ValueError(f"a bound is guaranteed for of = 'energy' only, not for {self.of!r}")
+        return self

@@ -149,7 +149,10 @@ def solve_to_accuracy(
         margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
-        if enough and error + left <= goal.target:
+        if goal.certified:
+            solved, certain = _certified(solved)
+            error, margin = max(certain - left, 0.0), 1.0  # the bound includes the regularisation
+        if (enough or goal.certified) and error + left <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, margin, solution.discretisation.tagged.size)
         if hopeless:
@@ -176,6 +179,21 @@ def solve_to_accuracy(
             meshes.refine(solved, excess, jump)
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             return replace(solution, status=Status.BUDGET)
+
+
+def _certified(solved: Solved) -> tuple[Solved, float]:
+    """The guaranteed bound of the relative error, and the mesh with its shares in place of the estimated ones.
+
+    Raises:
+        SceneError: there is no bound for the scene.
+    """
+    bound = solved.solution.error_bound
+    assert bound is not None
+    assert solved.errors is not None
+    if isinstance(bound, str):
+        raise SceneError([("accuracy.certified", bound)])
+    squares = {**solved.errors.squares, "energy": bound.squares}
+    return replace(solved, errors=replace(solved.errors, squares=squares)), bound.relative
 
 
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:

@@ -1,0 +1,123 @@
+"""True errors of displacements in the plane, against solutions on meshes four times finer."""
+
+import numpy as np
+from matplotlib.tri import Triangulation
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx.accuracy import error_bound
+from signorini_fx.errors import SignoriniError
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.scene.reading import parse_scene
+
+
+def problem(solution):
+    """The solution as plain arrays on triangles."""
+    return error_bound._Problem(solution.discretisation, solution.displacement, solution.contact, 0.0)
+
+
+def energy_of_difference(solution, reference):
+    """Energy norm of the difference of two displacements on nested meshes, the second one finer."""
+    coarse, fine = problem(solution), problem(reference)
+    t = fine.t
+    strains = t.strain_at_corners(fine.y, fine.middle)
+    # Three points inside, exact for linear strains.
+    local = (np.ones((3, 3)) + 3 * np.eye(3)) / 6
+    x = np.einsum("qc,ncd->nqd", local, t.x[t.corners])
+    grid = Triangulation(*coarse.t.x.T, coarse.t.corners)
+    where = grid.get_trifinder()(x[..., 0], x[..., 1])
+    assert (where >= 0).all()
+    c = coarse.t
+    first = c.x[c.corners[where, 0]]
+    inverse = np.linalg.inv(c.jacobian)[where]
+    rest = np.einsum("nqij,nqj->nqi", inverse, x - first)
+    barycentric = np.concatenate((1 - rest.sum(axis=2, keepdims=True), rest), axis=2)
+    own = np.einsum("nqc,nqck->nqk", barycentric, c.strain_at_corners(coarse.y, coarse.middle)[where])
+    difference = np.einsum("qc,nck->nqk", local, strains) - own
+    product = (t.stress(difference) * difference * [1, 1, 2]).sum(axis=2)
+    return float(np.sqrt((t.area[:, None] / 3 * product).sum()))
+
+
+def on_finer_mesh(scene):
+    """The scene on triangles that are four times finer, of degree 2, without regularisation."""
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    for _ in range(2):
+        tagged = refine(tagged)
+    element = scene.element.model_copy(update={"degree": 2})
+    error = None
+    for algorithm in ("exact", "alm"):
+        solver = scene.solver.model_copy(update={"algorithm": algorithm})
+        finer = scene.model_copy(update={"mesh": tagged, "element": element, "solver": solver})
+        try:
+            return alone(finer)
+        except SignoriniError as failed:
+            error = failed
+    raise error
+
+
+def drawn(seed):
+    """A random scene: triangles, one load step, frictionless contact or Tresca friction."""
+    chance = np.random.default_rng(seed)
+    nx, ny = int(chance.integers(3, 9)), int(chance.integers(2, 5))
+    length, height = float(chance.uniform(1, 3)), float(chance.uniform(0.5, 1.5))
+    pick = chance.choice
+    young = float(10 ** chance.uniform(1, 5))
+    size = young * 1e-3
+    loads = [
+        {"boundary": "top", "y": -size * float(chance.uniform(0.2, 2)), "x": size * float(pick([0.0, 0.0, 0.5, -0.3]))}
+    ]
+    if chance.random() < 0.3:
+        middle = length / nx * int(nx // 2) if chance.random() < 0.7 else 0.47 * length
+        loads[0] = {"boundary": "top", "y": f"where(x[0] < {middle}, {-2 * size}, {-0.1 * size})"}
+    if chance.random() < 0.2:
+        loads.append({"boundary": "right", "x": size * float(chance.normal())})
+    deep = 2e-3 * float(chance.uniform(0, 1))
+    gap = pick(
+        [
+            "0.0",
+            f"{deep}*(x[0] - {length / 2})**2",
+            f"{deep}*abs(x[0] - {length / 3})",
+            f"{deep}*x[0]",
+            f"{deep}*(1 - cos(4*x[0]))",
+            f"{deep} - {deep}*(x[0] - {length / 2})**2",
+        ]
+    )
+    friction = {"law": "none"}
+    if chance.random() < 0.6:
+        bound = pick(
+            [f"{size * chance.uniform(0.01, 1)}", f"{size}*abs(x[0])", f"where(x[0] < {length / 2}, {size}, 0)"]
+        )
+        friction = {"law": "tresca", "bound": str(bound)}
+    side = str(pick(["left", "right"]))
+    support = pick([{"x": 0.0, "y": 0.0}, {"x": 0.0}, {"normal": 0.0}, {"x": 1e-4, "y": -1e-4}])
+    scene = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": length, "height": height, "nx": nx, "ny": ny, "cell": "triangle"},
+        },
+        "element": {"degree": int(pick([1, 1, 2]))},
+        "material": {"young": young, "poisson": float(pick([0.0, 0.3, 0.3, 0.45, 0.49, -0.2]))},
+        "displacement": {"boundary": side, **support},
+        "traction": loads,
+        "contact": {"boundary": "bottom", "gap": str(gap), "friction": friction},
+    }
+    if chance.random() < 0.4:
+        scene["body_force"] = {"y": -size / height} if chance.random() < 0.6 else {"y": f"{-size}*x[0]", "x": size / 3}
+    if chance.random() < 0.5:
+        scene["solver"] = {"algorithm": str(pick(["exact", "alm", "ssn"]))}
+    return parse_scene(scene)
+
+
+def effectivity(scene):
+    """Guaranteed bound over the true error, and both relative to the solution; or why there is none."""
+    try:
+        solution = alone(scene)
+        reference = on_finer_mesh(scene)
+    except SignoriniError as failed:
+        return str(failed).splitlines()[0]
+    bound = error_bound.error_bound(solution.discretisation, solution.displacement, solution.contact)
+    if isinstance(bound, str):
+        return bound
+    true = energy_of_difference(solution, reference)
+    return bound.error / true, bound.error / bound.size, true / bound.size, bound
