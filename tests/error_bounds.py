@@ -5,7 +5,7 @@ from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.accuracy import error_bound
+from signorini_fx.accuracy.error_bound import _Bounded, error_bound
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
@@ -14,7 +14,7 @@ from signorini_fx.scene.reading import parse_scene
 
 def problem(solution):
     """The solution as plain arrays on triangles."""
-    return error_bound._Problem(solution.discretisation, solution.displacement, solution.contact, 0.0)
+    return _Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
 
 
 def energy_of_difference(solution, reference):
@@ -116,7 +116,7 @@ def effectivity(scene):
         reference = on_finer_mesh(scene)
     except SignoriniError as failed:
         return str(failed).splitlines()[0]
-    bound = error_bound.error_bound(solution.discretisation, solution.displacement, solution.contact)
+    bound = error_bound(solution.discretisation, solution.displacement, solution.contact)
     if isinstance(bound, str):
         return bound
     true = energy_of_difference(solution, reference)

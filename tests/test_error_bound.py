@@ -5,8 +5,9 @@ import pytest
 from error_bounds import drawn, effectivity, energy_of_difference, on_finer_mesh, problem
 from scenes import alone, example1
 
-from signorini_fx.accuracy import error_bound
-from signorini_fx.accuracy.equilibrated_stress import Loads, Triangles, constant_forces, equilibrate, free_motions
+from signorini_fx.accuracy.equilibrated_stress import Loads, constant_forces, equilibrate
+from signorini_fx.accuracy.triangles import Triangles, free_motions
+from signorini_fx.accuracy.triangulated import quadratic
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
 from signorini_fx.scene.reading import parse_scene
@@ -174,11 +175,11 @@ def test_the_displacement_does_not_enter_the_foundation():
     y, middle = case._admissible()
     one = case.contacts[0]
     s = np.linspace(0, 1, 57)
-    v = error_bound._quadratic(y, middle, case.t.edges, one.edges, s)
-    x = case._along(one.edges, s)
+    v = quadratic(y, middle, case.t.edges, one.edges, s)
+    x = case.along(one.edges, s)
     gap = x.value(scene.contact[0].gap)
     assert (np.einsum("fqd,fd->fq", v, one.normal) <= gap).all()
-    computed = error_bound._quadratic(case.y, case.middle, case.t.edges, one.edges, s)
+    computed = quadratic(case.y, case.middle, case.t.edges, one.edges, s)
     assert (np.einsum("fqd,fd->fq", computed, one.normal) > gap).any()
     assert (one.pressure >= 0).all()
     assert (np.abs(one.shear) <= one.least).all()

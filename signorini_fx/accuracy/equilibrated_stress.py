@@ -11,158 +11,17 @@ rotations included: small independent problems around each vertex (P. Ladeveze a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 from scipy.sparse.linalg import splu
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from signorini_fx.accuracy.triangles import Array, Triangles, free_motions
 
-# Points and weights on (0, 1), and on the triangle in barycentric coordinates (weights add up to one).
-GAUSS = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 # Pivots of motions that are free, relative.
 _FREE = 1e-10
 _EPS = float(np.finfo(float).eps)
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """A body of straight triangles, n of them with v vertices and e edges.
-
-    Attributes:
-        x: vertices, length, shape (v, 2).
-        corners: of each triangle, counterclockwise, shape (n, 3).
-        lame: lambda and mu of each triangle, stresses, shape (n, 2).
-    """
-
-    x: Array
-    corners: Ints
-    lame: Array
-
-    @cached_property
-    def _edges(self) -> tuple[Ints, Ints]:
-        """Vertices of each edge, ascending, shape (e, 2); edges of each triangle, edge i opposite corner i, (n, 3)."""
-        ends = np.sort(self.corners[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-        edges, inverse = np.unique(ends, axis=0, return_inverse=True)
-        return edges, inverse.reshape(-1, 3)
-
-    @property
-    def edges(self) -> Ints:
-        """Vertices of each edge, the lower number first, shape (e, 2)."""
-        return self._edges[0]
-
-    @property
-    def of_triangle(self) -> Ints:
-        """Edges of each triangle, the i-th opposite its i-th corner, shape (n, 3)."""
-        return self._edges[1]
-
-    @cached_property
-    def sides(self) -> Ints:
-        """The triangles at each edge, -1 for none, the one where it runs counterclockwise first, shape (e, 2)."""
-        found = np.full((len(self.edges), 2), -1)
-        for i in range(3):
-            forward = self.corners[:, (i + 1) % 3] < self.corners[:, (i + 2) % 3]
-            found[self.of_triangle[:, i], np.where(forward, 0, 1)] = np.arange(len(self.corners))
-        return found
-
-    @cached_property
-    def length(self) -> Array:
-        """Of each edge, shape (e,)."""
-        return np.asarray(np.linalg.norm(self.x[self.edges[:, 1]] - self.x[self.edges[:, 0]], axis=1))
-
-    @cached_property
-    def normal(self) -> Array:
-        """Of each edge, out of its first triangle, unit, shape (e, 2)."""
-        along = (self.x[self.edges[:, 1]] - self.x[self.edges[:, 0]]) / self.length[:, None]
-        return np.column_stack((along[:, 1], -along[:, 0]))
-
-    @cached_property
-    def outer(self) -> Ints:
-        """The edges of the boundary."""
-        return np.flatnonzero((self.sides < 0).any(axis=1))
-
-    @cached_property
-    def outward(self) -> Array:
-        """Normal of each edge, on the boundary out of the body, shape (e, 2)."""
-        return np.where(self.sides[:, :1] < 0, -self.normal, self.normal)
-
-    @cached_property
-    def jacobian(self) -> Array:
-        """(x_1 - x_0, x_2 - x_0) of each triangle, one per column, shape (n, 2, 2)."""
-        p = self.x[self.corners]
-        return np.stack((p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=2)
-
-    @cached_property
-    def area(self) -> Array:
-        """Shape (n,)."""
-        return np.linalg.det(self.jacobian) / 2
-
-    @cached_property
-    def gradients(self) -> Array:
-        """Of the barycentric coordinates, 1 / length, shape (n, 3, 2)."""
-        inverse = np.linalg.inv(self.jacobian)
-        return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
-
-    @cached_property
-    def korn(self) -> tuple[Array, Array]:
-        """Constants of |w - r| <= c |eps(w)| in L2 of a triangle and k of |grad (w - r)| <= k |eps(w)|, shape (n,).
-
-        r is the rigid motion with the mean of w and of its rotation.  The first one is k h / pi by Payne and
-        Weinberger; k^2 = 1 + 2 / beta^2 with the inf-sup constant beta >= rho / (2 R) of M. Costabel and M. Dauge
-        (Arch. Rational Mech. Anal. 217 (2015) 873-898), rho the radius of the incircle, R the distance of its centre
-        from the farthest corner.
-        """
-        p, sides = self.x[self.corners], self.length[self.of_triangle]
-        centre = np.einsum("ni,nid->nd", sides, p) / sides.sum(axis=1)[:, None]
-        inner = 2 * self.area / sides.sum(axis=1)
-        outer = np.linalg.norm(p - centre[:, None], axis=2).max(axis=1)
-        k = np.sqrt(1 + 8 * (outer / inner) ** 2)
-        return k * sides.max(axis=1) / np.pi, k
-
-    def stress(self, strain: Array) -> Array:
-        """Of strains (xx, yy, xy), shape (n, ..., 3)."""
-        first, second = (self.lame[:, k].reshape(-1, *[1] * (strain.ndim - 2)) for k in (0, 1))
-        trace = first * (strain[..., 0] + strain[..., 1])
-        return np.stack(
-            (trace + 2 * second * strain[..., 0], trace + 2 * second * strain[..., 1], 2 * second * strain[..., 2]),
-            axis=-1,
-        )
-
-    def compliance_square(self, stress: Array) -> Array:
-        """The product sigma : C^-1 sigma, shape (n, ...)."""
-        first, second = (self.lame[:, k].reshape(-1, *[1] * (stress.ndim - 2)) for k in (0, 1))
-        trace = stress[..., 0] + stress[..., 1]
-        square = stress[..., 0] ** 2 + stress[..., 1] ** 2 + 2 * stress[..., 2] ** 2
-        return np.asarray((square - first / (2 * (first + second)) * trace**2) / (2 * second))
-
-    @property
-    def softest(self) -> Array:
-        """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""
-        return 2 * np.minimum(self.lame[:, 1], self.lame.sum(axis=1))
-
-    def strain_at_corners(self, y: Array, middle: Array) -> Array:
-        """(xx, yy, xy) of a displacement of degree 2 at the corners of the triangles, shape (n, 3, 3).
-
-        Args:
-            y: at the vertices, length, shape (v, 2).
-            middle: at the middles of the edges, shape (e, 2).
-        """
-        at, mid = y[self.corners], middle[self.of_triangle]
-        # Shape functions l_i (2 l_i - 1) and 4 l_j l_k; their gradients at corner c.
-        grad = np.zeros((len(at), 3, 2, 2))
-        for c in range(3):
-            for i in range(3):
-                weight = 3.0 if i == c else -1.0
-                grad[:, c] += weight * at[:, i, :, None] * self.gradients[:, i, None, :]
-                j, k = (i + 1) % 3, (i + 2) % 3
-                if c in (j, k):
-                    other = k if c == j else j
-                    grad[:, c] += 4 * mid[:, i, :, None] * self.gradients[:, other, None, :]
-        return np.stack((grad[..., 0, 0], grad[..., 1, 1], (grad[..., 0, 1] + grad[..., 1, 0]) / 2), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -194,20 +53,6 @@ class Equilibrated:
     stress: Array
     tractions: Array
     missing: float
-
-
-def free_motions(t: Triangles, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions that the held edges leave free, shape (2 v, k)."""
-    centre = t.x.mean(axis=0)
-    size = np.abs(t.x - centre).max()
-    modes = np.zeros((len(t.x), 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
-    modes[:, :, 2] = np.column_stack((-(t.x - centre)[:, 1], (t.x - centre)[:, 0])) / size
-    rows = np.einsum("eij,eajk->eaik", held, modes[t.edges]).reshape(-1, 3)
-    values, vectors = np.linalg.eigh(rows.T @ rows / len(rows))
-    free = vectors[:, values <= _FREE * max(values[-1], 1.0)]
-    basis: Array = np.linalg.qr(modes.reshape(-1, 3) @ free)[0]
-    return basis
 
 
 def equilibrate(t: Triangles, loads: Loads, prescribed: Array) -> Equilibrated:
@@ -403,11 +248,6 @@ class _Local:
         rest = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
         stress = self._of(local[:, :, None]).reshape(-1, 3, 3, 3)
         return Equilibrated(stress, tractions, _round_off(t, loads, tractions, rest))
-
-
-def _square(stress: Array) -> Array:
-    """(xx, yy, xy) as matrices."""
-    return np.stack((stress[..., [0, 2]], stress[..., [2, 1]]), axis=-2)
 
 
 def _reference() -> tuple[Array, Array]:
