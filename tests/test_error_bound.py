@@ -212,6 +212,27 @@ def test_what_has_no_bound():
         Accuracy(target=0.05, of="pressure", certified=True)
 
 
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ({"springs": {"boundary": "top", "normal": 10.0}}, "springs has no guaranteed bound"),
+        ({"displacement": [{"at": [0.0, 1.0], "x": 0.0}, {"boundary": "right", "y": 0.0, "x": 0.0}]}, "at a point"),
+        ({"gravity": {"y": -1.0}}, "gravity has no guaranteed bound"),
+        ({"contact": {"boundary": "bottom", "kind": "bilateral"}}, "contact with a rigid foundation"),
+    ],
+)
+def test_what_this_proof_does_not_know(more, reason):
+    """Any entry that is not looked at is refused, so that a new one cannot act unseen."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 4, "ny": 2, "length": 1.0, "height": 1.0}},
+        "material": {"young": 1000.0, "poisson": 0.3, "density": 1.0},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "top", "y": -1.0},
+        "contact": {"boundary": "bottom", "gap": 0.001},
+    }
+    assert reason in alone(parse_scene(scene | more)).error_bound
+
+
 def test_coulomb_friction_says_what_it_assumes():
     """The bound is that of the Tresca problem with the computed friction bound."""
     bound = alone(example1(coefficient=0.3, nx=24, ny=8, gamma="auto")).error_bound

@@ -17,9 +17,12 @@ from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.scene.effect import Force, Resistance
+from signorini_fx.effects.material import LinearElastic
+from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.load_steps import factor_at
 
@@ -28,6 +31,8 @@ from signorini_fx.scene.load_steps import factor_at
 _ALONG: Array = np.arange(33) / 32
 # Lengths below this share of the size of the body are equal; displacements that elements hold, by their largest.
 SAME, _HELD = 1e-9, 1e-9
+# Entries of a scene that are looked at; any other one could act on the body unseen.
+_KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
 
 
 class Refused(Exception):
@@ -129,11 +134,16 @@ class Problem:
             (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
             (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
             (d.scene.several_steps, "a guaranteed bound is for one load step"),
-            (bool(d.scene.of(Resistance)), "springs have no guaranteed bound"),
+            (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),
+            (
+                any(one.boundary is None or one.rotation is not None for one in d.scene.of(PrescribedDisplacement)),
+                "a displacement at a point, or a rotation, has no guaranteed bound",
+            ),
             (
                 any(type(one) is not UnilateralContact or one.against for one in d.scene.contact),
                 "a guaranteed bound is for unilateral contact with a rigid foundation",
             ),
+            *((type(one) not in _KNOWN, f"{one.label} has no guaranteed bound") for _, one in d.scene.listed()),
         ):
             if wrong:
                 raise Refused(reason)
