@@ -8,7 +8,7 @@ from scenes import alone, table_of
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of
 from signorini_fx.accuracy.price_list import interpolated, zone_ends
-from signorini_fx.body.contact_boundary import chains
+from signorini_fx.body.contact_boundary import chains, in_line
 from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.pictures.boundary_profiles import boundaries_of
 from signorini_fx.report.advice import _zone_sizes
@@ -147,3 +147,9 @@ def test_where_a_line_begins():
         numbers, segments = np.array([(0, 0), (0, 1), (0, 2)]), np.array([(0, 0, 1), (0, 1, 2)])
         pieces, order, closed = chains(numbers, segments, x)
         assert (pieces, order.tolist(), closed) == ([range(3)], [0, 1, 2], [False])
+
+
+def test_a_single_point_is_in_line_with_itself():
+    """Without a division by its extent, which is nothing."""
+    assert in_line(np.array([[3e12, -5.0]])).tolist() == [[0.0, 0.0]]
+    assert in_line(np.array([[2.0, 1.0], [4.0, 1.0 + 1e-12]])).tolist() == [[1.0, 0.5], [2.0, 0.5]]

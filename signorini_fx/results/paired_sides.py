@@ -30,6 +30,8 @@ Indices = npt.NDArray[np.int32]
 _SAMPLED = {2: 16, 3: 6}
 # A facet that is covered by less than this share is not among them: its dual functions have few digits.
 _COVERED = 0.05
+# A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
+_SLIVER = 1e-3
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,9 @@ class Claim:
         """
         dim = self.distance.shape[1]
         forces = (self.operator.T @ (self.weight[:, None] * traction).ravel()).reshape(-1, dim)
-        area = (abs(self.own) + abs(self.others)).T @ self.weight
+        shares = abs(self.own) + abs(self.others)
+        shares.data = np.maximum(shares.data, _SLIVER)
+        area = shares.T @ self.weight
         found = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
         nodes = np.flatnonzero(found[:, -1] > 0)
         return nodes, found[nodes, :-1], found[nodes, -1]

@@ -292,6 +292,8 @@ def violations(
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
     faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
+    if contact.between:  # distances of both sides have the round-off of places
+        near += 10 * _EPS * body.size
     # What is added to the slip and the shear of the step before has their round-off.
     near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
     faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
