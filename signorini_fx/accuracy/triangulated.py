@@ -22,7 +22,7 @@ from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, Unilat
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.scene.effect import Force
+from signorini_fx.scene.effect import Effect, Force
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.load_steps import factor_at
 
@@ -54,7 +54,21 @@ class Points:
     @property
     def displacement(self) -> Array:
         """Not known."""
-        raise Refused("a load that follows the displacement has no bound of its error")
+        raise Refused("a load that follows the displacement has no guaranteed bound")
+
+    @property
+    def position(self) -> Array:
+        """Of the points, shape (f, q, 2)."""
+        return self.x
+
+    @property
+    def density(self) -> Array:
+        """Not known."""
+        raise Refused("a load that follows the density has no guaranteed bound")
+
+    def total(self, effect: Effect) -> Array:
+        """Not known."""
+        raise Refused(f"{effect.label} has no guaranteed bound")
 
     def value(self, value: Any) -> Array:
         """Of a number, an expression or a callable, shape (f, q)."""
@@ -205,7 +219,7 @@ class Problem:
         """Directions in which edges are held; the displacement there is one that the elements hold."""
         scene, size = self._d.scene, np.abs(self.y).max()
         for effect in scene.of(PrescribedDisplacement):
-            edges = self._edges(effect.boundary)
+            edges = self._edges(str(effect.boundary))
             factor = factor_at(scene.factors_of(effect), self._place)
             points = self.along(edges, GAUSS[0])
             found = quadratic(self.y, self.middle, self.t.edges, edges, GAUSS[0])
