@@ -6,10 +6,12 @@ from error_bounds import drawn, effectivity, energy_of_difference, on_finer_mesh
 from scenes import alone, example1
 
 from signorini_fx.accuracy.equilibrated_stress import Loads, constant_forces, equilibrate
+from signorini_fx.accuracy.error_bound import error_bound
 from signorini_fx.accuracy.triangles import Triangles, free_motions
 from signorini_fx.accuracy.triangulated import quadratic
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
+from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.settings import Accuracy
 
@@ -231,6 +233,35 @@ def test_what_this_proof_does_not_know(more, reason):
         "contact": {"boundary": "bottom", "gap": 0.001},
     }
     assert reason in alone(parse_scene(scene | more)).error_bound
+
+
+def test_every_part_counts(monkeypatch):
+    """Without a displacement the gap of the functionals is |tau|^2 + 2 int p d; a load that jumps in a facet counts."""
+    stresses = []
+    monkeypatch.setattr(
+        "signorini_fx.accuracy.error_bound.equilibrate",
+        lambda *given: stresses.append((given[0], equilibrate(*given))) or stresses[-1][1],
+    )
+    scene = example1(nx=12, ny=4, gamma="auto")
+    solution = alone(scene)
+    nothing = solution.displacement.copy()
+    nothing.x.array[:] = 0.0
+    bound = error_bound(solution.discretisation, nothing, solution.contact)
+    (t, found) = stresses[-1]
+    s = found.stress
+    energy = (t.area[:, None] / 36 * (t.compliance_square(s).sum(axis=2) + t.compliance_square(s.sum(axis=2)))).sum()
+    low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]
+    pressure = np.abs(found.tractions[low, :, 1])
+    along = (np.arange(400) + 0.5) / 400
+    x = t.x[t.edges[low, 0], 0][:, None] * (1 - along) + t.x[t.edges[low, 1], 0][:, None] * along
+    gap = 0.003 * (x - 1.5) ** 2 + 0.001
+    work = t.length[low, None] / 400 * (pressure[:, :1] * (1 - along) + pressure[:, 1:] * along) * gap
+    assert work.sum() > 0.05 * energy
+    assert bound.duality**2 == pytest.approx(energy + 2 * work.sum(), rel=1e-4)
+    jumps = scene.traction[0].model_copy(update={"y": Expression("where(x[0] < 1.13, -20, 0)")})
+    moved = alone(scene.model_copy(update={"traction": (jumps,)})).error_bound
+    assert moved.data > 0.01 * moved.size
+    assert moved.error >= moved.data + moved.duality + moved.moved
 
 
 def test_coulomb_friction_says_what_it_assumes():
