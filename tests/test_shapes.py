@@ -497,6 +497,70 @@ def test_a_wheel_rolls():
     assert np.abs(rolling).max() < 0.15
 
 
+def moving(*, tool, shift, rotation=0.0, **more):
+    """A block in four load steps on a plane that moves, or whose top moves instead."""
+    axes = ("x", "y")
+    given = {"mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}}}
+    given |= {"material": {"young": 1000.0, "poisson": 0.3}, "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]}}
+    foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    top = dict.fromkeys(axes, 0.0) if tool else dict(zip(axes, (f"-({way})" for way in shift), strict=True))
+    if tool:
+        foundation |= {"shift": shift, "rotation": rotation}
+    contact = {"boundary": "bottom", "foundation": foundation, "friction": {"law": "coulomb", "coefficient": 0.3}}
+    return parse_scene(given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("more", [{}, {"solver": {"algorithm": "alm"}}, {"load_steps": {"times": [1, 2], "steps": 2}}])
+def test_a_foundation_moves_in_a_scene(more):
+    """With t, step by step, as its opposite moves the supports."""
+    shift = ["0.01*t if t < 2 else 0.04 - 0.01*t", "0.02 + 0.002*t"]
+    first, second = (solve(moving(tool=tool, shift=shift, **more)) for tool in (True, False))
+    assert len(first.steps) == len(second.steps) > 2
+    for one, other in zip(first.steps, second.steps, strict=True):
+        assert one.certificate.holds
+        assert one.strain_energy == pytest.approx(other.strain_energy, rel=1e-7)
+        for name in ("pressure", "shear"):
+            sums = [COMM.allreduce(float((getattr(s.contact, name) ** 2).sum())) for s in (one, other)]
+            assert sums[0] == pytest.approx(sums[1], rel=1e-6)
+    assert any("moves with the time" in finding.message for finding in first.findings)
+    assert not any("penetrates" in finding.message for finding in first.findings)
+
+
+def test_a_foundation_turns_in_a_scene():
+    """Its load steps have the normals of their places, and the last one without friction is that of its place alone."""
+    smooth = {"boundary": "bottom", "foundation": GROUND | {"point": [0, 0], "shift": [0, 0.03], "rotation": "0.2*t"}}
+    found = solve(moving(tool=False, shift=["0", "0"], contact=smooth))
+    for step in found.steps:
+        angle = np.radians(0.2 * step.time)
+        normal = step.contact.boundary.normal
+        assert normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (len(normal), 1)), abs=1e-13)
+        assert step.certificate.holds
+    tilted = {"shape": "plane", "point": [0.0, 0.03], "normal": [-np.sin(angle), np.cos(angle)]}
+    more = {"contact": {"boundary": "bottom", "foundation": tilted}, "load_steps": {"times": [1]}}
+    there = solve(moving(tool=False, shift=["0", "0"], **more))
+    last = found.steps[-1].contact.pressure
+    assert last == pytest.approx(there.steps[-1].contact.pressure, abs=1e-7 * last.max())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"shift": ["x[0]", 0.0]}, "a number or an expression of the time t is expected"),
+        ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
+        ({"solver": {"levels": 2}}, "solver.levels: a sequence of meshes is not possible yet"),
+        ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet"),
+        ({"displacement": {"boundary": "top", "x": 0.0}, "traction": {"boundary": "top", "pressure": 1.0}}, "supports"),
+    ],
+)
+def test_bad_motions(more, message):
+    """One clear error each."""
+    with pytest.raises(SceneError) as error:
+        solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
+    assert message in str(error.value)
+    assert len(error.value.problems) == 1
+
+
 def test_bad_placements():
     """What has no shape cannot be placed, nor what cannot turn so."""
     loop = Loop(block(2, MPI.COMM_SELF), shape=GROUND)

@@ -96,6 +96,37 @@ class Discretisation(ElasticBody):
         """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
         return tuple(self.case(load.forces, load.prescribed) for load in self.applied)
 
+    def placed(self, place: float) -> Discretisation:
+        """The same with foundations that move with the time where they are at a place; itself if none does;
+        collective.
+        """
+        scene = self.scene.placed(place)
+        if scene is self.scene or self.boundary is None:
+            return self
+        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
+        shapes = foundations.shapes()
+        boundary = foundations.boundary(shapes, self.fixed, self.turned)
+        data, law = foundations.problem(
+            boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales.gamma
+        )
+        found = replace(self, scene=scene, boundary=boundary, data=data, law=law)
+        if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
+            kept = ("forms", "_assembled", "_free", "cases")
+            vars(found).update({name: value for name, value in vars(self).items() if name in kept})
+        return found
+
+    def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
+        """How far the foundations have moved at the contact points from where they are in another scene, length, shape
+        (n, d).
+        """
+        assert self.boundary is not None
+        found = np.zeros_like(self.boundary.x)
+        for number, (now, before) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
+            if now.timed:
+                here = self.boundary.part == number
+                found[here] = now.foundation.moved_from(before.foundation, self.boundary.x[here])
+        return found
+
     def load(self, system: ElasticSystem, place: float) -> npt.NDArray[np.float64]:
         """Give a system the loads that depend on the time as they are at a place; collective.
 
@@ -134,7 +165,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
         MeshError: the cells of the mesh are not connected.
     """
     try:
-        return _prepared(scene, tagged, timings)
+        return _prepared(scene.placed(0), tagged, timings)
     except FormError as error:  # of a foundation
         raise SceneError(error.problems) from None
 

@@ -142,19 +142,10 @@ class Foundations:
         self._settled = dict(self._distances)
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not.
-
-        Raises:
-            FormError: a point averages, or has two foundations.
-        """
+        """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
         moved = [k for k, one in self._distances.items() if one.shape != self._settled[k].shape]
         if not moved:
             return None
-        shared = boundary.points.shared
-        several = boundary.averages is not None or (shared is not None and bool(shared.here.size))
-        if parallel.any_rank(boundary.comm, several):
-            wrong = "cannot move where contact points average, or have two foundations"
-            raise FormError([(f"contact[{moved[0]}].shape", wrong)])
         found = np.zeros_like(boundary.x)
         for k in moved:
             here = boundary.part == k

@@ -56,6 +56,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
             *_gaps(body, data, moved, estimates=estimates),
             *_inwards(body),
             *_heights(body),
+            *_moving(scene),
             *_uniqueness(scene, body.boundary, body.law),
             *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),
@@ -164,7 +165,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.global_max(comm, parallel.local_max(-data.gap, -np.inf))
     found = []
-    if smallest < -ZERO * size:
+    if smallest < -ZERO * size and not any(effect.timed for effect in body.scene.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
         if any(effect.against is not None for effect in body.scene.contact):
@@ -208,6 +209,16 @@ def _inwards(body: Discretisation) -> list[Finding]:
             )
             found.append(Finding("warning", f"contact[{index}].direction", message))
     return found
+
+
+def _moving(scene: Scene) -> list[Finding]:
+    """Foundations that move with the time."""
+    message = "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
+    return [
+        Finding("note", f"contact[{index}].foundation", message)
+        for index, effect in enumerate(scene.contact)
+        if effect.timed
+    ]
 
 
 def _heights(body: Discretisation) -> list[Finding]:

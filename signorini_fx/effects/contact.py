@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator
 
@@ -111,6 +111,13 @@ class Contact(Effect):
                 if getattr(self, other) is not None:
                     reason = "the other body" if other == "against" else "the direction, that of the closest point"
                     yield ("contact", place, other), f"foundation already says {reason}: leave one of them out"
+        if self.timed:
+            for wrong, key, reason in (
+                (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
+                (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
+            ):
+                if wrong:
+                    yield key, f"{reason} is not possible yet where a foundation moves"
         if self.against is None:
             if self.distance == "nominal":
                 yield ("contact", place, "distance"), "is for contact against another boundary"
@@ -133,6 +140,15 @@ class Contact(Effect):
     def gap_in(self, dimension: int) -> Any:
         """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
         return self.gap if self.foundation is None else Distance(self.foundation, self.gap, dimension)
+
+    @property
+    def timed(self) -> bool:
+        """Whether its foundation moves with the time."""
+        return self.foundation is not None and self.foundation.timed
+
+    def at_time(self, time: float) -> Self:
+        """See ``Effect``."""
+        return self.model_copy(update={"foundation": self.foundation.at_time(time)}) if self.timed else self
 
     @property
     def vectors(self) -> tuple[str, ...]:

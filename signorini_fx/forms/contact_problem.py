@@ -36,7 +36,6 @@ from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_o
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
-from signorini_fx.forms.step_frames import carried, carried_before
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
@@ -46,6 +45,7 @@ from signorini_fx.records import History, Inventory, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scales import Scales
 
@@ -262,7 +262,8 @@ class ContactProblem:
                 moved = self._foundations.moved(self._boundary)
                 if moved is not None:  # slip is relative to the foundation
                     origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
-                    self._relative = carried_before(self._before, self._boundary, moved)
+                    assert self._before is not None
+                    self._relative = relative_to(self._before, self._boundary, moved)
                 begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
             begun = replace(begun, factors=np.ones(1))
             if self._outcome is not None and self._outcome.status is Status.CONVERGED and self._start is None:

@@ -265,6 +265,11 @@ def judged(
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
             slip = slip + ContactNodes.of(forces, sides, elastic).shear
+        if before.moved is not None:  # slip is relative to the foundation, and shear along it
+            moved = ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
+            slip, origin = (
+                one - np.einsum("ni,ni->n", one, nodes.normal)[:, None] * nodes.normal for one in (slip - moved, origin)
+            )
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)
     units = _Units(max(length, still), max(far, still), stress)

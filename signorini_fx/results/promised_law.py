@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import Nodal
 
@@ -60,6 +61,11 @@ class Tractions:
     shear: Nodal
 
     @classmethod
+    def none(cls, boundary: ContactBoundary) -> Tractions:
+        """No tractions at any node."""
+        return cls(boundary.part, boundary.nodes, np.zeros(boundary.size), np.zeros_like(boundary.x))
+
+    @classmethod
     def of(cls, state: ContactState) -> Tractions:
         """The contact tractions of a contact state."""
         boundary = state.boundary
@@ -75,11 +81,14 @@ class Before:
         displacement: at its end.
         tractions: at its end.
         elastic_slip: the part of its slip that is due to the regularised law, length, shape of the shear; None: none.
+        moved: by how much the foundations have moved at the contact nodes since, length, of the same shape; None: they
+            have not.
     """
 
     displacement: fem.Function
     tractions: Tractions
     elastic_slip: Nodal | None = None
+    moved: Nodal | None = None
 
     @classmethod
     def of(cls, displacement: fem.Function, tractions: Tractions, law: Law, before: Before | None) -> Before:

@@ -196,7 +196,7 @@ class Scene(Table):
 
         Loads that depend on the time need no factors: there is one for each of the times.
         """
-        timed = self.load_steps.times is not None and any(load.timed for load in self.loads)
+        timed = self.load_steps.times is not None and any(one.timed for one in (*self.loads, *self.contact))
         own = len(self.load_steps.times or ()) if timed else 1
         return max((len(load.factors) for load in self.loads if load.factors is not None), default=own)
 
@@ -235,6 +235,12 @@ class Scene(Table):
         if effect.timed and getattr(effect, "factors", None) is None:
             return 1.0, effect.at_time(self.time_at(place))
         return factor_at(self.factors_of(effect), place), effect.at_time(self.time_at(place))
+
+    def placed(self, place: float) -> Self:
+        """The scene with its foundations where they are at a place in the lists of factors; itself if none moves."""
+        if not any(effect.timed for effect in self.contact):
+            return self
+        return self.model_copy(update={"contact": tuple(one.at_time(self.time_at(place)) for one in self.contact)})
 
     def time_at(self, place: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +21,32 @@ from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, Valida
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.base import Table
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.validation import problems_of
-from signorini_fx.scene.values import Finite, kind_of, shown
+from signorini_fx.scene.values import Finite, TimedSampledValue, kind_of, shown
 
 Array = npt.NDArray[np.float64]
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+
+
+def _of_time(given: Any) -> Any:
+    if not isinstance(given, float) and not (isinstance(given, Expression) and given.coordinates == 0):
+        raise ValueError(
+            f"a number or an expression of the time t is expected, got {shown(getattr(given, 'text', given))}"
+        )
+    return given
+
+
+def _two_or_three(given: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(given) not in (2, 3):
+        raise ValueError("two numbers are expected, in space three")
+    return given
+
+
+def _three(given: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(given) != 3:
+        raise ValueError("an angle is expected, in space three numbers")
+    return given
 
 
 def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
@@ -35,6 +55,8 @@ def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
     return given
 
 
+# A number, or an expression of the time t.
+Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
@@ -63,9 +85,9 @@ class Shape(Table):
     Attributes:
         shape: the name of its file.
         hollow: whether the foundation is all that the shape is not.
-        shift: by which it is moved, length; None: not at all.
+        shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
         rotation: by which it is turned before it is moved, degrees, counterclockwise; in space along the axis [a, b, c]
-            by the length of this vector; None: not at all.
+            by the length of this vector; of the same kinds; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
     """
 
@@ -74,8 +96,8 @@ class Shape(Table):
 
     shape: str
     hollow: bool = False
-    shift: Vector | None = None
-    rotation: Finite | Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | None = None
+    shift: Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)] | None = None
+    rotation: Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed | None = None
     pivot: Vector | None = None
 
     def initial(self, x: Array) -> tuple[Array, Array]:
@@ -90,17 +112,40 @@ class Shape(Table):
             return
         for key in type(self).model_fields:
             value = getattr(self, key)
-            wrong = isinstance(value, tuple) and key != "rotation" and isinstance(value[0], float)
-            if wrong and len(value) != dimension:
+            vector = isinstance(value, tuple) and key != "rotation" and not isinstance(value[0], tuple)
+            if vector and len(value) != dimension:
                 yield key, f"{where}: give {dimension} numbers, not {len(value)}"
         if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
             yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
 
     @property
+    def timed(self) -> bool:
+        """Whether it moves with the time."""
+        return any(isinstance(one, Expression) for one in self._placement)
+
+    def at_time(self, time: float) -> Self:
+        """The same where it is at a time."""
+
+        def at(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(at, value))
+            return value.at(time) if isinstance(value, Expression) else value
+
+        return self.model_copy(update={"shift": at(self.shift), "rotation": at(self.rotation)}) if self.timed else self
+
+    @property
+    def _placement(self) -> tuple[Any, ...]:
+        """Components of shift and rotation."""
+        rotation = self.rotation if isinstance(self.rotation, tuple) else (self.rotation,)
+        return (*(self.shift or ()), *rotation)
+
+    @property
     def said(self) -> str:
         """Its kind, and what is given of it."""
         given = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
-        return ", ".join((self.shape, *(f"{key} = {_text(value)}" for key, value in given if key != "shape")))
+        return ", ".join(
+            (self.shape, *(f"{key} = {_text(value)}" for key, value in given if key != "shape" and value is not None))
+        )
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """The signed distance, length, and the outward normal of the foundation at the closest point.
@@ -141,7 +186,9 @@ class Shape(Table):
 
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Its shift and its pivot, shapes (d,)."""
-        return tuple(np.array(one or (0.0,) * dimension) for one in (self.shift, self.pivot))  # type: ignore[return-value]
+        zero = np.zeros(dimension)
+        shift = zero if self.shift is None else np.array([_now(one) for one in self.shift])
+        return shift, zero if self.pivot is None else np.array(self.pivot)
 
     def _turning(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
@@ -150,13 +197,21 @@ class Shape(Table):
         if isinstance(self.rotation, tuple):
             from scipy.spatial.transform import Rotation
 
-            return np.asarray(Rotation.from_rotvec(np.radians(self.rotation)).as_matrix())
-        cosine, sine = math.cos(math.radians(self.rotation)), math.sin(math.radians(self.rotation))
+            return np.asarray(Rotation.from_rotvec(np.radians([_now(one) for one in self.rotation])).as_matrix())
+        angle = math.radians(_now(self.rotation))
+        cosine, sine = math.cos(angle), math.sin(angle)
         return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _now(value: Any) -> float:
+    """A number, or an expression at its time."""
+    return float(value(np.zeros((3, 1)))[0]) if isinstance(value, Expression) else float(value)
 
 
 def _text(value: Any) -> str:
     """A value of a shape in words."""
+    if isinstance(value, Expression):
+        return value.text
     if isinstance(value, tuple) and len(value) > 3:
         return f"{len(value)} points"
     if isinstance(value, tuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algorithms.strategy import solve_task
@@ -13,10 +14,12 @@ from signorini_fx.attempts import HALF, METHOD, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.errors import SceneError
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.restart import Kept
@@ -24,11 +27,23 @@ from signorini_fx.solving.restart import Kept
 
 @dataclass(frozen=True)
 class LoadStep:
-    """A load step, where it started, and how it ended."""
+    """A load step, where it started, how it ended, and what it was solved on.
+
+    Attributes:
+        result: of it.
+        start: of it.
+        outcome: of it.
+        last: the end of the load step before it; None: there is none.
+        discretisation: the scene with its foundations where they are in this step.
+        task: its contact problem.
+    """
 
     result: StepResult
     start: Start
     outcome: Outcome
+    last: Before | None
+    discretisation: Discretisation
+    task: Task
 
     def __str__(self) -> str:
         return f"{self.result}: {self.result.status.value}"
@@ -41,19 +56,25 @@ def load_step(
     last: Before | None,
     timings: Timings,
     path: LoadPath,
+    renew: Callable[[Discretisation], Task],
 ) -> LoadStep:
-    """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution."""
+    """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution.
+
+    Where foundations move with the time it has a contact problem of its own, from ``renew``.
+    """
     scene, history, newton = discretisation.scene, task.history, task.iterate.newton
     begun = newton.checkpoint()
     ended: list[LoadStep] = []
 
     def attempt() -> LoadStep:
         before = history.linear_solves
-        place, factors = path.next, discretisation.load(task.system, path.next)
+        place, d, problem, begin, earlier = path.next, discretisation.placed(path.next), task, start, last
+        if d is not discretisation:
+            problem, begin, earlier = on_moved_foundations(discretisation, d, renew(d), start, last)
         here = replace(
-            start,
+            begin,
             place=place,
-            factors=factors,
+            factors=d.load(problem.system, place),
             without_fall_backs=path.without_fall_backs,
             augmented=path.at.augmented,
         )
@@ -61,9 +82,10 @@ def load_step(
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
         with timings.phase("iterate"):
-            outcome = solve_task(task, here, path.allowed)
-        result = _certified(discretisation, task, here, outcome, last, timings)
-        ended.append(LoadStep(replace(result, linear_solves=history.linear_solves - before), here, outcome))
+            outcome = solve_task(problem, here, path.allowed)
+        result = _certified(d, problem, here, outcome, earlier, timings)
+        result = replace(result, linear_solves=history.linear_solves - before)
+        ended.append(LoadStep(result, here, outcome, earlier, d, problem))
         return ended[-1]
 
     def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
@@ -77,6 +99,35 @@ def load_step(
         settled=lambda step: step.result.status is Status.CONVERGED,
         restore=lambda: newton.restore(begun),
     )[-1]
+
+
+def on_moved_foundations(
+    earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: Before | None
+) -> tuple[Task, Start, Before]:
+    """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
+    it starts, and the end of the last one as it begins from it; collective.
+
+    Raises:
+        SceneError: contact alone holds the body.
+    """
+    if moved.motions.free.shape[1]:
+        number = next(k for k, effect in enumerate(moved.scene.contact) if effect.timed)
+        wrong = "moves with the time, so that supports must hold the body, and not contact alone"
+        raise SceneError([(f"contact[{number}].foundation", wrong)])
+    assert earlier.boundary is not None
+    assert moved.boundary is not None
+    if last is None:  # slip is counted from the body without loads, at time 0
+        drift, tractions = moved.moved_since(moved.scene.placed(-1)), Tractions.none(moved.boundary)
+        last, begun, tangential = Before(fem.Function(moved.space), tractions), task.start, np.zeros_like(drift[:, 1:])
+    else:
+        drift, x, free = moved.moved_since(earlier.scene), moved.unknowns(last.displacement), ~moved.fixed
+        if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
+            task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
+        normal, tangential = moved.contact.traces(x)
+        begun, _, _ = carried(start, None, normal, earlier.boundary, moved.boundary)
+    origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
+    data = replace(begun.data, gap=task.start.data.gap, slip_origin=origin)
+    return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
 
 
 def _goes_on(path: LoadPath, failed: StepResult) -> bool:
@@ -108,7 +159,7 @@ def recalled_step(
         return None
     recalled.accept(task.history, timings, path)
     result = replace(result, linear_solves=path.at.last)
-    return LoadStep(result, recalled.start, recalled.outcome)
+    return LoadStep(result, recalled.start, recalled.outcome, last, discretisation, task)
 
 
 def _certified(

@@ -115,24 +115,37 @@ def solve_contact(
         after: called after each load step with a solution.
         kept: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
-    history, path, progress = task.history, LoadPath(discretisation.scene), _Progress(start)
+    history, path, progress, first = (
+        task.history,
+        LoadPath(discretisation.scene),
+        _Progress(start),
+        (discretisation, task),
+    )
+    if any(effect.timed for effect in discretisation.scene.contact):
+        kept = None  # load steps are stored for one contact problem only
+
+    def renew(d: Discretisation) -> Task:
+        with timings.phase("condense"):
+            return contact_task(d, history)
+
     begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
     while not path.ended:
         marks, step = progress.unstored or _marks(history), None
         if kept is not None and kept.checkpoint.found:
             step = recalled_step(discretisation, task, progress.start, progress.last, timings, kept, path)
         recalled = step is not None
-        step = step or load_step(discretisation, task, progress.start, progress.last, timings, path)
+        step = step or load_step(discretisation, task, progress.start, progress.last, timings, path, renew)
         anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)
         if anew is not None:
             history.add(f"{step}: {anew}")
             path.begin_again(step.result.status, history.linear_solves - beginning[0])
             task.iterate.newton.restore(begun)
-            progress = _Progress(start, unstored=beginning)
+            progress, (discretisation, task) = _Progress(start, unstored=beginning), first
             if kept is not None:
                 kept.forget(0)
             continue
         progress.take(step)
+        discretisation, task = step.discretisation, step.task
         if step.result.status is not Status.CONVERGED:
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
@@ -190,7 +203,7 @@ class _Progress:
         """Begin the next load step where this one has ended."""
         assert step.result.contact is not None
         law, tractions = Law(*task.promised(step.outcome)), Tractions.of(step.result.contact)
-        self.last = Before.of(step.result.displacement, tractions, law, self.last)
+        self.last = Before.of(step.result.displacement, tractions, law, step.last)
         self.start = step.outcome.next_step(step.start)
 
 

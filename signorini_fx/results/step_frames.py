@@ -10,9 +10,9 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Start
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import Nodal as Array
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array
 from signorini_fx.results.promised_law import Before
 
 
@@ -53,23 +53,18 @@ def carried(
     return begun, None if rest is None else replace(rest, u_t=turned(rest.u_t)), normal
 
 
-def carried_before(before: Before | None, boundary: ContactBoundary, moved: Array) -> Before | None:
-    """The end of the last step, its points moved along with their foundations, its shears along these; collective.
+def relative_to(before: Before, boundary: ContactBoundary, moved: Array) -> Before:
+    """The end of the last step as one begins from it whose foundations have moved, its shears along them.
 
     Args:
         before: as it was.
         boundary: the points as they are now.
         moved: by which the foundations have moved at them, shape (n, d).
     """
-    if before is None:
-        return None
-    displacement = before.displacement.copy()
-    displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes] += moved
-    displacement.x.scatter_forward()
 
     def along(vectors: Array) -> Array:
         return vectors - np.einsum("ni,ni->n", vectors, boundary.normal)[:, None] * boundary.normal
 
     tractions, elastic = before.tractions, before.elastic_slip
     tractions = replace(tractions, shear=along(tractions.shear))
-    return Before(displacement, tractions, None if elastic is None else along(elastic))
+    return replace(before, tractions=tractions, elastic_slip=None if elastic is None else along(elastic), moved=moved)
