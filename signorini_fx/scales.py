@@ -25,11 +25,19 @@ class Scales:
         dimension: d.
         modulus: of the stiffest material, stress.
         size: diameter of the body, length.
+        depth: of a body in the plane, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
+            an axisymmetric body a typical length of the circumference.
     """
 
     dimension: int
     modulus: float
     size: float
+    depth: float = 1.0
+
+    @classmethod
+    def of(cls, dimension: int, modulus: float, size: float, *, axisymmetric: bool) -> Scales:
+        """Those of a body, whose depth is that of half a revolution of its size if it is axisymmetric."""
+        return cls(dimension, modulus, size, np.pi * size if axisymmetric else 1.0)
 
     @property
     def gamma(self) -> float:
@@ -42,15 +50,15 @@ class Scales:
 
     def side(self, area: Array) -> Array:
         """Lengths of the sides of pieces of the surface with these areas (in the plane: lengths)."""
-        return np.asarray(area ** (1.0 / (self.dimension - 1)))
+        return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
 
     def stiffness(self, spacing: float) -> float:
         """Force at a node that is moved by a unit of length, at this distance from its neighbours."""
-        return float(self.modulus * spacing ** (self.dimension - 2))
+        return float(self.modulus * self.depth * spacing ** (self.dimension - 2))
 
     def stress(self, strain_energy: float) -> float:
         """Mean stress of a body with this strain energy."""
-        return float(np.sqrt(2 * self.modulus * strain_energy / self.size**self.dimension))
+        return float(np.sqrt(2 * self.modulus * strain_energy / (self.depth * self.size**self.dimension)))
 
     def deflection(self, stress: float) -> float:
         """Length by which this stress deforms the body."""

@@ -35,6 +35,8 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
     """
     given = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
     length, stress = given.get("length"), given.get("stress")
+    if is_axisymmetric(scene):
+        dimension = 3  # forces are those of a revolution
     force = given.get("force") or _FORCES.get((length or "", stress or ""))
     if length:
         given["area"] = length if dimension == 2 else f"{length}\N{SUPERSCRIPT TWO}"
@@ -42,6 +44,11 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
         given["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
         given["moment"] = given["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force
     return {name: unit for name, unit in given.items() if unit}
+
+
+def is_axisymmetric(scene: Mapping[str, Any]) -> bool:
+    """Whether a scene, as plain data, is that of a body of revolution, which has areas where others have lengths."""
+    return any(material.get("hypothesis") == "axisymmetric" for material in scene.get("material") or ())
 
 
 @contextmanager

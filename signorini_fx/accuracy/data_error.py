@@ -93,7 +93,7 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
     on.move_to(step)
     for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
         factor = fem.Constant(mesh, default_scalar_type(d.scene.now(load, step)[0]))
-        density = factor * ufl.inner(load.density(on), z)
+        density = factor * ufl.inner(load.density(on), z) * on.around
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
             density * where(metadata={"quadrature_degree": fine}),

@@ -56,8 +56,8 @@ class StressRecovery:
         space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
-        raw = kinematics.components(stress.sigma)
-        density = stress.compliance(self._recovered - raw) * cellwise
+        raw = stress.components
+        density = stress.compliance(self._recovered - raw) * stress.around * cellwise
         # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
         scalar = fem.functionspace(mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
@@ -240,7 +240,12 @@ def squared_residual(
         density += sum((stress.modulus / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
             continue
-        terms.append(density * z * ds(number, metadata={"quadrature_degree": _FINE_DEGREE if varies else 2 * degree}))
+        terms.append(
+            density
+            * stress.around
+            * z
+            * ds(number, metadata={"quadrature_degree": _FINE_DEGREE if varies else 2 * degree})
+        )
     return sum(terms[1:], terms[0]) if terms else None
 
 

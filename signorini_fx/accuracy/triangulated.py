@@ -145,6 +145,7 @@ class Problem:
         for wrong, reason in (
             (d.comm.size > 1, "a guaranteed bound is computed on one rank"),
             (d.tagged.dimension != 2, "a guaranteed bound is for bodies in the plane"),
+            (d.scene.axisymmetric, "a guaranteed bound is for bodies in the plane, not for axisymmetric ones"),
             (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
             (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
             (d.scene.several_steps, "a guaranteed bound is for one load step"),

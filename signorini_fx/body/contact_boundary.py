@@ -242,8 +242,12 @@ def contact_part(
     index: int,
     fixed: npt.NDArray[np.bool_],
     turned: TurnedNodes | None = None,
+    least: float = 0.0,
 ) -> ContactBoundary:
-    """Points, weights and normals of one contact boundary from the assembled unit contact form."""
+    """Points, weights and normals of one contact boundary from the assembled unit contact form; collective.
+
+    Nodes whose weight is no larger than ``least`` times the largest one are no points.
+    """
     dim = space.mesh.geometry.dim
     averages = None
     if isinstance(form, AveragingForms):
@@ -253,7 +257,8 @@ def contact_part(
     else:
         every = assemble(form).reshape(-1, dim)
         size = np.linalg.norm(every, axis=1)
-        nodes = np.flatnonzero(size > 0).astype(np.int32)
+        least *= parallel.global_max(space.mesh.comm, parallel.local_max(size))
+        nodes = np.flatnonzero(size > least).astype(np.int32)
         weight, normal = size[nodes], every[nodes] / size[nodes, None]
         free = ~fixed.reshape(-1, dim)[nodes]
     return ContactBoundary(

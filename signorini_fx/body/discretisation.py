@@ -81,7 +81,8 @@ class Discretisation(ElasticBody):
     @property
     def scales(self) -> Scales:
         """What its lengths and stresses are compared with."""
-        return Scales(self.tagged.dimension, self.scene.young, self.tagged.size)
+        scene, tagged = self.scene, self.tagged
+        return Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
 
     def factors(self, place: float) -> npt.NDArray[np.float64]:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
@@ -224,7 +225,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     resists = () if resistance is None else (resistance,)
     return Discretisation(
         space=space,
-        terms=lambda: (*_elastic(space, lame, reduced, inventory), *resists),
+        terms=lambda: (*_elastic(space, lame, reduced, inventory, axisymmetric=scene.axisymmetric), *resists),
         resists=resists,
         bcs=[support for _, support in supports],
         turned=turned,
@@ -233,6 +234,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         boundary=boundary,
         settings=scene.solver,
         inventory=inventory,
+        axisymmetric=scene.axisymmetric,
         compressible=max(material.poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
         scene=scene,
         tagged=tagged,
@@ -248,12 +250,14 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
 
 
 def _elastic(
-    space: fem.FunctionSpace, lame: tuple[Any, Any], reduced: int | None, inventory: Inventory
+    space: fem.FunctionSpace, lame: tuple[Any, Any], reduced: int | None, inventory: Inventory, *, axisymmetric: bool
 ) -> list[fem.Form]:
     """The terms of a(., .) of the material, compiled; collective."""
     y, z, mesh = ufl.TrialFunction(space), ufl.TestFunction(space), space.mesh
     cell, element = mesh.topology.cell_name(), space.element.basix_element.degree
-    terms = elastic_forms(y, z, *lame, elastic_degree(cell, element, compat.geometry_degree(mesh)), reduced)
+    degree = elastic_degree(cell, element, compat.geometry_degree(mesh), axisymmetric=axisymmetric)
+    radius = ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None
+    terms = elastic_forms(y, z, *lame, degree, reduced, radius=radius)
     return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
 
 
@@ -301,8 +305,14 @@ def foundations_of(
             found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
             continue
         gap, shape = _evaluable(effect.gap), effect.foundation
-        found.append(Foundation(on, gap, effect.direction, friction, bilateral, shape=shape))
+        around = _circumference if scene.axisymmetric else None
+        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape=shape))
     return found
+
+
+def _circumference(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """2 pi r at points of shape (3, n); on the axis r may be below zero by round-off."""
+    return np.asarray(2 * np.pi * np.maximum(x[0], 0.0))
 
 
 def _evaluable(value: Any) -> Any:

@@ -25,7 +25,7 @@ from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.pieces import Pieces
-from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy
+from signorini_fx.body.rigid import RigidMotions, along_axis, nearest_motion, rigid_motions, without_energy
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
@@ -59,6 +59,7 @@ class ElasticBody:
         boundary: the contact points; None: there are none.
         settings: how it is to be solved.
         inventory: what was compiled and assembled.
+        axisymmetric: whether only motions along x[1] are without strain.
         compressible: whether the material is far enough from incompressible for multigrid.
     """
 
@@ -72,6 +73,7 @@ class ElasticBody:
     boundary: ContactBoundary | None
     settings: SolverSettings
     inventory: Inventory
+    axisymmetric: bool = False
     compressible: bool = True
 
     @property
@@ -105,6 +107,8 @@ class ElasticBody:
     @cached_property
     def _free(self) -> RigidMotions:
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
+        if self.axisymmetric:
+            motions = along_axis(motions)
         if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
             return motions
         if self.resists is None:

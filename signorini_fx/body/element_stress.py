@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +16,8 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.kinematics import KINEMATICS, Kinematics
-from signorini_fx.effects.material import strain
+from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
+from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
 
 _Floats = npt.NDArray[np.float64]
@@ -36,6 +37,7 @@ class ElementStress:
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu; None: the body is not isotropic.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
+        radius: of an axisymmetric body, by which everything is weighted; None: it is not.
         refresh: takes from the displacement anew what ``sigma`` does not see of it; on all cells of this rank.
     """
 
@@ -47,12 +49,25 @@ class ElementStress:
     modulus: Any
     shear_modulus: Any
     parts: Sequence[npt.NDArray[np.int32]]
+    radius: Any = None
     refresh: Callable[[], None] = lambda: None
 
     @property
     def kinematics(self) -> Kinematics:
         """Of the body."""
+        if self.radius is not None:
+            return AXISYMMETRIC
         return KINEMATICS[self.displacement.function_space.mesh.geometry.dim]
+
+    @property
+    def around(self) -> Any:
+        """Length of the circumference, by which areas of an axisymmetric section are multiplied; 1 of other bodies."""
+        return 1 if self.radius is None else 2 * math.pi * self.radius
+
+    @property
+    def components(self) -> Any:
+        """The components of sigma, see ``Kinematics.pairs``."""
+        return self.kinematics.components(self.sigma if self.radius is None else self.in_space)
 
     @property
     def in_space(self) -> Any:
@@ -75,7 +90,11 @@ def element_stress(body: Discretisation, displacement: fem.Function) -> ElementS
     is equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
     """
     (lame, mu), materials, refresh = body.lame, body.scene.material, _nothing
-    theta = ufl.tr(strain(displacement))
+    theta, hoop, radius = ufl.tr(strain(displacement)), None, None
+    if body.scene.axisymmetric:
+        radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
+        hoop = hoop_strain(displacement, radius)
+        theta += hoop
     if body.reduced is not None:
         mesh = body.tagged.mesh
         space = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))
@@ -88,27 +107,38 @@ def element_stress(body: Discretisation, displacement: fem.Function) -> ElementS
 
         refresh()
     mean = lame * theta
-    plane_strain = body.dimension < 3 and materials[0].hypothesis == "plane strain"
+    outward: Any = None
+    if hoop is not None:
+        outward = mean + 2 * mu * hoop
+    elif body.dimension < 3 and materials[0].hypothesis == "plane strain":
+        outward = mean
+
+    def outward_of(part: int, tau: _Floats) -> _Floats:
+        return tau[..., 3] if radius is not None else materials[part].poisson * (tau[..., 0] + tau[..., 1])
+
     return ElementStress(
         displacement,
         2 * mu * strain(displacement) + mean * ufl.Identity(len(displacement)),
-        mean if plane_strain else None,
-        lambda part, tau: materials[part].poisson * (tau[..., 0] + tau[..., 1]),
+        outward,
+        outward_of,
         lambda tau: compliance(tau, lame, mu),
         lame + 2 * mu,
         mu,
         _materials(body),
+        radius,
         refresh,
     )
 
 
 def compliance(tau: Any, lame: Any, mu: Any) -> Any:
     """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``."""
-    dim = next(dim for dim, kinematics in KINEMATICS.items() if len(kinematics.pairs) == len(tau))
-    trace = sum((tau[k] for k in range(1, dim)), tau[0])
-    square = sum((tau[k] ** 2 for k in range(1, dim)), tau[0] ** 2)
-    shear = sum((2 * tau[k] ** 2 for k in range(dim + 1, len(tau))), 2 * tau[dim] ** 2)
-    return (square + shear - lame / (dim * lame + 2 * mu) * trace**2) / (2 * mu)
+    every = next(one for one in (*KINEMATICS.values(), AXISYMMETRIC) if len(one.pairs) == len(tau))
+    normal = [tau[k] for k, (i, j) in enumerate(every.pairs) if i == j]
+    mixed = [tau[k] for k, (i, j) in enumerate(every.pairs) if i != j]
+    trace = sum(normal[1:], normal[0])
+    square = sum((one**2 for one in normal[1:]), normal[0] ** 2)
+    shear = sum((2 * one**2 for one in mixed[1:]), 2 * mixed[0] ** 2)
+    return (square + shear - lame / (len(normal) * lame + 2 * mu) * trace**2) / (2 * mu)
 
 
 def _nothing() -> None:

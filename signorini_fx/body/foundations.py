@@ -216,7 +216,8 @@ class Foundations:
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
-            part = contact_part(self._space, form, self.facets[k], k, fixed, turned)
+            least = 0.0 if shape.factor is None else _ROUND_OFF
+            part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
             parts.append(part)

@@ -21,10 +21,12 @@ class Kinematics:
         dimension: d.
         rotations: the two axes of each rotation, which turns the first towards the second; in space the rotation about
             x[0] is first.
+        hoop: whether there are strain and stress along the circumference, of an axisymmetric body.
     """
 
     dimension: int
     rotations: tuple[tuple[int, int], ...]
+    hoop: bool = False
 
     @property
     def motions(self) -> int:
@@ -33,9 +35,11 @@ class Kinematics:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The components of a symmetric tensor: xx, yy, xy in the plane, xx, yy, zz, xy, xz, yz in space."""
+        """The components of a symmetric tensor: xx, yy, xy in the plane, of an axisymmetric body also zz, and in space
+        xx, yy, zz, xy, xz, yz.
+        """
         axes = range(self.dimension)
-        return [*((k, k) for k in axes), *combinations(axes, 2)]
+        return [*((k, k) for k in axes), *combinations(axes, 2), *([(2, 2)] if self.hoop else [])]
 
     def components(self, tensor: Any) -> Any:
         """The components ``pairs`` of a symmetric tensor as a UFL vector."""
@@ -56,4 +60,5 @@ class Kinematics:
         return np.stack([one - other for one, other in pairs], axis=-1)
 
 
+AXISYMMETRIC = Kinematics(2, ((0, 1),), hoop=True)
 KINEMATICS = {2: Kinematics(2, ((0, 1),)), 3: Kinematics(3, ((1, 2), (2, 0), (0, 1)))}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -112,6 +113,11 @@ class FormCoefficients:
     def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
         return {}
 
+    @property
+    def around(self) -> Any:
+        """Length of the circumference of an axisymmetric body, which multiplies its section; 1 of other bodies."""
+        return 2 * math.pi * self.position[0] if self.scene.axisymmetric else 1
+
     def whole(self, effect: Effect) -> float:
         """``total`` as a number."""
         return float(self.total(effect).value)
@@ -126,7 +132,7 @@ class FormCoefficients:
         if (boundary, spread) not in self._totals:
             (where,) = measures(self.space, [effect], self.tagged.facets)
             degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
-            density = self.value(spread)
+            density = self.value(spread) * self.around
             form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
             found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
@@ -285,7 +291,10 @@ def _compiled(
     space, inventory = on.space, on.inventory
     element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
     degrees = ({"quadrature_degree": effect.degree(element)} for effect in effects)
-    terms = [integrand(effect) * d(metadata=degree) for effect, d, degree in zip(effects, where, degrees, strict=True)]
+    terms = [
+        integrand(effect) * on.around * d(metadata=degree)
+        for effect, d, degree in zip(effects, where, degrees, strict=True)
+    ]
     name = " + ".join(effect.name for effect in effects)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
 

@@ -185,6 +185,26 @@ def rigid_motions(
     return replace(motions, free=free, assembly=assembly)
 
 
+def along_axis(motions: RigidMotions) -> RigidMotions:
+    """Those of these that have no strain in an axisymmetric body: translations along x[1]."""
+    columns, numbers = [], []
+    for number in np.unique(motions.assembly):
+        of = motions.assembly == number
+        own = motions.free[:, of]
+        strained = own.reshape(motions.pieces.count, motions.each, -1)[:, [0, 2]].reshape(-1, own.shape[1])
+        _, sizes, ways = np.linalg.svd(strained)
+        kept = ways[np.count_nonzero(sizes > _HELD) :].T
+        ways = own @ kept
+        columns.append(ways * np.sign(ways.reshape(motions.pieces.count, motions.each, -1)[:, 1].sum(axis=0)))
+        numbers.append(np.full(kept.shape[1], number))
+    none = motions.free[:, :0]
+    return replace(
+        motions,
+        free=np.concatenate([none, *columns], axis=1),
+        assembly=np.concatenate([motions.assembly[:0], *numbers]),
+    )
+
+
 def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
     """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions, count as supports;
     collective.

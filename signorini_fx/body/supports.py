@@ -47,7 +47,21 @@ def dirichlet_conditions(
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
+    if scene.axisymmetric:
+        subspace = space.sub(0)
+        nodes = np.flatnonzero(on_axis(space.tabulate_dof_coordinates(), tagged))
+        dofs = (space.mesh.geometry.dim * nodes).astype(np.int32)
+        supports.append((AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, subspace)))
     return supports
+
+
+# What holds the nodes on the axis of an axisymmetric body.
+AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
+
+
+def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
+    """Which of some points of shape (n, 3) or (n, 2) are on the axis of an axisymmetric body, shape (n,)."""
+    return np.asarray(np.abs(x[:, 0]) <= _SAME_POINT * tagged.size)
 
 
 def node_at(space: fem.FunctionSpace, effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> Any:
@@ -149,7 +163,7 @@ def turned_nodes(
         return None
     dim = space.mesh.geometry.dim
     axes = np.full((len(space.tabulate_dof_coordinates()), dim), -1)
-    position = {id(effect): index for index, effect in enumerate(scene.displacement)}
+    position = {id(effect): index for index, effect in enumerate((*scene.displacement, AXIS))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)

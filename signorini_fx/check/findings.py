@@ -46,8 +46,8 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     note = body.tagged.note
     found = [Finding("note", "mesh", note)] if note else []
     found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
-    # Without an estimate it only matters whether anything acts at all; what resists is no part of the estimate.
-    estimates = estimates and not scene.of(Resistance)
+    # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
+    estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
     moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
     if estimates:
         found += _odd_displacements(body, moved)

@@ -54,7 +54,7 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
         title,
         parallel.rows_on_root(comm, shown),
         tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
-        {} if scene is None else names_of(scene.model_dump(include={"units"}), dim),
+        {} if scene is None else names_of(scene.model_dump(include={"units", "material"}), dim),
         () if scene is None else _lines(scene, tagged),
     )
 

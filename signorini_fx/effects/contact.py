@@ -136,6 +136,8 @@ class Contact(Effect):
                 "contact of two bodies shows its error on the side with the points alone, so that cells of the other "
             )
             yield ("accuracy", "refinement"), message + "one would not be divided: use 'uniform'"
+        if scene.axisymmetric:
+            yield ("material", 0, "hypothesis"), "axisymmetric is not possible yet where two bodies are in contact"
 
     def gap_in(self, dimension: int) -> Any:
         """The gap in space of a dimension: a number, an expression or a callable of the position, length."""

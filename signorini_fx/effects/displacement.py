@@ -112,6 +112,8 @@ class PrescribedDisplacement(Load):
 
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""
+        if scene.axisymmetric and self.rotation is not None:
+            yield ("displacement", place, "rotation"), "is no axisymmetric motion"
         touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", place), f"{self.boundary!r} is prescribed, and in contact as well: choose one"

@@ -17,14 +17,15 @@ class LinearElastic(Effect):
     Attributes:
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
-        hypothesis: plane strain or plane stress, if the mesh has two dimensions.
+        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
+            is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         region: name of the part of the body that is made of this material; None: all of it.
     """
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
-    hypothesis: Literal["plane strain", "plane stress"] = "plane strain"
+    hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
     density: NonNegative | None = None
     region: str | None = None
 
@@ -43,18 +44,18 @@ class LinearElastic(Effect):
     def hooke(self) -> tuple[float, float]:
         """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
         a = self.young / (1 + self.poisson)
-        squeezed = 1 - 2 * self.poisson if self.hypothesis == "plane strain" else 1 - self.poisson
+        squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
         return a, a * self.poisson / squeezed
 
     @property
     def plane_modulus(self) -> float:
-        """Stress per strain along a line without lateral stress: E / (1 - nu^2) in plane strain, E in plane stress."""
-        return self.young / (1 - self.poisson**2) if self.hypothesis == "plane strain" else self.young
+        """Stress per strain along a line without lateral stress: E / (1 - nu^2), in plane stress E."""
+        return self.young if self.hypothesis == "plane stress" else self.young / (1 - self.poisson**2)
 
     @property
     def locks(self) -> bool:
         """Whether fully integrated elements lock visibly."""
-        return self.poisson >= LOCKING_POISSON and self.hypothesis == "plane strain"
+        return self.poisson >= LOCKING_POISSON and self.hypothesis != "plane stress"
 
     @property
     def friction_indication(self) -> float:
@@ -75,6 +76,11 @@ class LinearElastic(Effect):
         """See ``Effect``."""
         if self.hypothesis != scene.material[0].hypothesis:
             yield ("material", place), "all materials must have the same hypothesis"
+        if self.hypothesis == "axisymmetric" and scene.accuracy is not None and place == 0:
+            if scene.accuracy.of != "energy":
+                yield ("accuracy", "of"), "has an estimate for energy only, where the body is axisymmetric"
+            if scene.accuracy.refinement != "uniform":
+                yield ("accuracy", "refinement"), "must be 'uniform' where the body is axisymmetric"
 
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.
@@ -101,19 +107,32 @@ def stress(y: Any, lame: Any, mu: Any) -> Any:
     return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
 
 
-def elastic_degree(cell: str, degree: int, geometry: int) -> int:
+def hoop_strain(y: Any, radius: Any) -> Any:
+    """The strain along the circumference of an axisymmetric body, y_r / r; on the axis its limit, the radial strain."""
+    import ufl
+
+    inside = ufl.conditional(ufl.gt(radius, 0), radius, 1)
+    return ufl.conditional(ufl.gt(radius, 0), y[0] / inside, y[0].dx(0))
+
+
+def elastic_degree(cell: str, degree: int, geometry: int, *, axisymmetric: bool = False) -> int:
     """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
     hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
-    in the plane; it is stated here because the certificate integrates without UFL.
+    in the plane; it is stated here because the certificate integrates without UFL.  The radius and the hoop strain of
+    axisymmetric bodies, which is rational, take two degrees more.
     """
+    if axisymmetric:
+        return elastic_degree(cell, degree, geometry) + 2
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
     return 2 * (degree + geometry)
 
 
-def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None) -> tuple[Any, ...]:
+def elastic_forms(
+    y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None, *, radius: Any = None
+) -> tuple[Any, ...]:
     """a(y, z) of section 2.1, as terms to be compiled one by one.
 
     Args:
@@ -124,6 +143,7 @@ def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int 
         degree: quadrature degree.
         reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
             rest.
+        radius: of an axisymmetric body; None: it is not.
 
     Returns:
         One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
@@ -132,10 +152,17 @@ def elastic_forms(y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int 
     import ufl
 
     dx = ufl.dx(metadata={"quadrature_degree": degree})
-    if reduced is None:
+    if reduced is None and radius is None:
         return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
-    volumetric = lame * ufl.tr(strain(y)) * ufl.tr(strain(z))
+    shearing, first, second = ufl.inner(strain(y), strain(z)), ufl.tr(strain(y)), ufl.tr(strain(z))
+    around = 1
+    if radius is not None:
+        shearing, around = shearing + y[0] / radius * z[0] / radius, 2 * math.pi * radius
+        first, second = first + y[0] / radius, second + z[0] / radius
+    volumetric = lame * first * second
+    if reduced is None:
+        return ((2 * mu * shearing + volumetric) * around * dx,)
     return (
-        2 * mu * ufl.inner(strain(y), strain(z)) * dx,
-        volumetric * ufl.dx(metadata={"quadrature_degree": reduced}),
+        2 * mu * shearing * around * dx,
+        volumetric * around * ufl.dx(metadata={"quadrature_degree": reduced}),
     )

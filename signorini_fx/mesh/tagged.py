@@ -165,10 +165,12 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
     """Check the scene against dimension and shape of its mesh; collective.
 
     Raises:
-        SceneError: keys of a scene in the plane although the mesh is in space, or the other way round; linear elements
-            on curved cells.
+        SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
     problems = dimension_problems(scene, tagged.dimension)
+    inside = parallel.global_max(tagged.mesh.comm, parallel.local_max(-tagged.mesh.geometry.x[:, 0]))
+    if scene.axisymmetric and inside > STRAIGHT * tagged.size:
+        problems.append(("mesh", f"has points with x[0] = {-inside:g}: it is the radius of an axisymmetric body"))
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"

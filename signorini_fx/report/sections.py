@@ -15,7 +15,7 @@ from signorini_fx.report.digits import between, estimated_errors, figure, percen
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
-from signorini_fx.units import bracketed, unit, with_unit
+from signorini_fx.units import bracketed, is_axisymmetric, unit, with_unit
 
 # The figures of the summary that are shown large: what each is called, and the quantity whose unit it has.
 _CARDS = {
@@ -61,7 +61,8 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if "safety" in summary:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
-    measure = "what" if in_space(summary) else "per unit thickness, and what"
+    whole = in_space(summary) or is_axisymmetric(summary["scene"])
+    measure = "what" if whole else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     note = f"Forces are {measure} the foundation exerts on the body{named}. {digits}"
@@ -168,13 +169,14 @@ def forces(summary: dict[str, Any]) -> Markup:
 
 def _resultants(summary: dict[str, Any]) -> Markup | None:
     """Force, moment and point of action through each boundary."""
+    nowhere = "" if is_axisymmetric(summary["scene"]) else "a couple or none"
     rows = [
         (
             entry.get("boundary") or "whole body",
             " and ".join(entry.get("acts", [])),
             with_unit(figure(entry.get("force")), "force"),
             with_unit(figure(entry.get("moment")), "moment"),
-            with_unit(figure(entry.get("acts_at")), "length") or "a couple or none",
+            with_unit(figure(entry.get("acts_at")), "length") or nowhere,
         )
         for entry in summary.get("resultants", [])
     ]
@@ -189,7 +191,8 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if not entries:
         return None
     length = unit("length")
-    area = f"area{f' ({length}²)' if length else ''}" if in_space(summary) else f"length{bracketed('length')}"
+    whole = in_space(summary) or is_axisymmetric(summary["scene"])
+    area = f"area{f' ({length}²)' if length else ''}" if whole else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",
         "area": area,

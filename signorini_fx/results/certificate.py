@@ -160,7 +160,7 @@ def certify(
     space = displacement.function_space
     forces = NodalForces(scene, tagged, space)
     every = displacement.x.array.reshape(-1, tagged.dimension)
-    scales = Scales(tagged.dimension, scene.young, tagged.size)
+    scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
     stiffest = replace(scales, modulus=max(sum(material.hooke) for material in scene.material))
     balance = Balance(
         forces,

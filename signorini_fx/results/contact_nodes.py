@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Nodal = npt.NDArray[np.float64]
 
+# A weight below this share of the largest one is the round-off of a measure that is zero there.
+_ROUND_OFF = 1e-12
+
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
 # A share of a sum below this is round-off.
@@ -114,7 +117,10 @@ class ContactNodes:
             if forces.averaging:
                 spread.append(None if side.claim is not None else forces.products(side.boundary, side.factor))
                 weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
-            nodes = np.flatnonzero(weight > 0)
+            least = 0.0
+            if side.factor is not None:  # which may be zero at a node: on the axis of a body of revolution
+                least = _ROUND_OFF * parallel.global_max(forces.space.mesh.comm, parallel.local_max(weight))
+            nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
             here = np.flatnonzero(np.asarray(tractions.part) == part)
             here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
@@ -288,6 +294,7 @@ def sides_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> list
             ),
             bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None and effect.foundation is None else along,
+            2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
             claim=claims.get(place),
             by_geometry=not bonded and effect.distance == "geometry",
         )

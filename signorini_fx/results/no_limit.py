@@ -23,6 +23,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import SampledPoints
+from signorini_fx.body.supports import on_axis
 from signorini_fx.scene.effect import Force
 from signorini_fx.tuned import CORNER_ANGLE
 
@@ -218,7 +219,9 @@ def _facets_near(body: Discretisation, place: Array, step: float) -> list[_Facet
         normal = _normal(vertices[k], middle)
         beside = vertices[k] + _WITHIN * (vertices[k].mean(axis=0) - vertices[k])
         traction, loaded = _traction(body, int(numbers[k]), beside, step)
-        found.append(_Facet(vertices[k], normal, traction, *_condition(body, int(numbers[k]), normal), loaded))
+        found.append(
+            _Facet(vertices[k], normal, traction, *_condition(body, int(numbers[k]), normal, vertices[k]), loaded)
+        )
     return found
 
 
@@ -241,7 +244,7 @@ def _normal(vertices: Array, inside: Array) -> Array:
     return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
 
 
-def _condition(body: Discretisation, facet: int, normal: Array) -> tuple[str, tuple[str, ...]]:
+def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...]]:
     """What is prescribed on a facet, and by which boundaries."""
     scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
     supports = [effect for effect in scene.displacement if effect.where and facet in tagged.facets(effect.where)]
@@ -250,6 +253,8 @@ def _condition(body: Discretisation, facet: int, normal: Array) -> tuple[str, tu
     for effect in supports:
         rows += [np.eye(dim)[k] for k, value in enumerate(effect.components) if value is not None]
     names = tuple(effect.boundary for effect in (*supports, *contacts))
+    if body.scene.axisymmetric and on_axis(corners, body.tagged).all():
+        rows.append(np.eye(dim)[0])
     if not rows:
         return "free", ()
     whole = np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim

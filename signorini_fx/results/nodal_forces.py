@@ -113,7 +113,8 @@ class NodalForces(SurfaceQuadrature):
 
         What resists them on the boundary is not in it, see ``resisted``.
         """
-        degree = elastic_degree(self._cell.name, self.scene.element.degree, self._geometry.degree)
+        kind, element, geometry = self._cell.name, self.scene.element.degree, self._geometry.degree
+        degree = elastic_degree(kind, element, geometry, axisymmetric=self.scene.axisymmetric)
         reduced = reduced_degree(self.scene, self.tagged.mesh)
         a, b = self.of_materials(lambda material: material.hooke)
         if reduced is None:
@@ -161,6 +162,10 @@ class NodalForces(SurfaceQuadrature):
         """X of points, shape (f, q, d)."""
         return np.asarray(part.table.place @ self._x[self._corners[part.cells]])
 
+    def _around(self, part: Facets) -> Array | float:
+        """Length of the circumference of an axisymmetric body at points, shape (f, q); 1 of other bodies."""
+        return 2 * np.pi * self.positions(part)[..., 0] if self.scene.axisymmetric else 1.0
+
     def of_materials(self, numbers: Callable[[Any], tuple[float, ...]]) -> list[Array]:
         """Numbers of the materials, of all cells alike, shape (1,), or cell by cell."""
         materials = self.scene.material
@@ -182,14 +187,18 @@ class NodalForces(SurfaceQuadrature):
         total, degree = self._zero(), effect.degree(self.scene.element.degree)
         whole = np.nan if effect.weighting is None else self._whole(effect, degree)
         for part, size in self._cells(degree) if effect.where is None else self._sides(effect.where, degree):
-            force: Array = size[:, :, None] * density(QuadraturePoints(self, part, size, y, whole))
+            force: Array = (size * self._around(part))[:, :, None] * density(
+                QuadraturePoints(self, part, size, y, whole)
+            )
             np.add.at(total, self._nodes[part.cells], part.table.shape.T @ force)
         return total
 
     def _whole(self, effect: Effect, degree: int) -> float:
         """The integral of its ``weighting`` over its boundary."""
         parts = self._sides(str(effect.where), degree)
-        own = sum(float(np.sum(size * self.values(effect.weighting, part))) for part, size in parts)
+        own = sum(
+            float(np.sum(size * self._around(part) * self.values(effect.weighting, part))) for part, size in parts
+        )
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(own)))
 
     def _cells(self, degree: int) -> Iterator[tuple[Facets, Array]]:
@@ -216,11 +225,18 @@ class NodalForces(SurfaceQuadrature):
             reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
             gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
             stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
-            mean = second * np.einsum("iicq->cq", gradient)
+            dilation = np.einsum("iicq->cq", gradient)
+            size, forces = weight * np.abs(determinant), np.zeros_like(nodal)
+            if self.scene.axisymmetric:
+                part = Facets(cells, table, np.empty(0))
+                radius = self.positions(part)[..., 0]
+                hoop = nodal[:, :, 0] @ table.shape.T / radius
+                dilation, size = dilation + hoop, size * self._around(part)
+                forces[:, :, 0] += (size / radius * (first * hoop + second * dilation)) @ table.shape
+            mean = second * dilation
             for i in axes:
                 stress[i, i] += mean
-            flux = weight * np.abs(determinant) * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
-            forces = np.zeros_like(nodal)
+            flux = size * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
             for i in axes:
                 for k in axes:
                     forces[:, :, i] += flux[i, k] @ table.slope[k]

@@ -33,6 +33,9 @@ _ROUND_OFF = 1e-9
 class Resultant:
     """What acts on the body through a boundary, in the plane per unit thickness.
 
+    Of an axisymmetric body they are those of a revolution, the first of them the sum of all radial forces, without
+    moments.
+
     Attributes:
         boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
         acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as ``traction`` or
@@ -221,14 +224,14 @@ class Resultants:
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
         total: Array = np.zeros(KINEMATICS[dim].motions + 2)
         for one in forces.values():
-            turning = moments(one.points - point, one.values).sum(axis=0)
+            turning = moments(one.points - point, one.values).sum(axis=0) * (not self.scene.axisymmetric)
             sizes = np.linalg.norm(one.values, axis=1)
             arms = np.linalg.norm(one.points - point, axis=1)
             total += np.concatenate((one.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
         total = parallel.global_sum(comm, total)
         force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
-        if np.linalg.norm(force) > _ROUND_OFF * size[0]:
+        if np.linalg.norm(force) > _ROUND_OFF * size[0] and not self.scene.axisymmetric:
             middle, normal = (point, None) if boundary is None else self._place(boundary)
             shifted = moment + moments(point - middle, force)
             acts_at = middle + arm(shifted, force, normal)

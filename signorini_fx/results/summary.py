@@ -23,6 +23,7 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, 
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.units import is_axisymmetric
 
 # Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
@@ -334,9 +335,9 @@ def _resultants(summary: dict[str, Any]) -> list[Line]:
     """What acts through the other boundaries, and where; contact too if it has several."""
     several = len(summary.get("contact_boundaries", ())) > 1
     rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
-    told = []
+    told, nowhere = [], "" if is_axisymmetric(summary["scene"]) else ", a couple or none"
     for row in rows[:_MOST_ROWS]:
-        where = f", acts at {_point(row['acts_at'])}" if row["acts_at"] is not None else ", a couple or none"
+        where = f", acts at {_point(row['acts_at'])}" if row["acts_at"] is not None else nowhere
         force = ", ".join(f"{f:.6g}" for f in row["force"])
         name = "" if row["boundary"] is None else f"{row['boundary']}: "
         told.append(f"{name}({force}) by {' and '.join(row['acts'])}{where}")

@@ -268,6 +268,11 @@ class Scene(Table):
         return max(material.young for material in self.material)
 
     @property
+    def axisymmetric(self) -> bool:
+        """Whether its mesh is half of a section of a body of revolution, see ``effects/material.py``."""
+        return any(material.hypothesis == "axisymmetric" for material in self.material)
+
+    @property
     def has_friction(self) -> bool:
         """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
         return any(effect.friction.acts for effect in self.contact)

@@ -105,7 +105,7 @@ def run(
     for value, scene in scenes:
         solution = solve(scene, comm, check=False)
         rows.append({"value": value, **figures_of(solution)})
-        units = names_of(scene.model_dump(include={"units"}), solution.discretisation.tagged.dimension)
+        units = names_of(scene.model_dump(include={"units", "material"}), solution.discretisation.tagged.dimension)
         told = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
         report(f"{value!s:>12s}  {told}  {solution.status.value}")
     return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))

@@ -1,0 +1,425 @@
+"""Axisymmetric bodies: exact states, Lame, Hertz, a flat punch, and the same body in space."""
+
+import itertools
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx import SceneError
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.assembly import action
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.check.checks import check_scene
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Timings
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+YOUNG, POISSON = 200.0, 0.3
+CELLS = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
+ELEMENTS = [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("triangle", 2)]
+
+
+def section(inner=0.0, outer=2.0, height=1.0, cells="quadrilateral", counts=(8, 4), comm=COMM):
+    """A rectangle of radii and heights: a cylinder, or a ring."""
+    mesh = dmesh.create_rectangle(comm, [(inner, 0.0), (outer, height)], counts, CELLS[cells])
+    near = {"inside": (0, inner), "outside": (0, outer), "bottom": (1, 0.0), "top": (1, height)}
+    return tag_boundaries(
+        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
+    )
+
+
+def scene(tagged, degree=1, material=None, **more):
+    """An axisymmetric body."""
+    material = {"young": YOUNG, "poisson": POISSON, "hypothesis": "axisymmetric", **(material or {})}
+    return parse_scene({"mesh": tagged, "element": {"degree": degree}, "material": material, **more})
+
+
+def nodes(solution):
+    """Positions and displacements of the nodes of this rank."""
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    return x, solution.displacement.x.array.reshape(len(x), -1)
+
+
+# --- exact states ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_pressed_cylinder(cells, degree, linear_algebra):
+    """A cylinder that is pressed on a plane: y = (nu p r, -p z) / E, pressure p, force pi R^2 p, no hoop stress."""
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    p, radius = 3.0, 2.0
+    given = scene(
+        section(cells=cells),
+        degree,
+        traction={"boundary": "top", "pressure": p},
+        contact={"boundary": "bottom"},
+        solver={"algorithm": "alm", "linear_algebra": linear_algebra, "tolerance": 1e-13},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    x, y = nodes(solution)
+    expected = np.column_stack((POISSON * p * x[:, 0], -p * x[:, 1])) / YOUNG
+    assert np.abs(y - expected).max(initial=0.0) <= 1e-9 * p / YOUNG
+    assert solution.contact.pressure == pytest.approx(p, rel=1e-8)
+    total = np.pi * radius**2 * p
+    assert solution.contact.forces[0][1] == pytest.approx(total, rel=1e-9)
+    assert solution.resultants.of("top").force == pytest.approx([0.0, -total], abs=1e-8)
+    strained = p**2 / (2 * YOUNG) * np.pi * radius**2
+    assert solution.certificate.strain_energy == pytest.approx(strained, rel=1e-8)
+    for stress in (solution.stress, solution.stress.recovered):
+        hoop, along = stress.component("zz").x.array, stress.component("yy").x.array
+        assert np.abs(hoop).max(initial=0.0) <= 1e-6 * p
+        assert along == pytest.approx(-p, rel=1e-6)
+    recovery = StressRecovery.of(solution.discretisation)
+    assert recovery.error(solution.displacement.x.array) <= 1e-5 * np.sqrt(2 * strained)
+    assert recovery.energy(solution.displacement.x.array) == pytest.approx(strained, rel=1e-8)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_squeezed_cylinder(cells, degree):
+    """Under pressure all around: the stress is the same in all directions, on the axis too."""
+    p = 3.0
+    loads = [{"boundary": side, "pressure": p} for side in ("top", "outside")]
+    given = scene(section(cells=cells), degree, displacement={"boundary": "bottom", "y": 0.0}, traction=loads)
+    solution = solve(given, COMM, check=False)
+    x, y = nodes(solution)
+    assert np.abs(y + (1 - 2 * POISSON) * p / YOUNG * x[:, :2]).max(initial=0.0) <= 1e-11
+    assert solution.certificate.holds
+    for stress in (solution.stress, solution.stress.recovered):
+        assert stress.principal.x.array == pytest.approx(-p, rel=1e-6)
+
+
+def lame(inside, outside, p, r):
+    """Radial and hoop stress of a thick cylinder with free ends under a pressure inside, and its displacement."""
+    a, b = p * inside**2 / (outside**2 - inside**2), p * inside**2 * outside**2 / (outside**2 - inside**2)
+    return a - b / r**2, a + b / r**2, ((1 - POISSON) * a * r + (1 + POISSON) * b / r) / YOUNG
+
+
+def thick_cylinder(cells, degree, n, comm=COMM):
+    """Its largest error of the displacement, relative, and of the hoop stress inside."""
+    p = 3.0
+    tagged = section(1.0, 2.0, 0.5, cells, (n, max(2, n // 2)), comm)
+    given = scene(
+        tagged,
+        degree,
+        displacement={"boundary": "bottom", "y": 0.0},
+        traction={"boundary": "inside", "pressure": p},
+    )
+    solution = solve(given, comm, check=False)
+    assert solution.certificate.holds
+    x, y = nodes(solution)
+    _, _, moved = lame(1.0, 2.0, p, x[:, 0])
+    found = solution.stress.recovered.largest("zz").value
+    error = comm.allreduce(np.abs(y[:, 0] - moved).max(initial=0.0), op=MPI.MAX)
+    return error / lame(1.0, 2.0, p, 1.0)[2], found / lame(1.0, 2.0, p, 1.0)[1] - 1
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_thick_cylinder(cells, degree):
+    """Lame: the displacement converges with one order more than the degree, the hoop stress is right."""
+    errors = [thick_cylinder(cells, degree, n)[0] for n in (16, 32)]
+    assert errors[1] < (1e-3 if degree == 1 else 1e-5)
+    assert np.log2(errors[0] / errors[1]) > degree + 1 - 0.35
+    assert abs(thick_cylinder(cells, degree, 32)[1]) < (0.03 if degree == 1 else 0.005)
+
+
+def test_thick_sphere():
+    """Lame: a hollow ball under a pressure inside, half of it on a plane of symmetry."""
+    inner, outer, p = 1.0, 2.0, 3.0
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(inner, 0.0), (outer, 1.0)], (12, 24), CELLS["quadrilateral"])
+    radius, angle = mesh.geometry.x[:, 0].copy(), np.pi / 2 * mesh.geometry.x[:, 1].copy()
+    mesh.geometry.x[:, 0], mesh.geometry.x[:, 1] = radius * np.cos(angle), radius * np.sin(angle)
+    # A vertex is on the inner sphere, the outer one, or the plane of symmetry; what is left is the axis.
+    sides = {
+        "inside": lambda x: np.hypot(x[0], x[1]) < inner + 1e-9,
+        "outside": lambda x: np.hypot(x[0], x[1]) > outer - 1e-9,
+        "equator": lambda x: x[1] < 1e-9,
+    }
+    held = {"boundary": "equator", "y": 0.0}
+    given = scene(tag_boundaries(mesh, sides), 1, displacement=held, traction={"boundary": "inside", "pressure": p})
+    solution = alone(given, check=False)
+    assert solution.certificate.holds
+    x, y = nodes(solution)
+    r = np.linalg.norm(x, axis=1)
+    a, b = p * inner**3 / (outer**3 - inner**3), p * inner**3 * outer**3 / (outer**3 - inner**3)
+    moved = ((1 - 2 * POISSON) * a * r + (1 + POISSON) * b / (2 * r**2)) / YOUNG
+    assert np.abs(y - moved[:, None] * x[:, :2] / r[:, None]).max() <= 5e-3 * moved.max()
+    hoop = solution.stress.recovered.component("zz")
+    cells = hoop.function_space.dofmap.list
+    at = hoop.function_space.tabulate_dof_coordinates()[cells]
+    far = np.linalg.norm(at, axis=2).mean(axis=1)
+    expected = a + b / (2 * far**3)
+    assert hoop.x.array[cells].mean(axis=1) == pytest.approx(expected, rel=0.04)
+
+
+# --- contact ---------------------------------------------------------------------------------------------------------
+
+
+def graded(size, cells, power, kind="quadrilateral", comm=COMM):
+    """A cylinder with radius and height of this size, fine near the centre of its lower side."""
+    tagged = section(0.0, 1.0, 1.0, kind, (cells, cells), comm)
+    tagged.mesh.geometry.x[:, :2] = size * tagged.mesh.geometry.x[:, :2] ** power
+    return tagged
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+def test_hertz(degree):
+    """A flat body on a rigid sphere: radius of contact, pressure and force of Hertz's formula."""
+    young, radius, down = 1000.0, 4.0, 0.0125
+    given = scene(
+        graded(4.0, 64 if degree == 1 else 32, 2.5),
+        degree,
+        {"young": young},
+        displacement={"boundary": "top", "y": -down},
+        contact={"boundary": "bottom", "gap": f"x[0]**2 / (2 * {radius})", "direction": [0.0, -1.0]},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    force = solution.contact.forces[0][1]
+    assert solution.resultants.of("top").force[1] == pytest.approx(-force, rel=1e-6)
+    a = (0.75 * force * radius * (1 - POISSON**2) / young) ** (1 / 3)
+    r, pressure = solution.contact.boundary.x[:, 0], solution.contact.pressure
+    hertz = 1.5 * force / (np.pi * a**2) * np.sqrt(np.maximum(0, 1 - (r / a) ** 2))
+    inside = r < 0.8 * a
+    assert COMM.allreduce(int(inside.sum())) > 10
+    assert pressure[inside] == pytest.approx(hertz[inside], rel=0.015 * degree)
+    assert (pressure[r > 1.1 * a] == 0).all()
+    # On the surface at the centre both lateral stresses are - (1 + 2 nu) / 2 times the pressure.
+    stress = solution.stress.recovered
+    deepest = stress.smallest("zz")
+    assert deepest.value == pytest.approx(-(1 + 2 * POISSON) / 2 * 1.5 * force / (np.pi * a**2), rel=0.06)
+
+
+@pytest.mark.mpi
+def test_flat_punch():
+    """A rigid flat punch with a sharp edge: F = 2 a E d / (1 - nu^2) on a half-space; here the body is finite."""
+    young, size, punch, down = 1000.0, 40.0, 1.0, 0.001
+    given = scene(
+        graded(size, 48, 3.0),
+        1,
+        {"young": young},
+        displacement={"boundary": "top", "y": -down},
+        contact={"boundary": "bottom", "gap": f"0 if x[0] <= {punch} else 1", "direction": [0.0, -1.0]},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.certificate.holds
+    force = solution.contact.forces[0][1]
+    reach = COMM.allreduce(solution.contact.boundary.x[solution.contact.in_contact, 0].max(initial=0.0), op=MPI.MAX)
+    # The last node in contact stands for a punch that ends half a cell farther out.
+    assert force == pytest.approx(2 * reach * young * down / (1 - POISSON**2), rel=0.08)
+    r, pressure = solution.contact.boundary.x[:, 0], solution.contact.pressure
+    formula = young / (1 - POISSON**2) * down / (np.pi * np.sqrt(np.maximum(punch**2 - r**2, 1e-3)))
+    inside = r < 0.7 * punch
+    assert pressure[inside] == pytest.approx(formula[inside], rel=0.06)
+
+
+@pytest.mark.mpi
+def test_friction_on_the_axis():
+    """A disc between rough plates is barrelled: friction acts along the radius, and all conditions hold."""
+    rough = {"law": "coulomb", "coefficient": 0.2}
+    given = scene(
+        section(counts=(16, 8)),
+        1,
+        displacement={"boundary": "top", "y": -0.01},
+        contact={"boundary": "bottom", "friction": rough},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    assert COMM.allreduce(np.abs(solution.contact.shear).max(initial=0.0), op=MPI.MAX) > 0.1
+
+
+def test_as_in_space():
+    """The same cylinder, a quarter of it in space: the force agrees to discretisation error."""
+    from signorini_fx import generate_mesh
+
+    found, tagged = {}, section(0.0, 1.0, 1.0, "triangle", (10, 10), MPI.COMM_SELF)
+    held = {"boundary": "top", "x": 0.0, "y": -0.01}
+    contact = {"gap": "0.004 * x[0]**2", "direction": [0.0, -1.0], "boundary": "bottom"}
+    flat = alone(scene(tagged, 2, displacement=held, contact=contact), check=False)
+    found["axisymmetric"] = flat.contact.forces[0][1]
+    solid = generate_mesh(
+        "cylinder", {"radius": 1.0, "height": 1.0, "nr": 2, "nt": 3, "nz": 4, "order": 2}, MPI.COMM_SELF
+    )
+    body = parse_scene(
+        {
+            "mesh": solid,
+            "element": {"degree": 2},
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
+            "contact": {"boundary": "bottom", "gap": "0.004 * (x[0]**2 + x[1]**2)", "direction": [0.0, 0.0, -1.0]},
+        }
+    )
+    found["space"] = alone(body, check=False).contact.forces[0][2]
+    assert found["axisymmetric"] == pytest.approx(found["space"], rel=0.005), found
+
+
+def test_estimated_error():
+    """Levels and a requested accuracy: the estimate decreases with the mesh, and the energy is near its limit."""
+
+    def made(**more):
+        return parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 4.0, "nx": 16, "ny": 16}},
+                "material": {"young": 1000.0, "poisson": POISSON, "hypothesis": "axisymmetric"},
+                "displacement": {"boundary": "top", "y": -0.02},
+                "contact": {"boundary": "bottom", "gap": "x[0]**2 / 8", "direction": [0.0, -1.0]},
+                **more,
+            }
+        )
+
+    solution = alone(made(accuracy={"target": 0.12, "of": "energy", "refinement": "uniform"}), check=False)
+    assert solution.converged
+    errors = [row.energy for row in solution.price_list]
+    assert errors[-1] < 0.12
+    assert all(later < earlier for earlier, later in itertools.pairwise(errors))
+    assert alone(made(solver={"levels": 2}), check=False).certificate.holds
+
+
+# --- the second opinion, and what is said ----------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("volumetric", ["full", "reduced"])
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_second_opinion(cells, degree, volumetric):
+    """What NumPy makes of stiffness and loads is what the compiled forms do."""
+    if volumetric == "reduced" and (cells, degree) == ("triangle", 1):
+        pytest.skip("linear triangles have no reduced form")
+    tagged = section(cells=cells)
+    given = scene(
+        tagged,
+        degree,
+        {"density": 2.0},
+        displacement={"boundary": "bottom", "y": 0.0},
+        gravity={"y": -1.0},
+        rotation={"speed": 2.0, "axis": [0.0, 1.0]},
+        force={"boundary": "outside", "y": 3.0},
+        fluid={"boundary": "outside", "level": 0.5, "weight": 2.0},
+        springs={"boundary": "top", "normal": 5.0},
+    )
+    given = given.model_copy(update={"element": given.element.model_copy(update={"volumetric": volumetric})})
+    d = discretise(given, tagged, Timings())
+    forces = NodalForces(given, tagged, d.space)
+    y = fem.Function(d.space)
+    y.interpolate(lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1]]))
+    nodal, every = y.x.array.reshape(-1, 2), np.arange(y.x.array.size // 2, dtype=np.int32)
+    ours = forces.internal(nodal) + forces.resisted(nodal)
+    compiled = action(d.forms, y, every).reshape(ours.shape)
+    assert np.abs(ours - compiled).max(initial=0.0) <= 1e-12 * np.abs(compiled).max(initial=1.0)
+    loads = sum(load.forces for load in d.applied).reshape(ours.shape)
+    assert np.abs(forces.external(0) - loads).max(initial=0.0) <= 1e-12 * np.abs(loads).max(initial=1.0)
+    total = COMM.allreduce(forces.external(0, some=given.gravity).sum(axis=0))
+    assert total[1] == pytest.approx(-2.0 * np.pi * 4.0, rel=1e-12)
+    total = COMM.allreduce(forces.external(0, some=given.force).sum(axis=0))
+    assert total[1] == pytest.approx(3.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_rotating_disc(degree):
+    """A thin solid disc: hoop and radial stress at its centre are (3 + nu) / 8 rho omega^2 R^2, with free faces."""
+    radius, density, speed = 2.0, 3.0, 1.5
+    thin = section(0.0, radius, 0.02, "quadrilateral", (32, 1), MPI.COMM_SELF)
+    given = scene(
+        thin,
+        degree,
+        {"density": density},
+        displacement={"boundary": "bottom", "y": 0.0},
+        rotation={"speed": speed, "axis": [0.0, 1.0]},
+    )
+    solution = alone(given, check=False)
+    assert solution.certificate.holds
+    expected = (3 + POISSON) / 8 * density * speed**2 * radius**2
+    for name in ("xx", "zz"):
+        assert solution.stress.recovered.largest(name).value == pytest.approx(expected, rel=0.01)
+    x, y = nodes(solution)
+    rim = y[np.abs(x[:, 0] - radius) < 1e-9, 0]
+    assert rim == pytest.approx((1 - POISSON) * density * speed**2 * radius**3 / (4 * YOUNG), rel=0.01)
+
+
+def test_wrong_modulus_is_noticed():
+    """The certificate does not hold for the displacement of another Poisson's ratio."""
+    right = scene(
+        section(comm=MPI.COMM_SELF),
+        displacement={"boundary": "bottom", "y": 0.0},
+        traction={"boundary": "outside", "pressure": 1.0},
+    )
+    wrong = right.model_copy(update={"material": (right.material[0].model_copy(update={"poisson": 0.31}),)})
+    solution = alone(right, check=False)
+    tagged = solution.discretisation.tagged
+    assert certify(right, tagged, solution.displacement, None).equilibrium < 1e-11
+    assert certify(wrong, tagged, solution.displacement, None).equilibrium > 1e-3
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("held", "free"),
+    [
+        ({}, 1),
+        ({"displacement": {"boundary": "outside", "x": 0.0}}, 1),
+        ({"displacement": {"boundary": "outside", "y": 0.0}}, 0),
+        ({"springs": {"boundary": "bottom", "normal": 1.0}}, 0),
+    ],
+)
+def test_only_motion_along_the_axis_is_free(held, free):
+    """Neither the radius nor a rotation needs a support."""
+    given = scene(section(), traction={"boundary": "top", "y": -1.0}, **held)
+    report = check_scene(given, COMM)
+    found = [one.message for one in report.findings if "nothing holds" in one.message]
+    assert len(found) == free
+    if free:
+        assert "the translation along (0, 1);" in found[0]
+    row = next(effect for effect in report.effects if effect.name == "elasticity")
+    assert row.why == "always; axisymmetric"
+
+
+REFUSED = {
+    "negative radius": ({"mesh": (-1.0, 1.0)}, r"mesh: has points with x\[0\] = -1: it is the radius"),
+    "rotation": ({"displacement": {"boundary": "top", "rotation": 1.0}}, r"rotation: is no axisymmetric motion"),
+    "axis": ({"material": {"density": 1.0}, "rotation": {"speed": 1.0}}, r"rotation: must be that of the body: axis"),
+    "two bodies": ({"contact": {"boundary": "top", "against": "bottom"}}, r"axisymmetric is not possible yet"),
+    "accuracy": (
+        {"contact": {"boundary": "bottom"}, "accuracy": {"target": 0.1, "of": "force"}},
+        r"accuracy\.of: .*energy only",
+    ),
+    "refinement": (
+        {"contact": {"boundary": "bottom"}, "accuracy": {"target": 0.1}},
+        r"accuracy: must be 'uniform'",
+    ),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_mistakes(mistake):
+    """Each with its path, on all ranks."""
+    more, message = REFUSED[mistake]
+    more = dict(more)
+    inner, outer = more.pop("mesh", (0.0, 2.0))
+    with pytest.raises(SceneError, match=message):
+        check_scene(scene(section(inner, outer), 1, more.pop("material", None), **more), COMM)
+
+
+def test_no_guaranteed_bound():
+    """The proof is for plane bodies."""
+    held = {"boundary": "bottom", "y": 0.0}
+    given = scene(
+        section(cells="triangle", comm=MPI.COMM_SELF), displacement=held, traction={"boundary": "top", "y": 1.0}
+    )
+    assert "not for axisymmetric" in alone(given, check=False).error_bound
