@@ -440,8 +440,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/rigid",
-        "parallel.sums_by(comm, self.piece[owned], np.hstack((work, sizes)), self.pieces.count)",
-        "parallel.sums_by(MPI.COMM_SELF, self.piece[owned], np.hstack((work, sizes)), self.pieces.count)",
+        "parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)",
+        "parallel.sums_by(MPI.COMM_SELF, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)",
         "resultant of this rank only",
         ranks=2,
         tests=("parts_on_ranks::test_resultant",),
@@ -1799,9 +1799,9 @@ MUTANTS = (
     ),
     Mutant(
         "body/deformation",
-        'squares = np.einsum("cik,kjc->cij", reference, adjugate) ** 2',
-        'slopes_of = np.einsum("cik,kjc->cij", reference, adjugate)\n'
-        "squares = ((slopes_of + slopes_of.transpose(0, 2, 1)) / 2) ** 2",
+        'gradient = np.einsum("ikc,kjc->ijc", along_cell(y, body.scene.element.degree), adjugate)',
+        'gradient = np.einsum("ikc,kjc->ijc", along_cell(y, body.scene.element.degree), adjugate)\n'
+        "gradient = (gradient + gradient.swapaxes(0, 1)) / 2",
         "deformation: rotation not counted",
         tests=("traps",),
     ),

@@ -79,9 +79,11 @@ def _squares(
     dim = body.tagged.dimension
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
     y = displacement.x.array.reshape(-1, dim)[space.dofmap.list[owned]]
-    # Derivatives along the reference cell, (cells, component, direction).
-    jacobian = x.transpose(0, 2, 1) @ slopes(compat.geometry_degree(mesh)).T
-    reference = y.transpose(0, 2, 1) @ slopes(body.scene.element.degree).T
-    adjugate, determinant = adjugates(jacobian.transpose(1, 2, 0))
-    squares = np.einsum("cik,kjc->cij", reference, adjugate) ** 2
-    return squares.sum(axis=(1, 2)) / determinant**2, np.abs(determinant)
+
+    def along_cell(values: npt.NDArray[np.float64], degree: int) -> npt.NDArray[np.float64]:
+        """Derivatives of nodal values, shape (cells, functions, d), along the reference cell, shape (d, d, cells)."""
+        return np.array([[values[:, :, i] @ slope for slope in slopes(degree)] for i in range(dim)])
+
+    adjugate, determinant = adjugates(along_cell(x, compat.geometry_degree(mesh)))
+    gradient = np.einsum("ikc,kjc->ijc", along_cell(y, body.scene.element.degree), adjugate)
+    return np.einsum("ijc,ijc->c", gradient, gradient) / determinant**2, np.abs(determinant)

@@ -107,10 +107,10 @@ class RigidMotions:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
         return self.of_pieces(self.free @ motion)
 
-    def of_pieces(self, motion: _Floats) -> _Floats:
-        """The motions of all pieces times coefficients of shape (m p,) at all nodes of this rank, shape (nodes, d)."""
-        own = motion.reshape(-1, self.each)[self.piece]
-        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(slice(None)), own)
+    def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
+        """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
+        own = motion.reshape(-1, self.each)[self.piece[nodes]]
+        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(nodes), own)
         return moved
 
     def load_of(self, forces: _Floats, comm: MPI.Comm) -> RigidLoad:
@@ -121,10 +121,10 @@ class RigidMotions:
         if self.free.shape[1] == 0:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
         forces = forces.reshape(-1, self.x.shape[1])
-        owned = slice(forces.shape[0])
-        work = np.einsum("ij,ijk->ik", forces, self._modes(owned))
-        sizes = np.linalg.norm(forces, axis=1, keepdims=True)
-        total = parallel.sums_by(comm, self.piece[owned], np.hstack((work, sizes)), self.pieces.count)
+        acting = np.flatnonzero(forces.any(axis=1))  # few where loads are on the boundary
+        work = np.einsum("ij,ijk->ik", forces[acting], self._modes(acting))
+        sizes = np.linalg.norm(forces[acting], axis=1, keepdims=True)
+        total = parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
         return RigidLoad(self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly], self.assembly)
 
@@ -179,8 +179,9 @@ def rigid_motions(
     supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
     free, assembly = _null_space(supported, motions)
     # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
+    held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
     for column in free.T:
-        moved = motions.of_pieces(column)[owned]
+        moved[held] = motions.of_pieces(column, held)
         column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
     return replace(motions, free=free, assembly=assembly)
 

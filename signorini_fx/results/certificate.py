@@ -231,7 +231,7 @@ def judged(
     forces, supports, scales = balance.surface, balance.supports, balance.scales
     comm, dim = forces.space.mesh.comm, forces.dimension
     every = displacement.x.array.reshape(-1, dim)
-    y, x = every[: forces.owned], forces.space.tabulate_dof_coordinates()[: forces.owned, :dim]
+    y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
     works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external)]
     energy, stored, work = map(float, parallel.global_sum(comm, np.array(works)))
     strain_energy = max(0.0, energy / 2)

@@ -155,7 +155,7 @@ class NodalForces(SurfaceQuadrature):
             at = self.positions(part)
             return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
         nodes = self._nodes[part.cells]
-        x = self.space.tabulate_dof_coordinates()[nodes.ravel(), : self.dimension]
+        x = self.at_nodes[nodes.ravel(), : self.dimension]
         return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
 
     def positions(self, part: Facets) -> Array:
@@ -221,7 +221,8 @@ class NodalForces(SurfaceQuadrature):
             first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
             inverse, determinant = adjugates(self._jacobian(cells, table))
             inverse /= determinant  # dX_k / dx_j
-            nodal = u[self._nodes[cells]]
+            nodes = self._nodes[cells]
+            nodal, lowest = u[nodes], int(nodes.min())
             reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
             gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
             stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
@@ -240,8 +241,9 @@ class NodalForces(SurfaceQuadrature):
             for i in axes:
                 for k in axes:
                     forces[:, :, i] += flux[i, k] @ table.slope[k]
-            for i in axes:
-                total[:, i] += np.bincount(self._nodes[cells].ravel(), forces[:, :, i].ravel(), minlength=len(total))
+            for i in axes:  # cells one after the other have nodes close to each other
+                added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
+                total[lowest : lowest + added.size, i] += added
         return total
 
     def _compiled(self, load: Force, place: float) -> Array:

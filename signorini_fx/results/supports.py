@@ -52,7 +52,7 @@ class Supports:
         shape = (owned, forces.dimension)
         fixed, value, by = np.zeros(shape, dtype=bool), np.zeros(shape), np.full(shape, -1)
         askew: list[tuple[npt.NDArray[np.int64], Nodal, Nodal, int]] = []
-        x = space.tabulate_dof_coordinates()
+        x = forces.at_nodes
         dim = tagged.mesh.topology.dim - 1
         for position, effect in enumerate(scene.displacement):
             if effect.at is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -79,6 +80,11 @@ class SurfaceQuadrature:
         self._corners = compat.geometry_cells(mesh)
         self._nodes = space.dofmap.list
         self._x = mesh.geometry.x[:, : self.dimension]
+
+    @cached_property
+    def at_nodes(self) -> Array:
+        """Positions of the nodes of this rank, length, shape (nodes, 3)."""
+        return np.asarray(self.space.tabulate_dof_coordinates(), dtype=np.float64)
 
     def facets(self, boundary: Any) -> Indices:
         """The exterior facets of a part of the boundary on this rank: here the part is a list of them."""
