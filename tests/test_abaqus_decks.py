@@ -200,6 +200,18 @@ def test_elements_without_nodes_in_the_middle_of_faces(tmp_path, capsys, kind, d
     assert mesh.note == f"1 {whole.word} get nodes in the middle of their faces, and are {whole.kind}"
 
 
+def test_axisymmetric_elements(tmp_path, capsys):
+    """A cylinder under pressure on its lid; forces at nodes, which are those of the whole circle, are left out."""
+    lines = [*block("CAX4"), *MATERIAL, "*BOUNDARY", *(f"{n}, 2" for n in NODES[: NX + 1]), "WALL, 1", "*STEP"]
+    lines += ["*STATIC", "*DSLOAD", "LID, P, 4.0", "*CLOAD", *(f"{n}, 1, 2.0" for n in RIGHT), "*END STEP"]
+    scene, data, said = drafted(tmp_path, lines, capsys)
+    assert data["material"]["hypothesis"] == "axisymmetric"
+    said = lines_of(said)
+    assert said == [f"CLOAD: forces at nodes, {2 * NY + 2} along x in all ({NY + 1} nodes): give a force on a boundary"]
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.displacement.x.array[1::2].min() == pytest.approx(-4.0 * HEIGHT / 1000.0)
+
+
 def test_steps_that_are_not_static(tmp_path, capsys):
     """They are left out whole; what the others begin and end is told."""
     lines = ["*STEP", "*FREQUENCY", "5", "*DSLOAD", "LID, P, 9.0", "*END STEP"] * 2

@@ -60,8 +60,6 @@ def _kind(element: str) -> tuple[str, int]:
         if (count := int(found[1])) not in _KIND_IN_SPACE:
             raise ValueError(f"element type {element}: known are C3D4, C3D8, C3D10 and C3D20")
         return _KIND_IN_SPACE[count], count
-    if element.startswith("CAX") and element != "CAX4P":  # as which meshio writes any quadrilateral
-        raise ValueError(f"axisymmetric elements ({element}): only plane problems are solved")
     if found := _SOLID_IN_PLANE.match(element):
         return _KIND[int(found[1])], int(found[1])
     if found := _LINE.match(element):

@@ -116,7 +116,10 @@ def _read(deck: Deck, block: Block) -> None:
             _section(deck, block)
         case "ELEMENT":
             kind = parameters["TYPE"].upper()
-            if deck.mesh.dim == 2 and _STRESS.match(kind) and not NO_BODY.match(kind):
+            # meshio writes any quadrilateral as CAX4P.
+            if deck.mesh.dim == 2 and kind.startswith("CAX") and kind != "CAX4P":
+                deck.hypothesis = "axisymmetric"
+            elif deck.mesh.dim == 2 and _STRESS.match(kind) and not NO_BODY.match(kind):
                 deck.hypothesis = "plane stress"
             if NO_BODY.match(kind) and not _POINTS.match(kind):
                 deck.leave_out(block, f"{kind}, which is no part of the body")
