@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 from typing import Any
 
@@ -246,27 +246,37 @@ def applied_load(
     group: tuple[tuple[float, ...], bool, bool], loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
 ) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective."""
+    return _assembled(group, loads, on, supports, *compile_loads(loads, on, z), 0)
+
+
+def _assembled(
+    group: tuple[tuple[float, ...], bool, bool],
+    loads: list[Load],
+    on: FormCoefficients,
+    supports: SupportsAt,
+    name: str,
+    form: fem.Form | None,
+    place: float,
+) -> AppliedLoad:
+    """The loads at the time of a place in the lists of factors; collective."""
     factors, grows, timed = group
     space = on.space
-    name, form = compile_loads(loads, on, z)
-
-    def at(place: float) -> AppliedLoad:
-        on.move_to(place)
-        prescribed = fem.Function(space)
-        axes, turned = supports(place)
-        for effect, support in axes:  # the later one applies where two meet
-            dofs, _ = support.dof_indices()
-            prescribed.x.array[dofs] = 0.0
-            if any(effect is one for one in loads):
-                support.set(prescribed.x.array)
-                prescribed.x.scatter_forward()
-        if turned is not None:
-            turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
-        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        forces = np.zeros(owned) if form is None else assemble(form)
-        return AppliedLoad(factors, name, form, forces, prescribed, grows, at if timed else None)
-
-    return at(0)
+    on.move_to(place)
+    prescribed = fem.Function(space)
+    axes, turned = supports(place)
+    for effect, support in axes:  # the later one applies where two meet
+        dofs, _ = support.dof_indices()
+        prescribed.x.array[dofs] = 0.0
+        if any(effect is one for one in loads):
+            support.set(prescribed.x.array)
+            prescribed.x.scatter_forward()
+    if turned is not None:
+        turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    forces = np.zeros(owned) if form is None else assemble(form)
+    # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
+    again = partial(_assembled, group, loads, on, supports, name, form) if timed else None
+    return AppliedLoad(factors, name, form, forces, prescribed, grows, again)
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:

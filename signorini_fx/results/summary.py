@@ -335,7 +335,7 @@ def _resultants(summary: dict[str, Any]) -> list[Line]:
     """What acts through the other boundaries, and where; contact too if it has several."""
     several = len(summary.get("contact_boundaries", ())) > 1
     rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
-    told, nowhere = [], "" if is_axisymmetric(summary["scene"]) else ", a couple or none"
+    told, nowhere = [], "" if is_axisymmetric(summary.get("scene") or {}) else ", a couple or none"
     for row in rows[:_MOST_ROWS]:
         where = f", acts at {_point(row['acts_at'])}" if row["acts_at"] is not None else nowhere
         force = ", ".join(f"{f:.6g}" for f in row["force"])
