@@ -196,8 +196,9 @@ class NodalForces(SurfaceQuadrature):
     def _whole(self, effect: Effect, degree: int) -> float:
         """The integral of its ``weighting`` over its boundary."""
         parts = self._sides(str(effect.where), degree)
+        # A float on a rank without facets too: ranks that sum numbers of different types find anything.
         own = sum(
-            float(np.sum(size * self._around(part) * self.values(effect.weighting, part))) for part, size in parts
+            (np.sum(size * self._around(part) * self.values(effect.weighting, part)) for part, size in parts), 0.0
         )
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(own)))
 
