@@ -61,6 +61,7 @@ dist: $(BUILD)  ## make an archive of the sources and a wheel, and check them (d
 	PYTHONPATH=$(BUILD) python3 -m build -o dist .
 	PYTHONPATH=$(BUILD) python3 -m twine check --strict dist/*
 	python3 -m pip install -qq --no-deps --target build/installed dist/*.whl
+	! grep -nP '!\[|\]\((?!https:)' build/installed/*.dist-info/METADATA
 	cd build/installed && for name in $$(cd ../..; git ls-files signorini_fx meshes ':!*README*'); do \
 	  test -e $$name || test -e signorini_fx/$$name || { echo "$$name is not in the wheel"; exit 1; }; done
 

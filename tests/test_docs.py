@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
+from email import message_from_bytes
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
@@ -351,6 +352,27 @@ def test_everything_is_shipped():
     assert set(settings["package-data"]["signorini_fx"]) == data
     folders = {".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")}
     assert set(settings["packages"]) == folders | {"signorini_fx.meshes"}
+
+
+def test_description(tmp_path, monkeypatch):
+    """An index of packages shows the README with neither links nor images of files that it does not have."""
+    for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "signorini_fx", "meshes"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, "setup.py", "-q", "egg_info"], check=True, capture_output=True)
+    metadata = message_from_bytes((tmp_path / "signorini_fx.egg-info" / "PKG-INFO").read_bytes())
+    text, readme = metadata.get_payload(), README.read_text(encoding="utf-8")
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    assert "![" not in text
+    assert "<!--" not in text
+    targets = re.findall(r"\]\((.*?)\)", text)
+    assert targets == [target for target in re.findall(r"\]\((.*?)\)", readme) if target.startswith("https:")]
+    blocks = re.findall(r"```.*?```", readme, re.DOTALL)
+    assert re.findall(r"```.*?```", text, re.DOTALL) == blocks
+    assert re.findall(r"^## .*", text, re.MULTILINE) == re.findall(r"^## .*", readme, re.MULTILINE)
+    captions = re.findall(r"^!\[.*?\]\(.*?\)\n\n(\*.*?\*)\n\n", readme, re.MULTILINE | re.DOTALL)
+    assert captions
+    assert not [caption for caption in captions if caption in text]
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------
