@@ -65,6 +65,23 @@ def example1(
     )
 
 
+def bar_on_a_bowl(nx, law, start):
+    """A bar that only contact with a curved foundation holds, with Coulomb or Tresca friction."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.1, "nx": nx, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": 0.05, "y": "-1 - x[0]"},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.01 + 0.02 * (x[0] - 0.4)**2",
+                "friction": {"law": law} | ({"coefficient": 0.3} if law == "coulomb" else {"bound": 0.5}),
+            },
+            "solver": {"linear_algebra": "condensed", "initial_contact": start},
+        }
+    )
+
+
 def on_mesh(scene, tagged):
     """The same scene on a mesh of one's own."""
     return scene.model_copy(update={"mesh": tagged})

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, field_validator
+from pydantic import Discriminator, Field, Tag
 
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.effect import Contradictions, Effect, text
 from signorini_fx.scene.rigid_shape import Distance, OneShape
-from signorini_fx.scene.values import Finite, NonNegativeValue, SampledValue, shown
+from signorini_fx.scene.values import Direction, NonNegativeValue, SampledValue, shown
 
 
 class Friction(Table):
@@ -91,16 +91,9 @@ class Contact(Effect):
     against: str | None = None
     distance: Literal["geometry", "nominal"] = "geometry"
     gap: SampledValue = 0.0
-    direction: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    direction: Direction | None = None
     foundation: OneShape = None
     friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
-
-    @field_validator("direction")
-    @classmethod
-    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if given is not None and not any(given):
-            raise ValueError("must not be zero")
-        return given
 
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""

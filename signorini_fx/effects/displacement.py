@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import model_validator
 
 from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Load, text
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.values import Finite, TimedSampledValue
+from signorini_fx.scene.values import NOT_ZERO, Finite, TimedSampledValue, Vector
 
 
 class PrescribedDisplacement(Load):
@@ -30,21 +30,14 @@ class PrescribedDisplacement(Load):
     """
 
     boundary: str | None = None
-    at: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    at: Vector | None = None
     x: TimedSampledValue | None = None
     y: TimedSampledValue | None = None
     z: TimedSampledValue | None = None
     normal: TimedSampledValue | None = None
     rotation: TimedSampledValue | None = None
-    about: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
-    axis: tuple[Finite, Finite, Finite] | None = None
-
-    @field_validator("axis")
-    @classmethod
-    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if given is not None and not any(given):
-            raise ValueError("must not be zero")
-        return given
+    about: Vector | None = None
+    axis: Annotated[tuple[Finite, Finite, Finite], NOT_ZERO] | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field, field_validator
 
 from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Force, Points, without_density
-from signorini_fx.scene.values import Finite, TimedValue
+from signorini_fx.scene.values import Direction, TimedValue, Vector
 
 
 class Rotation(Force):
@@ -23,15 +22,8 @@ class Rotation(Force):
     """
 
     speed: TimedValue
-    about: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
-    axis: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
-
-    @field_validator("axis")
-    @classmethod
-    def _not_zero(cls, given: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if given is not None and not any(given):
-            raise ValueError("must not be zero")
-        return given
+    about: Vector | None = None
+    axis: Direction | None = None
 
     @property
     def given(self) -> dict[str, Any]:

@@ -17,16 +17,15 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.validation import problems_of
-from signorini_fx.scene.values import Finite, TimedSampledValue, kind_of, shown
+from signorini_fx.scene.values import TimedSampledValue, Vector, kind_of, shown
 
 Array = npt.NDArray[np.float64]
-Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 
 
 def _of_time(given: Any) -> Any:
@@ -49,15 +48,8 @@ def _three(given: tuple[Any, ...]) -> tuple[Any, ...]:
     return given
 
 
-def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(given):
-        raise ValueError("must not be zero")
-    return given
-
-
 # A number, or an expression of the time t.
 Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
-Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
 def unit(vector: tuple[float, ...]) -> Array:

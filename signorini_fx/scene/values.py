@@ -149,6 +149,17 @@ NonNegative = Annotated[
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 
 
+def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(given):
+        raise ValueError("must not be zero")
+    return given
+
+
+NOT_ZERO = AfterValidator(_not_zero)
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+Direction = Annotated[Vector, NOT_ZERO]
+
+
 Automatic = Annotated[float | Literal["auto"], BeforeValidator(number_or_auto)]
 
 

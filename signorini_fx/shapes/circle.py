@@ -6,11 +6,28 @@ from typing import Literal
 
 import numpy as np
 
-from signorini_fx.scene.rigid_shape import Array, Shape, Vector, normalised
-from signorini_fx.scene.values import Positive
+from signorini_fx.scene.rigid_shape import Array, Shape, normalised
+from signorini_fx.scene.values import Positive, Vector
 
 
-class Circle(Shape):
+class Ball(Shape):
+    """All points that are closer to a centre than a radius, in the plane or in space.
+
+    Attributes:
+        centre: its centre, length.
+        radius: length.
+    """
+
+    centre: Vector
+    radius: Positive
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
+        return size - self.radius, normal
+
+
+class Circle(Ball):
     """A circle.
 
     Attributes:
@@ -21,13 +38,6 @@ class Circle(Shape):
     exists_in = (2,)
 
     shape: Literal["circle"] = "circle"
-    centre: Vector
-    radius: Positive
-
-    def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
-        size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
-        return size - self.radius, normal
 
 
 Entry = Circle

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, across, normalised, unit
-from signorini_fx.scene.values import Finite
+from signorini_fx.scene.rigid_shape import Array, Shape, across, normalised, unit
+from signorini_fx.scene.values import Direction, Finite, Vector
 
 
 class Cone(Shape):

@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, across, normalised, unit
-from signorini_fx.scene.values import Positive
+from signorini_fx.scene.rigid_shape import Array, Shape, across, normalised, unit
+from signorini_fx.scene.values import Direction, Positive, Vector
 
 
 class Cylinder(Shape):

@@ -7,8 +7,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, unit
-from signorini_fx.scene.values import Finite
+from signorini_fx.scene.rigid_shape import Array, Shape, unit
+from signorini_fx.scene.values import Direction, Finite, Vector
 
 # Faces that differ by less than this angle, radians, are one plane, or two sides of nothing.
 _FLAT = 1e-6

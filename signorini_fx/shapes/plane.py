@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from signorini_fx.scene.rigid_shape import Array, Direction, Shape, Vector, unit
+from signorini_fx.scene.rigid_shape import Array, Shape, unit
+from signorini_fx.scene.values import Direction, Vector
 
 
 class Plane(Shape):

@@ -1,16 +1,13 @@
-"""A sphere."""
+"""A sphere in space."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-
-from signorini_fx.scene.rigid_shape import Array, Shape, Vector, normalised
-from signorini_fx.scene.values import Positive
+from signorini_fx.shapes.circle import Ball
 
 
-class Sphere(Shape):
+class Sphere(Ball):
     """A sphere.
 
     Attributes:
@@ -21,13 +18,6 @@ class Sphere(Shape):
     exists_in = (3,)
 
     shape: Literal["sphere"] = "sphere"
-    centre: Vector
-    radius: Positive
-
-    def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
-        size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
-        return size - self.radius, normal
 
 
 Entry = Sphere
