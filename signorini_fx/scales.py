@@ -40,6 +40,11 @@ class Scales:
         return cls(dimension, modulus, size, np.pi * size if axisymmetric else 1.0)
 
     @property
+    def surface(self) -> float:
+        """Area, in the plane length, of a surface as large as the body."""
+        return float(self.depth * self.size ** (self.dimension - 1))
+
+    @property
     def gamma(self) -> float:
         """The natural unit of gamma, stress per length."""
         return self.modulus / self.size

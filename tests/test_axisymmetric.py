@@ -392,6 +392,10 @@ def test_only_motion_along_the_axis_is_free(held, free):
 REFUSED = {
     "negative radius": ({"mesh": (-1.0, 1.0)}, r"mesh: has points with x\[0\] = -1: it is the radius"),
     "rotation": ({"displacement": {"boundary": "top", "rotation": 1.0}}, r"rotation: is no axisymmetric motion"),
+    "up": (
+        {"fluid": {"boundary": "outside", "level": 1.0, "weight": 1.0, "up": "x"}},
+        r"fluid\.up: must be along the axis of the body: y",
+    ),
     "axis": ({"material": {"density": 1.0}, "rotation": {"speed": 1.0}}, r"rotation: must be that of the body: axis"),
     "two bodies": ({"contact": {"boundary": "top", "against": "bottom"}}, r"axisymmetric is not possible yet"),
     "accuracy": (
@@ -414,6 +418,15 @@ def test_mistakes(mistake):
     inner, outer = more.pop("mesh", (0.0, 2.0))
     with pytest.raises(SceneError, match=message):
         check_scene(scene(section(inner, outer), 1, more.pop("material", None), **more), COMM)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_spread_without_a_total(size):
+    """Refused whatever the unit of length is: forces of any size would add up to the given one."""
+    spread = {"boundary": "outside", "x": 1.0, "spread": f"x[1] / {size} - 0.5"}
+    body = section(outer=2 * size, height=size, comm=MPI.COMM_SELF)
+    with pytest.raises(SceneError, match=r"force\[0\]\.spread: its integral over 'outside' is .*: it must not be 0"):
+        check_scene(scene(body, displacement={"boundary": "bottom", "y": 0.0}, force=spread), MPI.COMM_SELF)
 
 
 def test_no_guaranteed_bound():

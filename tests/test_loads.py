@@ -313,6 +313,11 @@ REFUSED = {
         {"fluid": {"boundary": "left", "weight": 1.0, "level": "x[2]"}},
         r"fluid.*level: the mesh is plane",
     ),
+    "up": (
+        SOFT,
+        {"fluid": {"boundary": "left", "weight": 1.0, "level": 1.0, "up": "z"}},
+        r"fluid\[0\]\.up: the mesh is plane: there is nothing along x\[2\]",
+    ),
     "axis": (HEAVY, {"rotation": {"speed": 1.0, "axis": [0.0, 0.0, 1.0]}}, r"rotation\[0\]\.axis.*give 2 numbers"),
     "no axis": (HEAVY, {"rotation": {"speed": 1.0, "axis": [0.0, 0.0]}}, r"rotation.*axis: must not be zero"),
     "about": (HEAVY, {"rotation": {"speed": 1.0, "about": [1.0]}}, r"rotation.*about"),

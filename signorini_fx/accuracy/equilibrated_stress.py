@@ -91,9 +91,7 @@ def equilibrate(t: Triangles, loads: Loads, prescribed: Array) -> Equilibrated:
     lift = turn @ start
     basis = turn[:, free]
     system = (basis.T @ matrix @ basis).tocsc()
-    modes = basis.T @ np.repeat(
-        free_motions(t, loads.held).reshape(len(t.x), 2, -1)[t.edges.ravel()], 1, axis=0
-    ).reshape(size, -1)
+    modes = basis.T @ free_motions(t, loads.held).reshape(len(t.x), 2, -1)[t.edges.ravel()].reshape(size, -1)
     system = _tied(system, modes)
     found = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
         basis.T @ (right - matrix @ lift)

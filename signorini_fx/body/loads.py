@@ -22,6 +22,7 @@ from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
+from signorini_fx.scales import Scales
 from signorini_fx.scene.effect import Effect, Force, Load, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.load_steps import factor_at
@@ -137,7 +138,9 @@ class FormCoefficients:
             found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             most = parallel.global_max(mesh.comm, parallel.local_max(np.abs(sample(spread, corners.reshape(-1, 3).T))))
-            if not abs(found) > _ROUND_OFF * most * self.tagged.size ** (self.tagged.dimension - 1):
+            tagged, axisymmetric = self.tagged, self.scene.axisymmetric
+            scales = Scales.of(tagged.dimension, self.scene.young, tagged.size, axisymmetric=axisymmetric)
+            if not abs(found) > _ROUND_OFF * most * scales.surface:
                 path = next(path for path, one in self.scene.listed() if one is effect)
                 raise SceneError([(f"{path}.spread", f"its integral over {boundary!r} is {found:g}: it must not be 0")])
             self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(found))

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from signorini_fx.scene.effect import Array, Coefficients, Force, Points
+from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Force, Points
 from signorini_fx.scene.values import NonNegative, TimedSampledValue
 
 
@@ -31,6 +31,11 @@ class Fluid(Force):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         return {"level": self.level, "weight": self.weight}
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """See ``Effect``."""
+        if scene.axisymmetric and self.up == "x":
+            yield ("fluid", place, "up"), "must be along the axis of the body: y"
 
     @property
     def acts(self) -> bool:

@@ -25,12 +25,9 @@ if TYPE_CHECKING:
 
 Nodal = npt.NDArray[np.float64]
 
-# A weight below this share of the largest one is the round-off of a measure that is zero there.
-_ROUND_OFF = 1e-12
-
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
-# A share of a sum below this is round-off.
+# A share of a sum below this is round-off, and so is a weight below this share of the largest one, on an axis.
 _ROUND_OFF = 1e-12
 
 

@@ -47,6 +47,8 @@ def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
     for path, table in _tables(scene, ""):
         if "z" in table.model_fields_set and getattr(table, "z", None) is not None:
             yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"
+        if getattr(table, "up", None) == "z":
+            yield f"{path}.up", f"{_PLANE}: there is nothing along x[2]"
         for name in type(table).model_fields:
             value = getattr(table, name)
             if isinstance(value, Expression) and value.coordinates > 2:
