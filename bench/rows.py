@@ -18,6 +18,7 @@ import contestants
 import example1
 import numpy as np
 import space_rows
+import two_bodies
 from clock import Key, Sample
 from row import Row, Say, Sizes
 
@@ -81,6 +82,7 @@ GROUPS = (
     "space",
     "space-sweep",
     "space-rivals",
+    "two-bodies",
     "import",
 )
 # On the largest mesh differences are not small, and fewer rounds suffice.
@@ -333,6 +335,7 @@ def run(
         "space": lambda: space_rows.in_space(sizes, repeats, say),
         "space-sweep": lambda: space_rows.sweeps(sizes, min(repeats, _FEW_REPEATS), say),
         "space-rivals": lambda: space_rows.rivals(sizes, min(repeats, _FEW_REPEATS), say),
+        "two-bodies": lambda: two_bodies.rows(sizes, min(repeats, _FEW_REPEATS), say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:

@@ -125,9 +125,10 @@ class Run:
     answer: Answer | None = None
 
 
-def parameters(nx: int, cell: str) -> dict[str, Any]:
-    """The generator's parameters."""
-    return {"length": 3.0, "width": 1.0, "height": 1.0, "nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": cell}
+def parameters(nx: int, cell: str, height: int = 1) -> dict[str, Any]:
+    """The generator's parameters; ``height``: of the block."""
+    sizes = {"length": 3.0, "width": 1.0, "height": float(height)}
+    return {**sizes, "nx": nx, "ny": nx // 3, "nz": height * (nx // 3), "cell": cell}
 
 
 def scene(law: str, nx: int, cell: str, gamma: float, levels: int) -> Scene:
@@ -184,9 +185,9 @@ def package(law: str, nx: int, cell: str, gamma: float, levels: int) -> Run:
     return Run(seconds, cpu, sum(spent), len(sizes), finest, note, solution.converged, Answer.of(solution))
 
 
-def linear(nx: int, cell: str) -> Run:
+def linear(nx: int, cell: str, height: int = 1) -> Run:
     """One linear solve."""
-    tagged = generate_mesh("box", parameters(nx, cell), MPI.COMM_SELF)
+    tagged = generate_mesh("box", parameters(nx, cell, height), MPI.COMM_SELF)
     start, cpu = time.perf_counter(), time.process_time()
     held = {"left": (0, 1), "right": (0, 1), "bottom": (0, 1, 2)}
     _space, matrix, load, _fixed = assemble(tagged, held)  # the space keeps the communicator of the load

@@ -1,202 +1,186 @@
-"""What contact of two deformable bodies costs, beside one body on a rigid foundation and both bodies as one mesh.
+"""Two bodies in contact: the rows of plane and space, beside both as one mesh and one of them on a rigid foundation.
 
-    ./env python3 bench/two_bodies.py [--cells 12,20,28] [--gamma 1e5,1e7,1e9]
-
-Two blocks of hexahedra, whose meshes do not match, with a gap of paraboloids between them, are pressed and sheared.
-Printed are linear solves of the pair over those of one block on a rigid plane (half the gap, half the motion), CG steps
-of a linear solve over those of both blocks as one mesh, each to 1e-8, for each gamma (E is 1000), and the CPU
-times of the pairing, of the certificate and of the Coulomb solve over that of one linear solve of both as one.
+Two blocks 3 x 1, in space 3 x 1 x 1, whose meshes do not match, lie on each other; the upper one is pressed in the
+middle of its top onto a gap of a parabola or paraboloid, in space pulled sideways too.  *As one* is a mesh with as many
+unknowns in which both are bonded, held at the bottom; one linear solve is that of ``linear.py`` or ``space.py``.
 """
 
 from __future__ import annotations
 
-import argparse
+import gc
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import basix.ufl
+import linear
 import numpy as np
-import numpy.typing as npt
+import space
 import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
-from petsc4py import PETSc
+from once import stopwatch
+from row import Row, Say, Sizes
+from space import Run
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, Pair
+from signorini_fx import solve
 from signorini_fx.body import paired_points
-from signorini_fx.forms import contact_problem
-from signorini_fx.linalg.multigrid import ContactPreconditioner
+from signorini_fx.mesh import tagged as meshes
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
+from signorini_fx.meshes import generator
+from signorini_fx.scene.generators import GROUP, known_generators
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene
 
-Floats = npt.NDArray[np.float64]
-
-YOUNG, POISSON, COEFFICIENT, RADIUS = 1000.0, 0.3, 0.3, 5.0
-PUSHED = (0.006, 0.003, -0.04)  # the displacement of the top against the bottom
-EXACT = {"ksp_rtol": 1e-8, "ksp_norm_type": "unpreconditioned"}
-
-
-@dataclass
-class Clock:
-    """CPU seconds of functions by their names, and how often they were called."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-    calls: dict[str, int] = field(default_factory=dict)
-
-    def watched(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, whose time is taken."""
-
-        def timed(*given: Any, **more: Any) -> Any:
-            begin = time.process_time()
-            try:
-                return function(*given, **more)
-            finally:
-                self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - begin
-                self.calls[name] = self.calls.get(name, 0) + 1
-
-        return timed
+# Between both blocks, so that their boundaries can be told apart.
+_APART = 1e-3
+_GAMMAS = (1e5, 1e7, 1e9)
+_NAME = "two_blocks"
+_COARSEST = 12  # cells along the upper block
 
 
-def blocks(*bodies: tuple[int, float, float]) -> dmesh.Mesh:
-    """Blocks on each other, each with so many cells along x and y, half of them along z, from a height to another."""
-    cells: list[Floats] = []
-    points: list[Floats] = []
-    for count, low, high in bodies:
-        across = np.linspace(-1.0, 1.0, count + 1)
-        up = np.linspace(low, high, max(1, round(count * (high - low) / 2)) + 1)
-        x = np.stack(np.meshgrid(across, across, up, indexing="ij"), axis=-1).reshape(-1, 3)
-        row, column = len(up), len(up) * (count + 1)
-        first = [i * column + j * row + k for i in range(count) for j in range(count) for k in range(len(up) - 1)]
-        corners = [a * column + b * row + c for c in (0, 1) for b in (0, 1) for a in (0, 1)]
-        cells.append(np.array(first)[:, None] + np.array(corners) + sum(map(len, points)))
+@generator(counts=("nx", "other"))
+def generate(comm: MPI.Comm, /, *, nx: int = 30, other: int = 24, dimension: int = 2) -> Any:
+    """The upper block with nx and the lower one with ``other`` squares or cubes along it."""
+    cells, points, z = list[Any](), list[Any](), dimension - 1
+    for count, low in ((other, -1.0), (nx, _APART)):
+        numbers = (count, *(max(1, count // 3),) * z)
+        starts, ends = ([value] * z for value in (0.0, 1.0))
+        lines = zip((0.0, *starts), (3.0, *ends), numbers, strict=True)
+        axes = [np.linspace(a, b, n + 1) for a, b, n in lines]
+        axes[z] += low
+        x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+        strides = [int(np.prod([n + 1 for n in numbers[k + 1 :]])) for k in range(dimension)]
+        first = np.stack(np.meshgrid(*map(np.arange, numbers), indexing="ij"), axis=-1).reshape(-1, dimension) @ strides
+        corners = [sum(((k >> axis) & 1) * strides[axis] for axis in range(dimension)) for k in range(2**dimension)]
+        cells.append(first[:, None] + np.array(corners) + sum(map(len, points)))
         points.append(x)
-    element = basix.ufl.element("Lagrange", "hexahedron", 1, shape=(3,))
-    return dmesh.create_mesh(
-        MPI.COMM_SELF, cells=np.concatenate(cells).astype(np.int64), x=np.concatenate(points), e=ufl.Mesh(element)
+    every = [np.concatenate(part) if comm.rank == 0 else part[0][:0] for part in (cells, points)]
+    element = basix.ufl.element("Lagrange", ("quadrilateral", "hexahedron")[dimension - 2], 1, shape=(dimension,))
+    shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet)
+    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), every[1], ufl.Mesh(element), partitioner=shared)
+    heights = {"bottom": -1.0, "lower": 0.0, "upper": _APART, "top": 1.0 + _APART}
+    marks: dict[str, Any] = {name: lambda x, y=y: np.abs(x[z] - y) < 1e-9 for name, y in heights.items()}
+    marks |= {name: lambda x, y=y: np.abs(x[0] - y) < 1e-9 for name, y in (("left", 0.0), ("right", 3.0))}
+    return tag_boundaries(mesh, marks)
+
+
+def _known(name: str | None = None) -> dict[str, EntryPoint]:
+    """The generators with this one."""
+    own = {_NAME: EntryPoint(_NAME, f"{__name__}:generate", GROUP)}
+    return own if name == _NAME else {**known_generators(name), **own}
+
+
+meshes.known_generators = _known
+
+
+def scene(
+    mesh: int | TaggedMesh, dimension: int, *, gamma: float = 1e8, levels: int = 1, rigid: bool = False, **solver: Any
+) -> Scene:
+    """The scene with so many cells along the upper block, or on a mesh; ``rigid``: this alone on a rigid foundation."""
+    axes, nx = "xyz"[:dimension], mesh if isinstance(mesh, int) else 3
+    load = {axes[-1]: "-20 if 1 <= x[0] <= 2 else 0"} | ({"y": "4 if 1 <= x[0] <= 2 else 0"} if dimension == 3 else {})
+    gap = "0.003 * (x[0] - 1.5)**2 + 0.001" + (" + 0.003 * (x[1] - 0.5)**2" if dimension == 3 else "")
+    contact = {"boundary": "upper", "against": "lower", "distance": "nominal", "gap": gap}
+    made: dict[str, Any] = {"generator": _NAME}
+    made["parameters"] = {"nx": nx, "other": 4 * nx // 5, "dimension": dimension}
+    held = [{"boundary": "bottom", **dict.fromkeys(axes, 0.0)}]
+    if rigid:
+        contact, held = {"boundary": "bottom", "gap": gap}, []
+        name, cell = (("rectangle", "quadrilateral"), ("box", "hexahedron"))[dimension - 2]
+        made = {"generator": name, "parameters": space.parameters(nx, cell)}
+        if dimension == 2:
+            del made["parameters"]["width"], made["parameters"]["nz"]
+    found = parse_scene(
+        {
+            "mesh": made,
+            "material": {"young": space.YOUNG, "poisson": space.POISSON},
+            "displacement": [{"boundary": name, **dict.fromkeys(axes[:-1], 0.0)} for name in ("left", "right")] + held,
+            "traction": {"boundary": "top", **load},
+            "contact": {**contact, "friction": space.LAWS["coulomb"]},
+            "solver": {"gamma_n": gamma, "gamma_t": gamma, "levels": levels, **solver},
+        }
     )
+    return found if isinstance(mesh, int) else found.model_copy(update={"mesh": mesh})
 
 
-def forms(mesh: dmesh.Mesh) -> tuple[fem.FunctionSpace, Any, Any]:
-    """The space, a and L = 0."""
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    strain = ufl.sym(ufl.grad(u))
-    stress = YOUNG / (1 + POISSON) * (strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(3))
-    return (
-        space,
-        ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx,
-        ufl.inner(fem.Constant(mesh, (0.0,) * 3), v) * ufl.dx,
-    )
+def package(made: Scene) -> tuple[Run, float, int]:
+    """A whole solve without the making of meshes, the CPU seconds of its pairing, and solves on the finest mesh."""
+    pairing, couple = [0.0], paired_points.couple
+
+    def timed(*given: Any, **more: Any) -> Any:
+        begin = time.process_time()
+        found = couple(*given, **more)
+        pairing[0] += time.process_time() - begin
+        return found
+
+    gc.collect()
+    paired_points.couple = timed
+    try:
+        with space._watch() as (steps, sizes), stopwatch() as making, stopwatch(time.process_time) as burnt:
+            start, cpu = time.perf_counter(), time.process_time()
+            solution = solve(made, MPI.COMM_SELF, check=False)
+            seconds, cpu = time.perf_counter() - start - sum(making), time.process_time() - cpu - sum(burnt)
+    finally:
+        paired_points.couple = couple
+    dofs = solution.discretisation.dofs
+    spent = [count for size, count in steps if size == dofs]
+    solves = solution.levels[-1].linear_solves if solution.levels else solution.history.linear_solves
+    phases = ", ".join(f"{name} {value:.1f}" for name, value in solution.timings.seconds.items())
+    note = f"{dofs} unknowns, {solves} solves, {solution.linear_algebra.split(':')[0]}; {phases}"
+    return Run(seconds, cpu, sum(spent), len(sizes), dofs, note, solution.converged), pairing[0], solves
 
 
-def held(space: fem.FunctionSpace, height: float, pushed: Sequence[float]) -> fem.DirichletBC:
-    """All nodes at a height are moved."""
-    nodes = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[2], height))
-    return fem.dirichletbc(np.array(pushed), nodes, space)
+def as_one(nx: int, dimension: int) -> Run:
+    """One linear solve: in the plane by MUMPS, in space by CG with GAMG."""
+    nx = 3 * round(0.3 * nx)  # as many unknowns
+    if dimension == 3:
+        return space.linear(nx, "hexahedron", 2)
+    tagged = generate_mesh("rectangle", {"length": 3.0, "height": 2.0, "nx": nx, "ny": 2 * nx // 3}, MPI.COMM_SELF)
+    gc.collect()
+    start, cpu = time.perf_counter(), time.process_time()
+    x, _ = linear.solve(tagged, "mumps")
+    return Run(time.perf_counter() - start, time.process_time() - cpu, 0, 0, x.getSize())
 
 
-def gap(x: Floats) -> Floats:
-    """Between both bodies, nominally, length."""
-    return np.asarray((x[0] ** 2 + x[1] ** 2) / (2 * RADIUS))
+def rows(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
+    """Whole solves with Coulomb friction over one linear solve as one, the share of the pairing, solves and steps."""
+    plane, spaces = (sizes.middle, sizes.large), sizes.space
+    for dimension, nx in [*((2, nx) for nx in plane), *((3, nx) for nx in spaces)]:
+        name, settings = f"{'plane' if dimension == 2 else 'space'} {nx}", dict[str, Any]()
+        if dimension == 3:
+            settings = {"linear_algebra": "krylov", "levels": space_levels(nx)}
+        as_one(_COARSEST, dimension), package(scene(_COARSEST, dimension, **settings | {"levels": 1}))
+        found, shares, notes = [], [], ""
+        for repeat in range(repeats):
+            say(f"two-bodies, {name}, round {repeat + 1} of {repeats}")
+            made = scene(nx, dimension, gamma=1e7, **settings)
+            if dimension == 2:
+                made = made.model_copy(update={"mesh": meshes.load_mesh(made, MPI.COMM_SELF)})
+            run, pairing, solves = package(made)
+            unit = as_one(nx, dimension)
+            found.append(run.cpu / unit.cpu if run.converged else np.inf)
+            shares.append(pairing / run.cpu)
+            notes = f"{run.note}; {run.cpu:.1f} s over {unit.cpu:.1f} s of CPU, {unit.dofs} unknowns as one"
+        yield Row("two-bodies", "Coulomb, two bodies, over a linear solve as one", name, found, 2.0, note=notes)
+        yield Row("two-bodies", "share of the pairing", name, shares, 0.2)
+        rigid = package(scene(nx, dimension, gamma=1e7, rigid=True, **settings))[2]
+        what = "solves of two bodies over those on a rigid foundation"
+        yield Row("two-bodies", what, name, [solves / rigid], 1.3, note=f"{solves} over {rigid}")
+    most = {}
+    for nx in spaces:
+        say(f"two-bodies, steps, space {nx}")
+        once, settings = as_one(nx, 3).steps, {"linear_algebra": "krylov", "levels": space_levels(nx)}
+        runs = [package(scene(nx, 3, gamma=gamma, **settings))[0] for gamma in _GAMMAS]
+        most[nx] = [run.steps if run.converged else np.inf for run in runs]
+        what = "Krylov steps on the finest mesh over a linear solve as one, worst gamma"
+        yield Row("two-bodies", what, f"space {nx}", [max(most[nx]) / once], 1.5, note=f"{most[nx]} over {once}")
+    coarse, fine = (most[nx] for nx in spaces)
+    what = f"space {spaces[0]} to {spaces[1]}"
+    yield Row("two-bodies", "growth of the steps, worst gamma", what, [max(np.divide(fine, coarse))], 1.3)
 
 
-def sides(mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
-    """The facets at height 0 of the upper and of the lower body, as far as these are there."""
-    found = dmesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[2], 0.0))
-    mesh.topology.create_connectivity(2, 3)
-    links = mesh.topology.connectivity(2, 3)
-    cells = np.array([links.links(facet)[0] for facet in found], dtype=np.int32)
-    above = dmesh.compute_midpoints(mesh, 3, cells)[:, 2] > 0
-    return [found[above], found[~above]]
-
-
-def contact(mesh: dmesh.Mesh, *, rigid: bool = False, **settings: Any) -> ContactProblem:
-    """The pair, or the upper block on a rigid plane, solved."""
-    space, a, L = forms(mesh)
-    upper, lower = sides(mesh)
-    share = 0.5 if rigid else 1.0
-    bcs = [held(space, 1.0, [share * value for value in PUSHED])]
-    law = Coulomb(COEFFICIENT)
-    touching: Foundation | Pair = Foundation(upper, gap=lambda x: share * gap(x), friction=law)
-    if not rigid:
-        bcs.append(held(space, -1.0, (0.0, 0.0, 0.0)))
-        touching = Pair(upper, lower, gap=gap, friction=law)
-    problem = ContactProblem(a, L, bcs, contact=touching, linear_algebra="krylov", **settings)
-    problem.solve()
-    return problem
-
-
-def as_one(count: int) -> tuple[int, int, float]:
-    """Both blocks as one mesh: unknowns, CG steps to 1e-8 with GAMG, CPU seconds of assembly, set-up and solve."""
-    mesh = blocks((count, -1.0, 1.0))
-    space, a, L = forms(mesh)
-    bcs = [held(space, 1.0, PUSHED), held(space, -1.0, (0.0, 0.0, 0.0))]
-    a, L = fem.form(a), fem.form(L)
-    begin = time.process_time()
-    matrix = fem_petsc.assemble_matrix(a, bcs)
-    matrix.assemble()
-    matrix.setBlockSize(3)
-    x = space.tabulate_dof_coordinates()
-    modes = np.zeros((6, *x.shape))
-    modes[range(3), :, range(3)] = 1.0
-    for k in range(3):
-        modes[3 + k] = np.cross(np.eye(3)[k], x)
-    vectors = [PETSc.Vec().createWithArray(row) for row in np.linalg.qr(modes.reshape(6, -1).T)[0].T.copy()]
-    matrix.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors))
-    load = fem_petsc.assemble_vector(L)
-    fem_petsc.apply_lifting(load, [a], [bcs])
-    for condition in bcs:
-        condition.set(load.array_w)
-    solver = PETSc.KSP().create()
-    solver.setOperators(matrix)
-    solver.setType(PETSc.KSP.Type.CG)
-    solver.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-    solver.setTolerances(rtol=1e-8)
-    solver.getPC().setType(PETSc.PC.Type.GAMG)
-    solver.solve(load, load.duplicate())
-    return matrix.getSize()[0], solver.getIterationNumber(), time.process_time() - begin
-
-
-def main() -> None:
-    """Print a row for each mesh and gamma."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cells", default="8,12", help="cells along the lower block; the upper one has a quarter more")
-    parser.add_argument("--gamma", default="1e5,1e7,1e9", help="stress per length")
-    given = parser.parse_args()
-    clock = Clock()
-    paired_points.couple = clock.watched("pairing", paired_points.couple)
-    contact_problem.certify = clock.watched("certificate", contact_problem.certify)
-    ContactPreconditioner.apply = clock.watched("cycle", ContactPreconditioner.apply)  # type: ignore[method-assign]
-    as_one(2), contact(blocks((2, -1.0, 0.0), (3, 0.0, 1.0)))  # which compiles
-    print("unknowns  gamma  solves  on rigid  steps  as one  pairing  certificate  whole solve / one linear solve")
-    for count in map(int, given.cells.split(",")):
-        size = count * 5 // 4
-        _, steps, once = as_one(round((count + size) / 2))
-        rigid = contact(blocks((size, 0.0, 1.0)), rigid=True).history.linear_solves
-        for factor in map(float, given.gamma.split(",")):
-            mesh, stiff = (
-                blocks((count, -1.0, 0.0), (size, 0.0, 1.0)),
-                {"gamma_n": factor, "gamma_t": factor},
-            )
-            clock.seconds.clear()
-            begin = time.process_time()
-            problem = contact(mesh, **stiff)
-            whole = time.process_time() - begin
-            parts = [
-                clock.seconds[name] / (whole - clock.seconds["certificate"]) for name in ("pairing", "certificate")
-            ]
-            clock.calls.clear()
-            solves = problem.history.linear_solves
-            exact = contact(mesh, **stiff, petsc_options=EXACT)
-            each = clock.calls["cycle"] / exact.history.linear_solves
-            print(
-                f"{problem.u.x.array.size:8d} {factor:6.0e} {solves:7d} {rigid:9d} {each:6.1f} {steps:7d} "
-                f"{parts[0]:8.1%} {parts[1]:12.1%} {(whole - clock.seconds['certificate'] / 2) / once:8.2f}",
-                flush=True,
-            )
-
-
-if __name__ == "__main__":
-    main()
+def space_levels(nx: int) -> int:
+    """Meshes down to one with 12 cells along the upper block, two at least."""
+    return max(2, 1 + round(np.log2(nx / _COARSEST)))

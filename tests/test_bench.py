@@ -46,6 +46,7 @@ GROUPS = {
     "space",
     "space-sweep",
     "space-rivals",
+    "two-bodies",
 }
 
 

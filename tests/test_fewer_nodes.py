@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, bar_on_a_bowl, example1, on_mesh, rectangle, table_of
+from two_bodies import assembled, grid
 
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import fewer_nodes
@@ -198,3 +199,54 @@ def test_what_fewer_nodes_know():
     # Where a boundary goes on beyond the node of two, that is none of its ends.
     _, some = fewer_nodes._with_every(2, [np.roll(line, 1) for line in lines], task, boundary)
     assert (some.x.max(axis=1) < 1e-9).sum() == 2
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_bodies(degree):
+    """Condensed onto relative displacements, ends of both bodies moved: the answer of a factorisation, from half of the
+    solves that contact everywhere takes; as many unknowns as one body has on a rigid foundation, and some at the ends.
+    """
+    counts = [n // degree for n in (320, 250)]
+    low, high = (
+        grid("quadrilateral", (counts[1], 2), (0, -0.1), (3, 0)),
+        grid("quadrilateral", (counts[0], 2), (0, 0.001), (3, 0.101)),
+    )
+    heights = {"bottom": -0.1, "lower": 0.0, "upper": 0.001, "top": 0.101}
+    marks = {name: lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for name, y in heights.items()}
+    marks |= {name: lambda x, at=at: np.isclose(x[0], at) for name, at in (("left", 0.0), ("right", 3.0))}
+    tagged = tag_boundaries(assembled("quadrilateral", low, high), marks)
+
+    def scene(start, kind):
+        return parse_scene(
+            {
+                "mesh": tagged,
+                "element": {"degree": degree},
+                "material": {"young": 5000.0, "poisson": 0.4},
+                "displacement": [
+                    {"boundary": "left", "x": 0.0005},
+                    {"boundary": "right", "x": 0.0},
+                    {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                ],
+                "traction": {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
+                "contact": {
+                    "boundary": "upper",
+                    "against": "lower",
+                    "gap": "0.003 * (x[0] - 1.5)**2",
+                    "distance": "nominal",
+                    "friction": {"law": "coulomb", "coefficient": 0.3},
+                },
+                "solver": {"linear_algebra": kind, "initial_contact": start, "tolerance": 1e-11},
+            }
+        )
+
+    task, d = task_of(scene("auto", "condensed"))
+    assert 0 <= task.system.fixed.size - 2 * d.boundary.size <= 12
+    plain, begun = (alone(scene(start, kind)) for start, kind in (("all", "full"), ("auto", "condensed")))
+    assert begun.certificate.holds
+    assert [event.split()[-1] for event in first_solves(begun)] == ["converged"] * 2
+    assert begun.history.linear_solves <= plain.history.linear_solves / 2
+    for name in ("pressure", "shear"):
+        ours, theirs = (getattr(found.contact, name) for found in (begun, plain))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-8 * plain.contact.pressure.max())
+    far = np.abs(begun.displacement.x.array - plain.displacement.x.array).max()
+    assert far <= 1e-9 * np.abs(plain.displacement.x.array).max()

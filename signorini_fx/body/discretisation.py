@@ -65,6 +65,7 @@ class Discretisation(ElasticBody):
         law: the friction law; None where no law can act.
         resisting: name of the form ``resists``; empty without.
         coefficients: of the forms of loads and resistances.
+        pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
     """
 
     scene: Scene
@@ -77,6 +78,7 @@ class Discretisation(ElasticBody):
     law: FrictionLaw | None
     resisting: str
     coefficients: FormCoefficients
+    pairs: Mapping[int, PairedSides]
 
     @property
     def scales(self) -> Scales:
@@ -246,6 +248,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         law=law,
         resisting=resisting,
         coefficients=on_mesh,
+        pairs=foundations.pairs,
     )
 
 

@@ -80,7 +80,8 @@ class ContactMap:
         sets = [
             PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in (every, unknowns)
         ]
-        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed)
+        lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
+        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; collective.

@@ -8,17 +8,15 @@ interior is recovered at the end with the same factor.  The interior matrix is r
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.contact.points import ContactPoints
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
 
 
@@ -71,46 +69,15 @@ class DenseSystem:
         """A copy."""
         return displacement.copy()
 
-    def projected(self, change: Any, rows: npt.NDArray[np.int64], points: ContactPoints) -> DenseSystem:
-        """The Galerkin system for x = start + P x~, at some of the contact points: P^T A P and P^T (b - A start).
-
-        Its relative displacements count from those of ``start``.
-
-        Args:
-            change: P, scipy sparse, shape (unknowns, fewer), zero in the rows that are prescribed.
-            rows: numbers of the contact points that it has, shape (n,).
-            points: these points.
-        """
-        half = change.T @ self.matrix.getDenseArray(
-            readonly=True
-        )  # A is symmetric: both products are sparse times dense
-        dense = np.asfortranarray(change.T @ half.T)
-        matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=self.comm)
-        matrix.assemble()
-        load, start = matrix.createVecRight(), matrix.createVecRight()
-        missing = self.load.duplicate()
-        self.matrix.mult(self.start, missing)
-        missing.aypx(-1.0, self.load)
-        load.getArray()[:] = change.T @ missing.getArray(readonly=True)
-        starts, columns, values = self.contact.operator.getValuesCSR()
-        every = sp.csr_array((values, columns, starts), shape=self.contact.operator.getSize())
-        some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
-        csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
-        operator, free = (
-            PETSc.Mat().createAIJ(some.shape, csr=csr, comm=self.comm),
-            np.zeros(dense.shape[0], dtype=bool),
-        )
-        contact = ContactMap(operator, points, free)
-        return DenseSystem(self.comm, matrix, load, start, self.resultant, free, contact)
-
 
 @dataclass
 class CondensedSystem(DenseSystem):
-    """See ``ElasticSystem``: x holds the unknowns that B touches."""
+    """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
     schur: SchurComplement
+    relative: RelativeUnknowns | None
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @classmethod
@@ -123,13 +90,16 @@ class CondensedSystem(DenseSystem):
         e = elasticity
         retained = np.unique(e.contact.operator.getValuesCSR()[1]).astype(np.int32)
         schur = SchurComplement(e.matrix, retained)
-        matrix = PETSc.Mat().createDense((retained.size, retained.size), array=schur.dense.T, comm=e.comm)
+        contact = e.contact.among(retained, e.fixed[retained])
+        dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
+        if relative is not None:
+            dense, contact = relative.matrix, relative.contact
+        matrix = PETSc.Mat().createDense(dense.shape, array=dense.T, comm=e.comm)
         matrix.assemble()
-        fixed = e.fixed[retained]
-        contact = e.contact.among(retained, fixed)
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        cases = [_CondensedCase.of(case, schur) for case in e.cases]
-        system = cls(e.comm, matrix, load, start, np.zeros(e.free), fixed, contact, e, cases, schur)
+        cases = [_CondensedCase.of(case, schur, relative) for case in e.cases]
+        fixed, none = contact.fixed, np.zeros(e.free)
+        system = cls(e.comm, matrix, load, start, none, fixed, contact, e, cases, schur, relative)
         system.set_load(np.ones(len(cases)))
         return system
 
@@ -143,44 +113,52 @@ class CondensedSystem(DenseSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number] = _CondensedCase.of(case, self.schur)
+        self.cases[number] = _CondensedCase.of(case, self.schur, self.relative)
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
-        retained = self.schur.retained
+        retained, values = self.schur.retained, np.asarray(x.getArray(readonly=True))
+        if self.relative is not None:
+            values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
         lifted, right = self.schur.matrix.createVecs()
         lifted.set(0.0)
-        lifted.getArray()[retained] = x.getArray(readonly=True)
+        lifted.getArray()[retained] = values
         self.schur.matrix.mult(lifted, right)
         right.getArray()[retained] = 0.0
         result = self.schur.solve_interior(right)
         result.scale(-1.0)
         for factor, case in zip(self.factors, self.cases, strict=True):
             result.axpy(factor, case.interior)
-        result.getArray()[retained] = x.getArray(readonly=True)
+        result.getArray()[retained] = values
         return result
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """Those of the nodes that contact reaches."""
-        x = self.load.duplicate()
-        x.getArray()[:] = displacement.getArray(readonly=True)[self.schur.retained]
+        x, values = self.load.duplicate(), displacement.getArray(readonly=True)[self.schur.retained]
+        x.getArray()[:] = values if self.relative is None else self.relative.unknowns(values)
         return x
 
 
 @dataclass(frozen=True)
 class _CondensedCase:
-    """A load case, its interior x_i = A_ii^-1 b_i, and b_c - A_ci x_i and the prescribed values at the rest."""
+    """A load case, its interior x_i = A_ii^-1 b_i, and b_c - A_ci x_i and the prescribed values at the rest; ``inner``:
+    of ``RelativeUnknowns.load``.
+    """
 
     case: LoadCase
     interior: PETSc.Vec
     load: npt.NDArray[np.float64]
     start: npt.NDArray[np.float64]
+    inner: npt.NDArray[np.float64]
 
     @classmethod
-    def of(cls, case: LoadCase, schur: SchurComplement) -> _CondensedCase:
+    def of(cls, case: LoadCase, schur: SchurComplement, relative: RelativeUnknowns | None) -> _CondensedCase:
         """One back substitution."""
         interior, residual = schur.solve_interior(case.load), case.load.duplicate()
         schur.matrix.mult(interior, residual)
         residual.aypx(-1.0, case.load)
         load, start = (np.array(vector.getArray(readonly=True)[schur.retained]) for vector in (residual, case.start))
-        return cls(case, interior, load, start)
+        if relative is None:
+            return cls(case, interior, load, start, np.empty(0))
+        load, inner = relative.load(load, start)
+        return cls(case, interior, load, relative.unknowns(start), inner)

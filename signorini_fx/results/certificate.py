@@ -18,10 +18,10 @@ quadrature degrees, and loads given as UFL expressions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,9 @@ from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
 
 Nodal = npt.NDArray[np.float64]
 
@@ -140,6 +143,7 @@ def certify(
     step: float = 0,
     scale: float = 1.0,
     before: Before | None = None,
+    pairs: Mapping[int, PairedSides] | None = None,
 ) -> Certificate:
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
@@ -153,6 +157,7 @@ def certify(
         scale: factor of all loads and prescribed displacements.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
+        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
@@ -171,7 +176,7 @@ def certify(
         stiffest,
         forces.resisted(every),
     )
-    return judged(displacement, balance, sides_of(scene, tagged, space), tractions, law=law, before=before)
+    return judged(displacement, balance, sides_of(scene, tagged, space, pairs), tractions, law=law, before=before)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
     from signorini_fx.results.paired_sides import Claim
 
 Nodal = npt.NDArray[np.float64]
@@ -261,14 +262,25 @@ def _averaged(forces: SurfaceQuadrature, products: Any, gap: Callable[[npt.NDArr
     return _sums(forces, products @ values)
 
 
-def sides_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[ContactSide]:
-    """The parts of the boundary with contact as a scene describes them; bodies in contact are paired anew."""
+def sides_of(
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
+) -> list[ContactSide]:
+    """The parts of the boundary with contact as a scene describes them.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        space: the displacements.
+        pairs: bodies in contact as the solver has paired them, by their places in ``scene.contact``; None: they are
+            paired anew.
+    """
     claims: dict[int, Claim] = {}
     if any(effect.against is not None for effect in scene.contact):
         from signorini_fx.body.discretisation import pairs_of
         from signorini_fx.results.paired_claim import claim_of
 
-        claims = {place: claim_of(pair, space) for place, pair in pairs_of(scene, tagged, space).items()}
+        paired = pairs_of(scene, tagged, space) if pairs is None else pairs
+        claims = {place: claim_of(pair, space) for place, pair in paired.items()}
     x = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
 
     def side(place: int, effect: Any) -> ContactSide:

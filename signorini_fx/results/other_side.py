@@ -32,7 +32,7 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     dim, owned = tagged.dimension, space.dofmap.index_map.size_local
     x = np.array(space.tabulate_dof_coordinates()[:owned, :dim], dtype=np.float64)
     found = []
-    for part, side in enumerate(sides_of(scene, tagged, space)):
+    for part, side in enumerate(sides_of(scene, tagged, space, solution.discretisation.pairs)):
         if (claim := side.claim) is None:
             continue
         here = np.flatnonzero(boundary.part == part)

@@ -362,7 +362,10 @@ def _place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
     for _ in range(_STEPS):
         shares, slopes = _bilinear(s)
         jacobian = np.einsum("tqc,cd->qdt", slopes, flat)
-        s = s + np.linalg.solve(jacobian, (p - shares @ flat)[:, :, None])[:, :, 0]
+        step = np.linalg.solve(jacobian, (p - shares @ flat)[:, :, None])[:, :, 0]
+        s = s + step
+        if np.abs(step).max() < _PLACE:
+            break
     shares, slopes = _bilinear(s)
     areas = [np.linalg.det(np.einsum("tqc,cd->qdt", slopes, corners)) for corners in (flat, part)]
     return shares @ part, np.abs(areas[0] / areas[1])
@@ -380,7 +383,10 @@ def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Arr
     for _ in range(_STEPS):
         left = p - (facet.place(at) - centre) @ axes.T
         jacobian = np.einsum("sqd,kd->qks", facet.tangents(at), axes)
-        at = at + np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+        step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+        at = at + step
+        if np.abs(step).max() < _PLACE:
+            break
     return at
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +22,9 @@ from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.scene.effect import Force, Resistance
 from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
 
@@ -99,6 +104,7 @@ class Resultants:
         displacement: y.
         contact: the contact boundary of this rank; None without contact.
         place: of the load step in the lists of factors, see ``scene.load_steps``.
+        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
     """
 
     scene: Scene
@@ -106,6 +112,7 @@ class Resultants:
     displacement: fem.Function
     contact: ContactState | None
     place: float
+    pairs: Mapping[int, PairedSides] | None = None
 
     def __repr__(self) -> str:
         return f"<Resultants: {', '.join(self._names)}; of(boundary), body_force(), every()>"
@@ -180,7 +187,7 @@ class Resultants:
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
         left = nodal.internal(every) + nodal.resisted(every) - nodal.external(self.place)
         if self.contact is not None:
-            sides = sides_of(self.scene, self.tagged, nodal.space)
+            sides = sides_of(self.scene, self.tagged, nodal.space, self.pairs)
             nodes = ContactNodes.of(nodal, sides, Tractions.of(self.contact))
             reached, forces, _ = nodes.forces()
             np.add.at(left, reached, forces)

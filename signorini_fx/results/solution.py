@@ -216,7 +216,8 @@ class Solution:
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        return Resultants(self.scene, self.discretisation.tagged, self.displacement, self.contact, self._place)
+        d = self.discretisation
+        return Resultants(self.scene, d.tagged, self.displacement, self.contact, self._place, d.pairs)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:

@@ -15,14 +15,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary, chains
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import with_points
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.linalg.condensed import DenseSystem
+from signorini_fx.contact.points import ContactPoints
+from signorini_fx.linalg.condensed import CondensedSystem, DenseSystem
 from signorini_fx.records import History, Status
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.tuned import COARSEST_NODES, FEWEST_NODES_TO_COARSEN
@@ -34,16 +38,16 @@ Indices = npt.NDArray[np.int64]
 
 def worthwhile(task: Task, discretisation: Discretisation) -> bool:
     """Whether a task has a dense matrix large enough, whose unknowns are the displacements of contact nodes along a
-    boundary in the plane, no prescribed start, and an algorithm that would use another one.
+    boundary in the plane, or relative ones of two bodies, no prescribed start, and an algorithm that would use
+    another one.
     """
     boundary = discretisation.boundary
     return (
-        isinstance(task.system, DenseSystem)
+        isinstance(task.system, CondensedSystem)
         and boundary is not None
         and boundary.size > FEWEST_NODES_TO_COARSEN
-        and boundary.averages is None
         and discretisation.rotation is None
-        and task.system.fixed.size == 2 * np.unique(boundary.nodes).size
+        and np.count_nonzero(_of_nodes(task.system)) == 2 * np.unique(boundary.nodes).size
         and discretisation.scene.solver.initial_contact == "auto"
         and task.settings.algorithm in _ALGORITHMS
     )
@@ -52,7 +56,7 @@ def worthwhile(task: Task, discretisation: Discretisation) -> bool:
 def start_from_fewer_nodes(task: Task, boundary: ContactBoundary) -> Start:
     """Where the task starts: from the sets and multipliers at some of the nodes, or where it would start without."""
     numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
-    ranges, order, _ = chains(numbers, boundary.segments, boundary.x)
+    ranges, order, _ = chains(numbers, with_points(numbers, boundary.segments), boundary.x)
     lines, state = [order[rows.start : rows.stop] for rows in ranges], None
     stride = 2 ** int(np.log2(boundary.size / COARSEST_NODES))
     while stride > 1:
@@ -77,13 +81,16 @@ def _with_every(
     _, first, node, times = np.unique(boundary.nodes, return_index=True, return_inverse=True, return_counts=True)
     between = _linear(stride, lines, boundary.x, times[node] > 1)
     rows: Indices = np.unique(between.indices).astype(np.int64)
-    some = replace(
-        _at(rows, count, boundary), weight=(between.T @ boundary.weight)[rows], segments=boundary.segments[:0]
-    )
-    # The two unknowns of each node, in the order of their numbers.
+    weight, segments = (between.T @ boundary.weight)[rows], boundary.segments[:0]
+    some = replace(_at(rows, count, boundary), weight=weight, segments=segments, averages=None)
+    # The two unknowns of each node, in the order of their numbers; what else two bodies have stays as it is.
     of_nodes = between[first] @ sp.csr_array((np.ones(count), node, np.arange(count + 1)))
-    free, stays = ~system.fixed, np.repeat(np.isin(np.arange(first.size), node[rows]), 2)
-    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ sp.kron(of_nodes, np.eye(2)))[:, stays & free]
+    carrying, free = _of_nodes(system), ~system.fixed
+    order = np.argsort(np.concatenate((np.flatnonzero(carrying), np.flatnonzero(~carrying))))
+    every = sp.csr_array(sp.block_diag((sp.kron(of_nodes, np.eye(2)), sp.eye_array(np.count_nonzero(~carrying)))))
+    stays = ~carrying
+    stays[carrying] = np.repeat(np.isin(np.arange(first.size), node[rows]), 2)
+    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ every[order][:, order])[:, stays & free]
     u_n, u_t = system.contact.traces(system.start)
     data, origin = start.data, start.data.slip_origin
     data = replace(data, gap=data.gap - u_n, slip_origin=(0.0 if origin is None else origin) - u_t)
@@ -91,13 +98,49 @@ def _with_every(
     coarse = replace(
         task,
         settings=replace(task.settings, algorithm="ssn", fallbacks=False),
-        system=system.projected(change, rows, some.points),
+        system=_projected(system, change, rows, some.points),
         motions=FreeMotions(some.points, motions.relative[rows], motions.assembly, motions.of_point[rows]),
         start=replace(start, data=_at(rows, count, data), law=law, sets=sets, factors=None),
         rest=None,
         history=History(),
     )
     return coarse, some
+
+
+def _of_nodes(system: DenseSystem) -> npt.NDArray[np.bool_]:
+    """The unknowns of nodes with contact points: all, unless two bodies are in contact."""
+    if isinstance(system, CondensedSystem) and system.relative is not None:
+        return system.relative.at_points
+    return np.ones(system.fixed.size, dtype=bool)
+
+
+def _projected(system: DenseSystem, change: Any, rows: Indices, points: ContactPoints) -> DenseSystem:
+    """The Galerkin system for x = start + P x~, at some of the contact points: P^T A P and P^T (b - A start).
+
+    Its relative displacements count from those of ``start``.
+
+    Args:
+        system: A and b.
+        change: P, scipy sparse, shape (unknowns, fewer), zero in the rows that are prescribed.
+        rows: numbers of the contact points that it has, shape (n,).
+        points: these points.
+    """
+    half = change.T @ system.matrix.getDenseArray(readonly=True)  # A is symmetric: both products are sparse times dense
+    dense = np.asfortranarray(change.T @ half.T)
+    matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)
+    matrix.assemble()
+    load, start = matrix.createVecRight(), matrix.createVecRight()
+    missing = system.load.duplicate()
+    system.matrix.mult(system.start, missing)
+    missing.aypx(-1.0, system.load)
+    load.getArray()[:] = change.T @ missing.getArray(readonly=True)
+    starts, columns, values = system.contact.operator.getValuesCSR()
+    every = sp.csr_array((values, columns, starts), shape=system.contact.operator.getSize())
+    some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
+    csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
+    operator, free = PETSc.Mat().createAIJ(some.shape, csr=csr, comm=system.comm), np.zeros(dense.shape[0], dtype=bool)
+    contact = ContactMap(operator, points, free)
+    return DenseSystem(system.comm, matrix, load, start, system.resultant, free, contact)
 
 
 def _linear(

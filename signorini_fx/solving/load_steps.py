@@ -178,6 +178,7 @@ def _certified(
             law=Law(*task.promised(outcome)),
             step=start.place,
             before=last,
+            pairs=discretisation.pairs,
         )
         deformation = deformation_of(discretisation, displacement)
         status = judged(outcome.status, certificate, deformation, scene)

@@ -68,8 +68,8 @@ class SweepPoint:
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        tagged, displacement = self._discretisation.tagged, self.displacement()
-        return certify(self._scene, tagged, displacement, Tractions.of(self.contact), law=self._law, scale=self._load)
+        d, displacement, tractions = self._discretisation, self.displacement(), Tractions.of(self.contact)
+        return certify(self._scene, d.tagged, displacement, tractions, law=self._law, scale=self._load, pairs=d.pairs)
 
 
 def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:

@@ -1,0 +1,124 @@
+"""Two bodies condensed onto relative displacements, which contact reaches one by one as it does those of one body.
+
+With S of ``ContactMap``, B S = 1, the rows of M = S B are relative displacements in the axes of the unknowns k of the
+nodes with points.  Among these M is the identity, so that those that are not prescribed can be replaced:
+
+    x~ = (1 + N) x,   x = (1 - N) x~,   N: the rows k of M without its columns k,   N N = 0.
+
+What contact reached of the other body is then eliminated with both bodies bonded: half of a dense matrix.  Prescribed
+unknowns stay as they are, and what N takes of them becomes a load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from petsc4py import PETSc
+from scipy.linalg import cholesky, solve_triangular
+
+from signorini_fx.contact.map import ContactMap
+
+Array = npt.NDArray[np.float64]
+
+# By so much M may differ from the identity among the unknowns k.
+_ROUND_OFF = 1e-11
+
+
+@dataclass(frozen=True)
+class RelativeUnknowns:
+    """The change of m unknowns, and what is eliminated of them.
+
+    Attributes:
+        matrix: the dense matrix of those that stay.
+        contact: B from those that stay.
+        stay, gone: their numbers and those of the others, ascending.
+        at_points: which of those that stay are of nodes with points.
+        sums: N, shape (m, m).
+        factor: lower Cholesky factor L of the rows and columns ``gone`` of (1 - N)^T A (1 - N), without prescribed
+            columns of N.
+        between: L^-1 times the columns ``stay`` of the rows ``gone``.
+        dense, fixed: A, shape (m, m), and the prescribed ones of the m unknowns.
+    """
+
+    matrix: Array
+    contact: ContactMap
+    stay: npt.NDArray[np.intp]
+    gone: npt.NDArray[np.intp]
+    at_points: npt.NDArray[np.bool_]
+    sums: Any
+    factor: Array
+    between: Array
+    dense: Array
+    fixed: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, dense: Array, contact: ContactMap) -> RelativeUnknowns | None:
+        """None: contact is with rigid foundations alone, or a relative displacement has no unknowns of its own.
+
+        Args:
+            dense: A, prescribed rows and columns empty but for the diagonal, shape (m, m).
+            contact: B, which reaches all m unknowns; one rank.
+        """
+        if contact.lift is None:
+            return None
+        operator, lift = (
+            sp.csr_array(one.getValuesCSR()[::-1], shape=one.getSize()) for one in (contact.operator, contact.lift)
+        )
+        lift.eliminate_zeros()
+        points, fixed = np.diff(lift.indptr) > 0, contact.fixed
+        own, free = (sp.diags_array(flags.astype(np.float64)) for flags in (points, ~fixed))
+        every = sp.csr_array(lift @ operator)
+        if own.sum() != lift.shape[1] or abs(own @ every @ own - own).max() > _ROUND_OFF:
+            return None
+        others = every - every @ own
+        sums = sp.csr_array(free @ others)
+        # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.
+        left = sp.csr_array(operator @ own @ (own + others - sums))
+        left.eliminate_zeros()
+        reached = np.bincount(left.indices, minlength=points.size) > 0
+        stay, gone = np.flatnonzero(reached), np.flatnonzero(~reached)
+        changed = _changed(dense, sp.csr_array(sums @ free)[points][:, ~points], points)
+        try:
+            factor = cholesky(changed[np.ix_(gone, gone)], lower=True, overwrite_a=True, check_finite=False)
+        except np.linalg.LinAlgError:  # to round-off not held, even if both bodies were bonded
+            return None
+        between = solve_triangular(factor, changed[np.ix_(gone, stay)], lower=True, check_finite=False)
+        matrix = changed[np.ix_(stay, stay)] - between.T @ between
+        rows = sp.csr_array(left[:, stay])
+        csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+        inside = ContactMap(
+            PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF), contact.points, fixed[stay]
+        )
+        return cls(matrix, inside, stay, gone, points[stay], sums, factor, between, dense, fixed)
+
+    def load(self, load: Array, start: Array) -> tuple[Array, Array]:
+        """A load at those that stay, and L^-1 times the one at the others; ``start``: with what is prescribed."""
+        acting = load + self.dense @ (self.sums @ np.where(self.fixed, start, 0.0))
+        acting = acting - np.where(self.fixed, 0.0, self.sums.T @ acting)
+        inner = solve_triangular(self.factor, acting[self.gone], lower=True)
+        return acting[self.stay] - self.between.T @ inner, inner
+
+    def displacement(self, x: Array, inner: Array) -> Array:
+        """The m unknowns from those that stay; ``inner``: of the load."""
+        found = np.empty(self.fixed.size)
+        found[self.stay] = x
+        found[self.gone] = solve_triangular(self.factor, inner - self.between @ x, lower=True, trans=1)
+        return np.asarray(found - self.sums @ found)
+
+    def unknowns(self, x: Array) -> Array:
+        """Those that stay from the m unknowns."""
+        return np.asarray((x + self.sums @ x)[self.stay])
+
+
+def _changed(dense: Array, sums: Any, points: npt.NDArray[np.bool_]) -> Array:
+    """(1 - N)^T A (1 - N), which differs from A in the rows and columns without points; ``sums``: N between both."""
+    found, own, others = dense.copy(), np.flatnonzero(points), np.flatnonzero(~points)
+    half = sums.T @ dense[own]
+    found[others] -= half
+    found[:, others] -= half.T
+    found[np.ix_(others, others)] += half[:, own] @ sums
+    return found
