@@ -3568,6 +3568,13 @@ MUTANTS = (
         "residual in the units of the scene",
         tests=("invariances",),
     ),
+    Mutant(
+        "uniqueness",
+        "(component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0))",
+        "(component > 0) & (coefficient[point] > 0)",
+        "uniqueness: points with Tresca friction have none",
+        tests=("uniqueness::test_tresca_friction_beside_coulomb",),
+    ),
 )
 
 # Some from every module.

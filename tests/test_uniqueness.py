@@ -56,6 +56,31 @@ def states(stiffness, friction, load, gap):
     return found
 
 
+def test_tresca_friction_beside_coulomb():
+    """Where the first point sticks, a second solution begins at F = 1.19 / 1.12, although it is the only one to F = 4.8
+    where the first point has no friction; a bond is stronger still, and a bound that is not reached changes nothing.
+    """
+    stiffness = np.array(
+        [[3.51, 2.01, -2.36, 1.62], [2.01, 2.83, -3.11, 0.87], [-2.36, -3.11, 4.07, -1.12], [1.62, 0.87, -1.12, 1.19]]
+    )
+    # Both points stick; the other solution moves by -0.5 / 1.05 at the second one, its shear twice its pressure.
+    force, moved = np.array([9.0, 0.0, 1.0, -1.5]), -0.5 / 1.05
+    others = force - stiffness[:, 3] * moved
+    assert others[3] == pytest.approx(-2 * others[2])
+    assert min(others[0], others[2]) > 0
+    gap, coefficient = np.zeros(2), np.array([0.0, 2.0])
+    for given in (50.0, np.inf):
+        law = FrictionLaw(np.array([given, 0.0]), coefficient)
+        found = uniqueness_of(stiffness, np.eye(4), law, state_of(np.zeros(4), force, gap))
+        assert not found.proved
+        assert found.coefficient < 1.19 / 1.12
+        assert any(other[-1] == pytest.approx(moved) for other in found.others)
+    start = state_of(np.zeros(4), force, gap)
+    found = uniqueness_of(stiffness, np.eye(4), FrictionLaw(gap, coefficient), start)
+    assert found.proved
+    assert found.coefficient > 4
+
+
 def state_of(v, force, gap):
     """A solution as the points of a body."""
     count = gap.size

@@ -12,7 +12,8 @@ and for an increment of a load step.  With weights nu_i > 0, tau_i = 1 and F |r_
     v^T D S v <= F / 2 (sum d_i (S v)_N,i^2 + |v_T,i|^2 / d_i),        D = diag(nu, tau).
 
 So the solution is the only one if the symmetric part of D S minus the matrix on the right is positive definite.  Any
-weights give a proof; they are chosen to make the largest such F as large as possible.  docs/theory.md derives it.
+weights give a proof; they are chosen to make the largest such F as large as possible.  Tresca friction at a point is
+F = 0: its shear stays in r.  A bond holds its point.  docs/theory.md derives it.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ class _Rough:
         stiffness: S, force per length, shape (m, m).
         normal: the points of the first components, shape (n,).
         tangential: the points of the others, shape (m - n,).
-        beside: for each of these the place of its point in ``normal``, shape (m - n,).
+        beside: for each of these the place of its point in ``normal``, shape (m - n,); any where F = 0.
         free: an orthonormal basis of the motions without a force, shape (m, k).
     """
 
@@ -160,11 +161,12 @@ def uniqueness_of(
         state: the solution.
         search: for other ones; None: where it is not proved to be the only one.
     """
-    found = _condensed(stiffness, operator, law.coefficient)
+    found = _condensed(stiffness, operator, law)
     if isinstance(found, str):
         return Uniqueness(False, 0.0, reason=found)
     multiple, why = _critical(found, law.coefficient)
     acting = law.coefficient[np.unique(found.tangential)]
+    acting = acting[acting > 0]
     same = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
     proved = multiple > 1
     others: list[Nodal] = []
@@ -177,9 +179,9 @@ def uniqueness_of(
     return Uniqueness(proved, multiple, float(multiple * acting[0]) if same else None, tuple(others), starts, why)
 
 
-def _condensed(stiffness: Nodal, operator: Nodal, coefficient: Nodal) -> _Rough | str:
+def _condensed(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | str:
     """The stiffness of normal components and of tangential ones with friction; or why there is none."""
-    count = coefficient.size
+    coefficient, count = law.coefficient, law.coefficient.size
     moves = np.linalg.norm(operator, axis=1) > _FREE
     by_point = moves.reshape(count, -1)
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
@@ -193,9 +195,10 @@ def _condensed(stiffness: Nodal, operator: Nodal, coefficient: Nodal) -> _Rough 
     change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
     whole = change.T @ stiffness @ change
     point, component = np.nonzero(by_point)
-    keep = (component == 0) | (coefficient[point] > 0)
-    order = np.concatenate((np.flatnonzero(keep & (component == 0)), np.flatnonzero(keep & (component > 0))))
-    rest = np.setdiff1d(np.arange(len(whole)), order)
+    bonded = np.isinf(law.given[point])
+    rubs = (component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0))
+    order = np.concatenate((np.flatnonzero((component == 0) & ~bonded), np.flatnonzero(rubs & ~bonded)))
+    rest = np.setdiff1d(np.arange(len(whole)), np.concatenate((order, np.flatnonzero(bonded))))
     schur = whole[np.ix_(order, order)]
     if rest.size:
         coupling = whole[np.ix_(rest, order)]
@@ -208,13 +211,14 @@ def _condensed(stiffness: Nodal, operator: Nodal, coefficient: Nodal) -> _Rough 
     tangential = point[order[component[order] > 0]]
     values, vectors = np.linalg.eigh(schur)
     free = vectors[:, values <= _FREE * values[-1]]
-    return _Rough(schur, normal, tangential, np.searchsorted(normal, tangential), free)
+    beside = np.minimum(np.searchsorted(normal, tangential), max(normal.size - 1, 0))
+    return _Rough(schur, normal, tangential, beside, free)
 
 
 def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
     """The multiple of the coefficients below which the solution is proved to be the only one; and why it is zero."""
     normal, count = rough.normal.size, len(rough.stiffness)
-    if count == normal:
+    if not (coefficient[rough.tangential] > 0).any():
         return np.inf, ""
     if np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5:
         return 0.0, "nothing but friction holds the body along its foundation"
